@@ -1,0 +1,3 @@
+from eitsim.cli import main
+
+main()

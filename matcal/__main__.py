@@ -1,0 +1,3 @@
+from matcal.cli import main
+
+main()

@@ -1,0 +1,26 @@
+"""Errors that reach a user, each saying what was wrong, where, and how to mend it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+
+class TestFileError(ValueError):
+    """A measurement file cannot be used; the message names the file, the line where known, and the mend."""
+
+    __test__ = False  # pytest: not a test class
+
+    def __init__(self, path: Path | str, problem: str, *, line: int | None = None) -> None:
+        self.path, self.line, self.problem = Path(path), line, problem
+        where = f"{path}, line {line}" if line is not None else f"{path}"
+        super().__init__(f"{where}: {problem}")
+
+
+class NotConverged(RuntimeError):
+    """A solver or sampler stopped short; carries the best estimate it reached and how it got there."""
+
+    def __init__(self, message: str, *, estimate: Any = None, residuals: tuple[float, ...] = (),
+                 load_fraction: float | None = None) -> None:
+        self.estimate, self.residuals, self.load_fraction = estimate, residuals, load_fraction
+        super().__init__(message)

@@ -1,0 +1,112 @@
+"""Hyperfoam (compressible Ogden-Hill) law in Abaqus's convention, exact at beta = 0.
+
+U = sum_i 2 mu_i/alpha_i^2 [ sum_k lambda_k^alpha_i - 3 + (J^(-alpha_i beta_i) - 1)/beta_i ],
+beta_i = nu_i/(1 - 2 nu_i); the limit beta_i -> 0 of the last term is -alpha_i ln J.
+
+Everything is written in the logarithmic stretches x_k = ln lambda_k, so no term cancels near the rest state.
+Source: Abaqus Theory Guide, "Hyperelastic material behavior"; Storakers, J. Mech. Phys. Solids 34 (1986) 125,
+DOI 10.1016/0022-5096(86)90033-5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+MODULI = ("instantaneous", "longterm")
+
+
+@dataclass(frozen=True)
+class Hyperfoam:
+    """Parameters of the law."""
+
+    # (N,) shear moduli, Pa; any sign, their sum (mu_0) must be positive
+    mu_Pa: Array
+    # (N,) exponents, non-zero
+    alpha: Array
+    # (N,) Poisson-like ratios, -1 < nu < 1/2
+    nu: Array
+    # whether mu_Pa are the moduli before or after relaxation
+    moduli: str = "longterm"
+    # mode -> (lowest, highest) fitted nominal strain (gamma for shear, J for volumetric)
+    strain_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("mu_Pa", "alpha", "nu"):
+            value = np.array(getattr(self, name), dtype=float, ndmin=1)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if not (self.mu_Pa.shape == self.alpha.shape == self.nu.shape) or self.mu_Pa.ndim != 1:
+            raise ValueError(f"hyperfoam: mu_Pa, alpha and nu must have one length, got {self.mu_Pa.size}, "
+                             f"{self.alpha.size} and {self.nu.size}.")
+        if not np.all(np.isfinite(np.concatenate([self.mu_Pa, self.alpha, self.nu]))):
+            raise ValueError("hyperfoam: mu_Pa, alpha and nu must be finite numbers.")
+        if np.any(self.alpha == 0):
+            raise ValueError("hyperfoam: alpha must not be 0; its limit is not part of this law.")
+        if np.any(self.nu >= 0.5) or np.any(self.nu <= -1):
+            raise ValueError(f"hyperfoam: nu must lie between -1 and 0.5, got {self.nu.tolist()}.")
+        if self.mu_Pa.sum() <= 0:
+            raise ValueError(f"hyperfoam: mu_0 = sum of mu_Pa must be positive, got {self.mu_Pa.sum():g} Pa.")
+        if self.moduli not in MODULI:
+            raise ValueError(f"hyperfoam: moduli '{self.moduli}' is unknown; known: {', '.join(MODULI)}.")
+
+    @property
+    def beta(self) -> Array:
+        """(N,) beta_i = nu_i/(1 - 2 nu_i)."""
+        return self.nu / (1 - 2 * self.nu)
+
+    @property
+    def mu_0_Pa(self) -> float:
+        """Initial shear modulus mu_0 = sum mu_i, Pa."""
+        return float(self.mu_Pa.sum())
+
+    @property
+    def E_0_Pa(self) -> float:
+        """Initial Young's modulus, Pa: 2 mu_0 (1 + nu_0) with the bulk modulus sum 2 mu_i (1/3 + beta_i)."""
+        bulk = float(np.sum(2 * self.mu_Pa * (1 / 3 + self.beta)))
+        return 9 * bulk * self.mu_0_Pa / (3 * bulk + self.mu_0_Pa)
+
+
+def exp_remainder(z: ArrayLike) -> Array:
+    """e^z - 1 - z without cancellation; any shape."""
+    z = np.asarray(z, dtype=float)
+    small = np.abs(z) < 0.05
+    s = np.where(small, z, 0.0)
+    series = s * s * (1 / 2 + s * (1 / 6 + s * (1 / 24 + s * (1 / 120 + s * (1 / 720 + s / 5040)))))
+    with np.errstate(over="ignore"):
+        return np.where(small, series, np.expm1(z) - z)
+
+
+def energy(law: Hyperfoam, x: ArrayLike) -> Array:
+    """Strain energy per reference volume, Pa, at logarithmic stretches x (..., 3)."""
+    x = np.asarray(x, dtype=float)
+    s = x.sum(axis=-1)
+    total = np.zeros(s.shape)
+    for mu, a, b in zip(law.mu_Pa, law.alpha, law.beta, strict=True):
+        volumetric = exp_remainder(-a * b * s) / b if b != 0 else 0.0
+        total = total + 2 * mu / a**2 * (exp_remainder(a * x).sum(axis=-1) + volumetric)
+    return total
+
+
+def kirchhoff(law: Hyperfoam, x: ArrayLike) -> Array:
+    """Principal Kirchhoff stresses tau_k = dU/dx_k, Pa, (..., 3), at logarithmic stretches x (..., 3)."""
+    x = np.asarray(x, dtype=float)
+    s = x.sum(axis=-1, keepdims=True)
+    tau = np.zeros(x.shape)
+    for mu, a, b in zip(law.mu_Pa, law.alpha, law.beta, strict=True):
+        tau = tau + 2 * mu / a * (np.expm1(a * x) - np.expm1(-a * b * s))
+    return tau
+
+
+def kirchhoff_tangent(law: Hyperfoam, x: ArrayLike) -> Array:
+    """d tau_k / d x_l = d2U/dx_k dx_l, Pa, (..., 3, 3), symmetric, at logarithmic stretches x (..., 3)."""
+    x = np.asarray(x, dtype=float)
+    s = x.sum(axis=-1)[..., None, None]
+    tangent = np.zeros((*x.shape, 3))
+    for mu, a, b in zip(law.mu_Pa, law.alpha, law.beta, strict=True):
+        tangent = tangent + 2 * mu * (np.exp(a * x)[..., None] * np.eye(3) + b * np.exp(-a * b * s))
+    return tangent

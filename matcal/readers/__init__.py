@@ -1,0 +1,1 @@
+"""Readers of machine files, one module a vendor."""

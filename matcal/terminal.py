@@ -1,0 +1,80 @@
+"""What every command line here shares: exit status, plain errors, progress, one JSON object."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import typer
+
+from matcal.errors import NotConverged
+
+T = TypeVar("T")
+
+BAD_INPUT, NOT_CONVERGED = 2, 3
+
+
+def application(help_text: str) -> typer.Typer:
+    """A Typer application with plain (unboxed) errors and help."""
+    return typer.Typer(help=help_text, no_args_is_help=True, pretty_exceptions_enable=False,
+                       rich_markup_mode=None, add_completion=False)
+
+
+def run(app: typer.Typer, name: str) -> None:
+    """Run `app`; exit 0 done, 2 bad usage or input, 3 not converged. `--debug` anywhere shows the traceback."""
+    arguments = [a for a in sys.argv[1:] if a != "--debug"]
+    debug = len(arguments) != len(sys.argv) - 1
+    try:
+        app(args=arguments, prog_name=name)
+    except (ValueError, OSError, NotConverged) as error:
+        if debug:
+            raise
+        print(f"{name}: {_sentence(error)}", file=sys.stderr)
+        sys.exit(NOT_CONVERGED if isinstance(error, NotConverged) else BAD_INPUT)
+
+
+def _sentence(error: BaseException) -> str:
+    if isinstance(error, FileNotFoundError) and error.filename:
+        return f"{error.filename}: no such file. Check the name and the folder."
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}."
+    return str(error)
+
+
+def print_json(value: dict[str, Any]) -> None:
+    """Print one JSON object, and nothing else, on standard output; NaN is refused, never written."""
+    print(json.dumps(value, indent=1, default=_plain, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def numbers(text: str, flag: str) -> list[float]:
+    """Numbers of a comma-separated command-line value; ValueError names the flag and the offending cell."""
+    out = []
+    for cell in text.split(","):
+        try:
+            out.append(float(cell))
+        except ValueError:
+            raise ValueError(f"{flag}: '{cell}' is not a number. Give numbers separated by commas, "
+                             f"for example {flag}=-0.1,-0.5.") from None
+    return out
+
+
+def progress(items: Iterable[T], total: int, label: str) -> Iterator[T]:
+    """Yield `items` under a progress bar on a terminal, silently in a pipe."""
+    if not sys.stderr.isatty():
+        yield from items
+        return
+    from rich.console import Console
+    from rich.progress import track
+
+    yield from track(items, total=total, description=label, console=Console(stderr=True))

@@ -1,0 +1,1 @@
+"""Figures and PDF pages; the only package that draws."""

@@ -1,0 +1,1 @@
+"""Learning touches from electrode voltages."""
