@@ -1,0 +1,47 @@
+"""A reduced experiment: what every reader and protocol ends in and every fit begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One specimen in one mode; a relaxation has time and stress, a conductivity test strain and conductivity."""
+
+    # one of KINDS
+    kind: str
+    # (n,) nominal strain, compression negative (gamma for shear, J for volumetric)
+    strain: Array
+    # (n,) nominal stress, Pa, compression negative (pressure-negative for volumetric); conductivity: c, S/m
+    value: Array
+    # (n,) time from the start of loading, s; None where the file has no clock (then no rate correction is possible)
+    time_s: Array | None = None
+    # file name(s) it came from
+    source: tuple[str, ...] = ()
+    # standard deviation of the noise of `value`, same unit, estimated from the record; None where it cannot be
+    noise: float | None = None
+    # every correction applied and decision taken, one sentence each, in order
+    decisions: tuple[str, ...] = ()
+    # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
+    facts: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"experiment kind '{self.kind}' is unknown; known: {', '.join(KINDS)}.")
+        for name in ("strain", "value", "time_s"):
+            if (value := getattr(self, name)) is not None:
+                value = np.array(value, dtype=float)
+                value.setflags(write=False)
+                object.__setattr__(self, name, value)
+        sizes = {self.strain.size, self.value.size} | ({self.time_s.size} if self.time_s is not None else set())
+        if len(sizes) != 1 or self.strain.ndim != 1:
+            raise ValueError(f"experiment '{self.kind}': strain, value and time must have one length, got {sizes}.")

@@ -1,0 +1,83 @@
+"""Prony series of the relaxing stress: G(t)/G_0 = 1 - sum_i g_i (1 - exp(-t/tau_i))."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from matcal.hyperfoam import exp_remainder
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prony:
+    """Relaxing fractions and their times; with nu = 0 the whole stress relaxes (paper, equation 5)."""
+
+    # (M,) fractions, each >= 0, sum < 1
+    g: Array
+    # (M,) times, s, positive, increasing
+    tau_s: Array
+
+    def __post_init__(self) -> None:
+        for name in ("g", "tau_s"):
+            value = np.array(getattr(self, name), dtype=float, ndmin=1)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if self.g.shape != self.tau_s.shape or self.g.ndim != 1:
+            raise ValueError(f"prony: g and tau_s must have one length, got {self.g.size} and {self.tau_s.size}.")
+        if not (np.all(self.g >= 0) and self.g.sum() < 1):
+            raise ValueError(f"prony: every g must be >= 0 and their sum below 1, got {self.g.tolist()}.")
+        if not (np.all(np.isfinite(self.tau_s)) and np.all(self.tau_s > 0) and np.all(np.diff(self.tau_s) > 0)):
+            raise ValueError(f"prony: tau_s must be positive and increasing, got {self.tau_s.tolist()}.")
+
+    @property
+    def g_infinity(self) -> float:
+        """Long-term over instantaneous modulus, 1 - sum g_i."""
+        return float(1 - self.g.sum())
+
+
+def relaxation(law: Prony, time_s: ArrayLike) -> Array:
+    """G(t)/G_0 at times t >= 0 (any shape), s, after an ideal step."""
+    t = np.asarray(time_s, dtype=float)
+    if np.any(t < 0):
+        raise ValueError("relaxation: times must be >= 0 s.")
+    return 1 + np.sum(law.g * np.expm1(-t[..., None] / law.tau_s), axis=-1)
+
+
+def convolve(law: Prony, time_s: ArrayLike, instantaneous: ArrayLike) -> Array:
+    """Hereditary stress S(t) = int G(t-s)/G_0 dS_0(s) of an instantaneous history S_0 (n, ...) at times (n,), s.
+
+    S_0 is taken as linear between samples, for which the recursion is exact at any step; it starts from rest, so
+    a first value other than zero is a step at the first time. Applied to second Piola-Kirchhoff components it is
+    objective (Fung 1993, Biomechanics, 7.13; Simo 1987, DOI 10.1016/0045-7825(87)90107-1).
+    """
+    t = np.asarray(time_s, dtype=float)
+    s0 = np.asarray(instantaneous, dtype=float)
+    if t.ndim != 1 or s0.shape[:1] != t.shape:
+        raise ValueError(f"convolve: {t.shape} times do not match a history of shape {s0.shape}.")
+    step = np.diff(t)
+    if np.any(step < 0):
+        raise ValueError("convolve: times must not decrease.")
+    out = law.g_infinity * s0
+    for g, tau in zip(law.g, law.tau_s, strict=True):
+        z = step / tau
+        decay = np.exp(-z)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            weight = np.where(z > 0, -np.expm1(-z) / z, 1.0)
+        h = np.empty_like(s0)
+        h[0] = s0[0]
+        for n in range(step.size):
+            h[n + 1] = decay[n] * h[n] + weight[n] * (s0[n + 1] - s0[n])
+        out = out + g * h
+    return out
+
+
+def ramp_relaxation(law: Prony, time_s: ArrayLike, ramp_s: float) -> Array:
+    """Stress over G_0 x final strain after a linear ramp of length ramp_s (s), at times t >= ramp_s from its start."""
+    t = np.asarray(time_s, dtype=float)
+    z = ramp_s / law.tau_s
+    mean = np.where(z > 0, 1 + exp_remainder(z) / np.where(z > 0, z, 1.0), 1.0)
+    return law.g_infinity + np.sum(law.g * mean * np.exp(-t[..., None] / law.tau_s), axis=-1)
