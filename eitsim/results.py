@@ -1,0 +1,126 @@
+"""What the simulation returns: the touch (mechanics), the readings (electrics), the plan, and all of them together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+OUTCOMES = ("ok", "not_converged", "bottomed_out", "refused")
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One choice of the plan."""
+
+    # what was decided, for instance "axisymmetric about the punch"
+    decision: str
+    # why
+    reason: str
+    # relative error of the touch signal dV that it may cost, at most; 0 where it costs none
+    error_bound: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a scene needs, decided before anything is solved."""
+
+    decisions: tuple[Decision, ...]
+    # why the scene cannot be solved; empty where it can
+    refusal: str = ""
+
+    @property
+    def error_bound(self) -> float:
+        """Sum of the bounds of the decisions."""
+        return sum(d.error_bound for d in self.decisions)
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One solved touch, axisymmetric about its punch ("Solution" of the mechanics)."""
+
+    # (n,) reference radii of surface samples from the punch axis, m, increasing from 0
+    radius_m: Array
+    # (n,) radial displacement of the surface, m
+    u_r_m: Array
+    # (n,) vertical displacement of the surface, m, down negative
+    u_z_m: Array
+    # (n,) stretch of the surface along the meridian
+    stretch_meridian: Array
+    # (n,) stretch of the surface around the axis
+    stretch_hoop: Array
+    # (n,) stretch through the thickness, normal to the deformed surface, J over the areal stretch
+    stretch_normal: Array
+    # (n,) contact pressure on the deformed surface, Pa
+    pressure_Pa: Array
+    # reference radius outside which no surface sample touches the punch (wall included), m
+    contact_radius_m: float
+    # reaction on the punch, N
+    force_N: float
+    # depth of the punch face below the undeformed surface, penalty effect corrected, m
+    depth_m: float
+    # largest facet-averaged contact pressure, Pa
+    sigma_max_Pa: float
+    # force over contact area, Pa
+    sigma_ave_Pa: float
+    # current area projected on the punch face where pressure > 0, m^2
+    contact_area_m2: float
+    # current area of the side wall of the hole that touches the punch, m^2
+    wall_contact_m2: float
+    # estimated relative error of depth_m
+    depth_error: float
+    # estimated relative error of dV that the mechanical discretisation causes
+    signal_error: float
+    # fraction of quadrature points where strong ellipticity is lost
+    fraction_non_elliptic: float
+    # Newton iterations spent
+    iterations: int
+    # relative residual after each iteration
+    residuals: tuple[float, ...]
+    # CPU time spent, s
+    cpu_s: float
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Electrode voltages of a touched and an untouched skin, in the order of the drive pattern."""
+
+    # (patterns, readings) touched, V: baseline_V plus the signal
+    touched_V: Array
+    # (patterns, readings) untouched, V, the same for every touch on one sensor
+    baseline_V: Array
+    # (patterns, readings) signal dV, both terms on the touch's own mesh, V
+    signal_V: Array
+    # (electrodes, electrodes) impedance matrix of the touched skin, Ohm
+    impedance_Ohm: Array
+    # estimated relative error of signal_V in the 2-norm, discretisation of the electrics only
+    signal_error: float
+    # fraction of the disc whose strain lies outside the range of the conductivity fit
+    skin_fraction_extrapolated: float
+    # unknowns of the linear system
+    unknowns: int
+    # CPU time spent, s
+    cpu_s: float
+
+
+@dataclass(frozen=True)
+class Result:
+    """One scene, solved."""
+
+    # one of OUTCOMES
+    outcome: str
+    plan: Plan
+    # one a punch; empty where the mechanics did not converge
+    touches: tuple[Touch, ...] = ()
+    # None where there are no touches
+    readings: Readings | None = None
+    # in words, where the outcome is not "ok"
+    message: str = ""
+    # relative errors: "signal" (dV, everything) and "depth"
+    error_estimate: Mapping[str, float] = field(default_factory=dict)
+    # "cpu_s", "wall_s", "peak_MB"
+    cost: Mapping[str, float] = field(default_factory=dict)

@@ -1,0 +1,267 @@
+"""A scene: the body, its skin and electrodes, the touches, and how well they must be known."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from matcal.errors import TestFileError
+
+PROFILES = ("flat", "sphere", "cone")
+FRICTIONS = ("none", "stick")
+STRAINS = ("normal", "principal", "areal")
+ELECTRODES = ("line", "patch")
+CONTROLS = ("force", "depth")
+MODULI = ("card", "instantaneous", "longterm")
+
+
+@dataclass(frozen=True)
+class Body:
+    """Foam disc, bottom fixed."""
+
+    # radius, m
+    radius_m: float = 0.1
+    # thickness, m
+    thickness_m: float = 0.01
+
+
+@dataclass(frozen=True)
+class Punch:
+    """Rigid axisymmetric punch pressed along -z."""
+
+    # axis in the plane of the disc, m
+    x_m: float = 0.0
+    y_m: float = 0.0
+    # diameter, fillet included, m
+    diameter_m: float = 0.014
+    # applied force, N; None where the depth is given
+    force_N: float | None = 1.0
+    # prescribed depth, m; None where the force is given
+    depth_m: float | None = None
+    # one of PROFILES
+    profile: str = "flat"
+    # edge fillet radius, m
+    fillet_m: float = 0.0005
+    # one of FRICTIONS
+    friction: str = "none"
+    # whether the punch conducts and floats
+    conductor: bool = False
+    # contact impedance of a conducting punch, Ohm m^2
+    contact_impedance_Ohm_m2: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Conductive coating of the top surface."""
+
+    # coating thickness, m
+    thickness_m: float = 20e-6
+    # the strain that drives its conductivity, one of STRAINS
+    strain: str = "normal"
+
+
+@dataclass(frozen=True)
+class Electrodes:
+    """Evenly spaced electrodes at the rim, counter-clockwise."""
+
+    # one of ELECTRODES
+    kind: str = "line"
+    # how many
+    count: int = 16
+    # width along the rim, m
+    width_m: float = 0.01
+    # angle of the first one from +x, rad
+    first_angle_rad: float = 0.0
+    # contact impedance of a line, Ohm m
+    contact_impedance_Ohm_m: float = 1.0
+    # contact impedance of a patch, Ohm m^2
+    contact_impedance_Ohm_m2: float = 1e-2
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Current pattern."""
+
+    # injected current, A
+    current_A: float = 5e-3
+    # "adjacent", "opposite" or "skip-N"
+    pattern: str = "adjacent"
+
+
+@dataclass(frozen=True)
+class Hold:
+    """How long the touch lasts."""
+
+    # times after loading at which it is read, s; empty: none
+    time_s: tuple[float, ...] = ()
+    # one of CONTROLS
+    control: str = "force"
+    # one of MODULI: as the card labels them, or scaled by its Prony series
+    moduli: str = "card"
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What is asked of the numbers."""
+
+    # wanted relative error of the touch signal dV, mechanics and electrics together
+    signal: float = 0.01
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that one simulation needs beside the card."""
+
+    body: Body = field(default_factory=Body)
+    # one a touch
+    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))
+    skin: Skin = field(default_factory=Skin)
+    electrodes: Electrodes = field(default_factory=Electrodes)
+    drive: Drive = field(default_factory=Drive)
+    hold: Hold = field(default_factory=Hold)
+    accuracy: Accuracy = field(default_factory=Accuracy)
+    # path of the card that the scene file names; None where it names none
+    card: str | None = None
+
+
+# scene-file key -> (field, factor to SI), a table; the one place where units of a scene file are converted
+_KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
+    "body": {"radius_mm": ("radius_m", 1e-3), "thickness_mm": ("thickness_m", 1e-3)},
+    "punch": {"x_mm": ("x_m", 1e-3), "y_mm": ("y_m", 1e-3), "diameter_mm": ("diameter_m", 1e-3),
+              "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e-3), "profile": ("profile", None),
+              "fillet_mm": ("fillet_m", 1e-3), "friction": ("friction", None), "conductor": ("conductor", None),
+              "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
+    "skin": {"thickness_um": ("thickness_m", 1e-6), "strain": ("strain", None)},
+    "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e-3),
+                   "first_angle_deg": ("first_angle_rad", math.pi / 180),
+                   "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
+                   "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
+    "drive": {"current_mA": ("current_A", 1e-3), "pattern": ("pattern", None)},
+    "hold": {"time_s": ("time_s", None), "control": ("control", None), "moduli": ("moduli", None)},
+    "accuracy": {"signal": ("signal", 1.0)},
+}
+_CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
+            "accuracy": Accuracy}
+
+
+def scene_keys() -> dict[str, tuple[str, ...]]:
+    """Table -> keys that a scene file may hold."""
+    return {table: tuple(keys) for table, keys in _KEYS.items()}
+
+
+def read_scene(path: Path | str) -> Scene:
+    """Read a scene file (TOML); TestFileError names the file and the key, ValueError's text inside it."""
+    path = Path(path)
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise TestFileError(path, f"not a TOML file: {error}.") from None
+    try:
+        return scene_from(raw)
+    except ValueError as error:
+        raise TestFileError(path, str(error)) from None
+
+
+def scene_from(raw: Mapping[str, Any]) -> Scene:
+    """A checked scene from the tables of a scene file, units as their keys say; ValueError names the key."""
+    known = (*_KEYS, "card")
+    if unknown := [key for key in raw if key not in known]:
+        raise ValueError(f"unknown key '{unknown[0]}'; known: {', '.join(known)}.")
+    parts: dict[str, Any] = {}
+    for table in _KEYS:
+        if table in raw and table != "punch":
+            parts[table] = _table(table, raw[table])
+    touches = raw.get("punch", {})
+    touches = touches if isinstance(touches, list) else [touches]
+    parts["punches"] = tuple(_punch(t) for t in touches)
+    scene = Scene(**parts, card=raw.get("card"))
+    _check(scene)
+    return scene
+
+
+def _table(table: str, raw: Any) -> Any:
+    if not isinstance(raw, Mapping):
+        raise ValueError(f"[{table}] must be a table of keys, got {raw!r}.")
+    keys, values = _KEYS[table], {}
+    for key, value in raw.items():
+        if key not in keys:
+            raise ValueError(f"unknown key '{key}' in [{table}]; known: {', '.join(keys)}.")
+        name, factor = keys[key]
+        default = getattr(_CLASSES[table](), name)
+        values[name] = _value(f"{key} in [{table}]", value, factor, default)
+    return _CLASSES[table](**values)
+
+
+def _value(where: str, value: Any, factor: float | None, default: Any) -> Any:
+    if factor is not None:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ValueError(f"{where} must be a finite number, got {value!r}.")
+        return float(value) * factor
+    if isinstance(default, tuple):
+        cells = value if isinstance(value, list) else [value]
+        return tuple(_value(where, cell, 1.0, 0.0) for cell in cells)
+    if type(value) is not type(default):
+        raise ValueError(f"{where} must be of the kind of {default!r}, got {value!r}.")
+    return value
+
+
+def _punch(raw: Any) -> Punch:
+    given = dict(raw) if isinstance(raw, Mapping) else raw
+    punch: Punch = _table("punch", given)
+    if isinstance(given, dict) and "depth_mm" in given:
+        if "force_N" in given:
+            raise ValueError("[punch] has both force_N and depth_mm; give one of them.")
+        values = {**punch.__dict__, "force_N": None}
+        return Punch(**values)
+    return punch
+
+
+def _check(scene: Scene) -> None:
+    body, electrodes = scene.body, scene.electrodes
+    positive = {"radius_mm in [body]": body.radius_m, "thickness_mm in [body]": body.thickness_m,
+                "thickness_um in [skin]": scene.skin.thickness_m, "width_mm in [electrodes]": electrodes.width_m,
+                "contact_impedance_Ohm_m in [electrodes]": electrodes.contact_impedance_Ohm_m,
+                "contact_impedance_Ohm_m2 in [electrodes]": electrodes.contact_impedance_Ohm_m2,
+                "current_mA in [drive]": scene.drive.current_A, "signal in [accuracy]": scene.accuracy.signal}
+    for where, value in positive.items():
+        _require(value > 0, where, "must be positive", value)
+    _choice("strain in [skin]", scene.skin.strain, STRAINS)
+    _choice("kind in [electrodes]", electrodes.kind, ELECTRODES)
+    _choice("control in [hold]", scene.hold.control, CONTROLS)
+    _choice("moduli in [hold]", scene.hold.moduli, MODULI)
+    _require(electrodes.count >= 4, "count in [electrodes]", "must be at least 4", electrodes.count)
+    _require(electrodes.count * electrodes.width_m < 2 * math.pi * body.radius_m, "width_mm in [electrodes]",
+             "leaves no gap between the electrodes", electrodes.width_m * 1e3)
+    _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
+    for punch in scene.punches:
+        _check_punch(punch, body)
+
+
+def _check_punch(punch: Punch, body: Body) -> None:
+    if punch.force_N is not None:
+        _require(punch.force_N > 0, "force_N in [punch]", "must be positive (N, pressing into the foam)", punch.force_N)
+    if punch.depth_m is not None:
+        _require(0 < punch.depth_m < body.thickness_m, "depth_mm in [punch]",
+                 "must lie between 0 and the foam's thickness", punch.depth_m * 1e3)
+    _require(punch.diameter_m > 0, "diameter_mm in [punch]", "must be positive", punch.diameter_m * 1e3)
+    _require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
+             "must be positive (a sharp edge has no finite peak stress) and at most half the diameter",
+             punch.fillet_m * 1e3)
+    _require(punch.contact_impedance_Ohm_m2 > 0, "contact_impedance_Ohm_m2 in [punch]", "must be positive",
+             punch.contact_impedance_Ohm_m2)
+    _choice("profile in [punch]", punch.profile, PROFILES)
+    _choice("friction in [punch]", punch.friction, FRICTIONS)
+
+
+def _require(ok: bool, where: str, expected: str, value: Any) -> None:
+    if not ok:
+        raise ValueError(f"{where} {expected}, got {value}.")
+
+
+def _choice(where: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ValueError(f"{where}: '{value}' is unknown; known: {', '.join(known)}.")
