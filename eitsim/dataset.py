@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+
 from matcal.card import write_json
 from matcal.errors import TestFileError
 

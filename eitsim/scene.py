@@ -153,6 +153,23 @@ def scene_keys() -> dict[str, tuple[str, ...]]:
     return {table: tuple(keys) for table, keys in _KEYS.items()}
 
 
+def scene_tables(scene: Scene) -> dict[str, Any]:
+    """The scene as the tables of a scene file, every default filled in, units as the keys say."""
+    out: dict[str, Any] = {}
+    for table, keys in _KEYS.items():
+        parts = scene.punches if table == "punch" else (getattr(scene, table),)
+        blocks = [{key: _unconverted(getattr(part, name), factor) for key, (name, factor) in keys.items()
+                   if getattr(part, name) is not None} for part in parts]
+        out[table] = blocks if table == "punch" else blocks[0]
+    return out
+
+
+def _unconverted(value: Any, factor: float | None) -> Any:
+    if factor is None:
+        return list(value) if isinstance(value, tuple) else value
+    return value if factor == 1.0 else float(f"{value / factor:.12g}")
+
+
 def read_scene(path: Path | str) -> Scene:
     """Read a scene file (TOML); TestFileError names the file and the key, ValueError's text inside it."""
     path = Path(path)

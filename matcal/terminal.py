@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import typer
 
 from matcal.errors import NotConverged
-
-T = TypeVar("T")
 
 BAD_INPUT, NOT_CONVERGED = 2, 3
 
@@ -69,12 +68,14 @@ def numbers(text: str, flag: str) -> list[float]:
     return out
 
 
-def progress(items: Iterable[T], total: int, label: str) -> Iterator[T]:
-    """Yield `items` under a progress bar on a terminal, silently in a pipe."""
-    if not sys.stderr.isatty():
-        yield from items
-        return
+@contextmanager
+def counter(total: int, label: str) -> Iterator[Callable[[int], None]]:
+    """A function that takes the number done so far and shows rate and time left on a terminal; silent in a pipe."""
     from rich.console import Console
-    from rich.progress import track
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    yield from track(items, total=total, description=label, console=Console(stderr=True))
+    console = Console(stderr=True)
+    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(label, total=total)
+        yield lambda done: bar.update(task, completed=done)

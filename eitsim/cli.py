@@ -1,0 +1,178 @@
+"""Command line of `eitsim`: plan, run, sweep, report."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eitsim.scene import Scene, read_scene, scene_tables
+from matcal.card import MaterialCard, read_card, write_json
+from matcal.errors import NotConverged
+from matcal.terminal import application, print_json, run
+
+if TYPE_CHECKING:
+    from eitsim.results import Plan, Result
+
+app = application("Touch a foam disc with a conductive skin: contact mechanics, skin conductance, 208 voltages.")
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
+CardOption = Annotated[Path | None, typer.Option("--card", help="Material card; else the scene's own `card` key.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@app.command()
+def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False) -> None:
+    """Print what a scene needs, why, and the error each omission may cost; nothing is solved.
+
+    Example: eitsim plan scene.toml --card card.json
+    """
+    from eitsim.plan import make_plan
+
+    parsed = read_scene(scene)
+    made = make_plan(parsed, read_card(_card_path(scene, parsed, card)))
+    if as_json:
+        print_json({"plan": _decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
+    else:
+        _print_plan(made)
+    if made.refusal:
+        raise ValueError(f"{scene}: {made.refusal}")
+
+
+@app.command(name="run")
+def run_scene(scene: SceneFile, card: CardOption = None,
+              out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
+              report: Annotated[Path | None, typer.Option(help="Write a PDF report here; needs --out.")] = None,
+              as_json: JsonOption = False) -> None:
+    """Solve one scene: depth, pressure, contact area and 16 x 13 voltages, each with its error estimate.
+
+    Example: eitsim run scene.toml --card card.json --out result.json --report touch.pdf
+    """
+    if report is not None and out is None:
+        raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
+    parsed = read_scene(scene)
+    path = _card_path(scene, parsed, card)
+    result, document = _solve(parsed, path)
+    if result.outcome == "refused":
+        raise ValueError(f"{scene}: {result.message}")
+    if out is not None:
+        write_json(document, out)
+    if as_json:
+        print_json(document)
+    else:
+        _print_result(result, document, out)
+    if result.outcome != "ok":
+        raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
+    if report is not None and out is not None:
+        _write_report(out, report)
+
+
+def _solve(scene: Scene, card_path: Path) -> tuple[Result, dict[str, Any]]:
+    from eitsim.provenance import card_identity, versions
+    from eitsim.simulate import as_json, simulate
+
+    card: MaterialCard = read_card(card_path)
+    result = simulate(scene, card)
+    document = {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card, card_path),
+                "versions": versions()} | as_json(result, scene)
+    return result, document
+
+
+@app.command()
+def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design file (TOML).")],
+          card: Annotated[Path, typer.Option(help="Material card.")],
+          out: Annotated[Path, typer.Option(help="Folder of the data set; an unfinished one is continued.")],
+          scenes: Annotated[int | None, typer.Option(help="Number of scenes, over the design's own.")] = None,
+          workers: Annotated[int, typer.Option(help="Processes.")] = os.cpu_count() or 1) -> None:
+    """Solve many scenes into Parquet parts; started again on the same folder, it goes on where it was.
+
+    Example: eitsim sweep design.toml --card card.json --scenes 200 --workers 2 --out sweep
+    """
+    from eitsim.design import read_design
+    from eitsim.sweep import Account
+    from eitsim.sweep import sweep as steps
+    from matcal.terminal import counter
+
+    plan_of_rows = read_design(design, scenes)
+    begun = time.perf_counter()
+    account = None
+    with counter(plan_of_rows.scenes, "scenes") as advance:
+        for step in steps(plan_of_rows, card, out, workers=workers):
+            if isinstance(step, Account):
+                account = step
+            else:
+                advance(step)
+    if account is not None:
+        spent = time.perf_counter() - begun
+        counts = ", ".join(f"{n} {name}" for name, n in sorted(account.outcomes.items()))
+        print(f"{out}: {account.solved} scenes solved in {spent:.1f} s on {workers} worker(s), {account.kept} were there; "
+              f"outcomes: {counts}.")
+
+
+@app.command()
+def report(source: Annotated[Path, typer.Argument(metavar="DIR_OR_RESULT", help="Data set or result.json.")],
+           out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
+    """Write a PDF of one result or of a whole data set.
+
+    Example: eitsim report sweep --out sweep.pdf
+    """
+    _write_report(source, out)
+
+
+def _write_report(source: Path, out: Path) -> None:
+    from reports.simulation import write
+
+    write(source, out)
+    print(f"report: {out}")
+
+
+def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
+    if card is not None:
+        return card
+    if scene.card is None:
+        raise ValueError(f"{scene_path}: no card. Give --card card.json, or card = \"card.json\" at its top.")
+    return scene_path.parent / scene.card
+
+
+def _decisions(made: Plan) -> list[dict[str, Any]]:
+    return [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound} for d in made.decisions]
+
+
+def _print_plan(made: Plan) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("decision", "reason", "may cost of dV", title="plan")
+    for d in made.decisions:
+        table.add_row(d.decision, d.reason, f"{d.error_bound:.1e}" if d.error_bound else "-")
+    table.add_section()
+    table.add_row("all of them", "", f"{made.error_bound:.1e}")
+    Console().print(table)
+
+
+def _print_result(result: Result, document: dict[str, Any], out: Path | None) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    _print_plan(result.plan)
+    if result.readings is not None:
+        table = Table("quantity", "value", title=f"touch: {result.outcome}")
+        for key in ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2"):
+            table.add_row(key, f"{document[key]:.5g}" if isinstance(document[key], float) else str(document[key]))
+        table.add_row("largest |dV|, mV", f"{abs(result.readings.signal_V).max() * 1e3:.4g}")
+        for key, value in result.error_estimate.items():
+            table.add_row(f"error of {key}", f"{value:.2%}")
+        table.add_row("skin beyond the fitted strain", f"{result.readings.skin_fraction_extrapolated:.2%} of its area")
+        table.add_row("CPU, s", f"{result.cost['cpu_s']:.2f}")
+        Console().print(table)
+    if out is not None:
+        print(f"result: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]})")
+
+
+def main() -> None:
+    """Entry point."""
+    run(app, "eitsim")

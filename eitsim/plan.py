@@ -1,0 +1,112 @@
+"""What a scene needs, decided before anything is solved, with the reason and the error each decision may cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from eitsim.results import Decision, Plan
+from eitsim.scene import Punch, Scene
+from matcal.card import MaterialCard, with_moduli
+
+# Effect of the rim on the surface displacement u_r: gap from the punch's edge to the rim over the foam's thickness
+# against RMS change over the maximum of u_r. Measured on three-dimensional solutions with d = 14 mm, 1 N, a sharp
+# sticking punch on a disc of 10 x 100 mm; beyond the last point it decays with the last two points' rate.
+_GAP = np.array([0.05, 0.2, 0.5, 0.8, 1.2, 1.5, 2.0])
+_RIM_EFFECT = np.array([0.095, 0.095, 0.095, 0.08, 0.05, 0.033, 0.012])
+# Part of the wanted signal error that neglecting the rim may use up.
+_RIM_SHARE = 0.5
+STEEL_E_PA = 210e9
+
+
+def rim_effect(gap_m: float, thickness_m: float) -> float:
+    """Relative change of the surface field by the rim at a distance gap_m from the punch's edge; a table, see above."""
+    gap = gap_m / thickness_m
+    if gap <= _GAP[-1]:
+        return float(np.interp(gap, _GAP, _RIM_EFFECT))
+    rate = math.log(_RIM_EFFECT[-2] / _RIM_EFFECT[-1]) / (_GAP[-1] - _GAP[-2])
+    return float(_RIM_EFFECT[-1] * math.exp(-rate * (gap - _GAP[-1])))
+
+
+def rim_gap_m(scene: Scene, punch: Punch) -> float:
+    """Distance from the punch's edge to the disc's rim, m; negative where it overhangs."""
+    return scene.body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
+
+
+def make_plan(scene: Scene, card: MaterialCard) -> Plan:
+    """The plan of a scene with a card; what cannot be solved is a refusal in it, never an exception."""
+    return Plan(tuple(_decisions(scene, card)), _refusal(scene))
+
+
+def _refusal(scene: Scene) -> str:
+    """Why the scene cannot be solved yet, with the nearest thing that can; empty where it can."""
+    if len(scene.punches) != 1:
+        return f"{len(scene.punches)} touches are asked for; only one touch a scene is built. Give one [punch]."
+    (punch,) = scene.punches
+    if scene.hold.time_s:
+        return "a hold (time_s in [hold]) is not built; leave it out for the touch right after loading."
+    built = {"profile": (punch.profile, "flat"), "friction": (punch.friction, "none"),
+             "kind in [electrodes]": (scene.electrodes.kind, "line")}
+    for key, (given, known) in built.items():
+        if given != known:
+            return f"{key} = \"{given}\" is not built; built is \"{known}\"."
+    if punch.conductor:
+        return "conductor = true (a punch that shunts the skin) is not built; built is an insulated punch."
+    return _rim_refusal(scene, punch)
+
+
+def _rim_refusal(scene: Scene, punch: Punch) -> str:
+    gap, allowed = rim_gap_m(scene, punch), _RIM_SHARE * scene.accuracy.signal
+    effect = rim_effect(gap, scene.body.thickness_m)
+    if gap > 0 and effect <= allowed:
+        return ""
+    if gap <= 0:
+        return (f"the punch's edge lies {-gap * 1e3:.1f} mm beyond the rim of the disc; move it inwards by more than "
+                "that.")
+    return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
+            f"rim may cost {effect:.1%} of the signal, allowed is {allowed:.1%} (half of signal in [accuracy]). The "
+            f"three-dimensional rim is not built; move the punch inwards to a gap of "
+            f"{_gap_for(allowed, scene.body.thickness_m) * 1e3:.0f} mm or ask for less accuracy.")
+
+
+def _gap_for(effect: float, thickness_m: float) -> float:
+    gaps = np.arange(0.0, 10.0, 0.01)
+    effects = np.array([rim_effect(g * thickness_m, thickness_m) for g in gaps])
+    return float(gaps[np.argmax(effects <= effect)] * thickness_m) if effects[-1] <= effect else math.inf
+
+
+def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
+    law = with_moduli(card, scene.hold.moduli)
+    for punch in scene.punches:
+        gap = rim_gap_m(scene, punch)
+        yield Decision("mechanics axisymmetric about the punch",
+                       f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses",
+                       rim_effect(gap, scene.body.thickness_m))
+        if punch.force_N is not None:
+            yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
+        if not punch.conductor:
+            yield Decision("no conduction through the punch", "the scene says conductor = false", 0.0)
+    yield _moduli_decision(scene, card)
+    yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
+                   law.E_0_Pa / STEEL_E_PA)
+    yield Decision("electrodes do not stiffen the rim", "they touch only what the rim touches, and the rim is far",
+                   max(rim_effect(rim_gap_m(scene, p), scene.body.thickness_m) for p in scene.punches))
+    yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
+                   "unknown and not in the bound", 0.0)
+    yield Decision("the skin is a sheet, solved on the surface",
+                   f"its thickness is {scene.skin.thickness_m / scene.body.radius_m:.0e} of the radius",
+                   scene.skin.thickness_m / scene.body.thickness_m)
+    yield Decision(f"one factorisation serves all {scene.electrodes.count} patterns",
+                   "every pattern is a linear read-out of one impedance matrix", 0.0)
+
+
+def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:
+    law = with_moduli(card, scene.hold.moduli)
+    reason = f"the scene asks for no hold; {law.moduli} moduli"
+    if scene.hold.moduli == "card":
+        reason += " as the card labels them"
+    if law.moduli == "instantaneous" and card.prony is not None:
+        reason += f" (a touch held to equilibrium needs {card.prony.g_infinity:.2f} of the force: set moduli in [hold])"
+    return Decision("no viscoelasticity", reason, 0.0)

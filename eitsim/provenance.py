@@ -1,0 +1,22 @@
+"""What a result was made from: the card's content hash and the versions of the code."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+from pathlib import Path
+
+from matcal.card import MaterialCard, as_json
+
+
+def card_identity(card: MaterialCard, path: Path) -> dict[str, str]:
+    """Name, file and content hash of a card; the hash is of the material's parts, not of its provenance."""
+    parts = {key: value for key, value in as_json(card).items() if key in ("hyperfoam", "prony", "conductivity")}
+    text = json.dumps(parts, sort_keys=True)
+    return {"name": card.name, "file": path.name, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package and of the libraries that its numbers rest on."""
+    return {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy", "scikit-fem")}

@@ -1,0 +1,93 @@
+"""One scene, end to end: plan, mechanics, skin and electrics, readings."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from eitsim.axisymmetric import solve_touch
+from eitsim.plan import make_plan
+from eitsim.readings import solve_readings
+from eitsim.results import Plan, Readings, Result, Touch
+from eitsim.scene import Scene
+from matcal.card import MaterialCard, require, with_moduli
+from matcal.errors import NotConverged
+
+# Depth over thickness from which a touch counts as bottomed out.
+BOTTOM = 0.95
+
+
+def simulate(scene: Scene, card: MaterialCard) -> Result:
+    """Solve a scene with a card; a refusal or a failure of a solver is the result's outcome, told in its message.
+
+    ValueError where the card lacks a part that the scene needs.
+    """
+    wall, cpu = time.perf_counter(), time.process_time()
+    law = with_moduli(card, scene.hold.moduli)
+    skin_law = require(card, "conductivity", "the skin")
+    plan = make_plan(scene, card)
+    if plan.refusal:
+        return Result("refused", plan, message=plan.refusal, cost=_cost(wall, cpu))
+    try:
+        touches = tuple(solve_touch(law, scene.body, punch) for punch in scene.punches)
+    except NotConverged as error:
+        return Result("not_converged", plan, message=str(error), cost=_cost(wall, cpu))
+    deepest = max(touch.depth_m for touch in touches)
+    readings = solve_readings(scene, touches, skin_law)
+    outcome, message = "ok", ""
+    if deepest > BOTTOM * scene.body.thickness_m:
+        outcome = "bottomed_out"
+        message = f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
+    return Result(outcome, plan, touches, readings, message, _errors(plan, touches, readings), _cost(wall, cpu))
+
+
+def _errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
+    """Relative errors: the signal's is the sum of mechanics, electrics and what the plan left out."""
+    return {"signal": max(t.signal_error for t in touches) + readings.signal_error + plan.error_bound,
+            "depth": max(t.depth_error for t in touches) + plan.error_bound}
+
+
+def _cost(wall: float, cpu: float) -> dict[str, float]:
+    return {"cpu_s": time.process_time() - cpu, "wall_s": time.perf_counter() - wall,
+            "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
+
+
+def as_json(result: Result, scene: Scene) -> dict[str, Any]:
+    """A result as plain JSON values with the keys of the command-line contract; several touches give lists."""
+    out: dict[str, Any] = {
+        "outcome": result.outcome, "message": result.message,
+        "plan": [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound}
+                 for d in result.plan.decisions],
+        "cost": dict(result.cost)}
+    if result.readings is None:
+        return out
+    blocks = [mechanical(touch) for touch in result.touches]
+    mechanics: Mapping[str, Any] = {key: [block[key] for block in blocks] for key in blocks[0]}
+    return out | (blocks[0] if len(blocks) == 1 else mechanics) | {
+        "readings_V": result.readings.touched_V.tolist(), "baseline_V": result.readings.baseline_V.tolist(),
+        "impedance_Ohm": result.readings.impedance_Ohm.tolist(),
+        "error_estimate": dict(result.error_estimate),
+        "stability": {"elliptic": all(t.fraction_non_elliptic == 0 for t in result.touches),
+                      "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
+                      "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated},
+        "profile": [profile(touch, scene) for touch in result.touches]}
+
+
+def mechanical(touch: Touch) -> dict[str, float]:
+    """The mechanical outputs of one touch, units in their names."""
+    return {"force_N": touch.force_N, "delta_max_mm": touch.depth_m * 1e3, "sigma_max_kPa": touch.sigma_max_Pa / 1e3,
+            "sigma_ave_kPa": touch.sigma_ave_Pa / 1e3, "A_c_mm2": touch.contact_area_m2 * 1e6,
+            "wall_contact_mm2": touch.wall_contact_m2 * 1e6}
+
+
+def profile(touch: Touch, scene: Scene) -> dict[str, list[float]]:
+    """Surface fields of a touch along the reference radius, out to the disc's radius, units in their names."""
+    inside = touch.radius_m <= scene.body.radius_m
+    fields = {"radius_mm": touch.radius_m * 1e3, "u_r_mm": touch.u_r_m * 1e3, "u_z_mm": touch.u_z_m * 1e3,
+              "pressure_kPa": touch.pressure_Pa / 1e3, "stretch_normal": touch.stretch_normal,
+              "stretch_meridian": touch.stretch_meridian, "stretch_hoop": touch.stretch_hoop}
+    return {name: np.asarray(values)[inside].tolist() for name, values in fields.items()}

@@ -1,1 +1,0 @@
-"""Material cards in the input formats of finite-element codes, one module a code."""
