@@ -109,8 +109,8 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     if account is not None:
         spent = time.perf_counter() - begun
         counts = ", ".join(f"{n} {name}" for name, n in sorted(account.outcomes.items()))
-        print(f"{out}: {account.solved} scenes solved in {spent:.1f} s on {workers} worker(s), {account.kept} were there; "
-              f"outcomes: {counts}.")
+        print(f"{out}: {account.solved} scenes solved in {spent:.1f} s on {workers} worker(s), {account.kept} were "
+              f"there; outcomes: {counts}.")
 
 
 @app.command()

@@ -34,7 +34,7 @@ class Dataset:
     @property
     def ok(self) -> pd.DataFrame:
         """The rows whose outcome is "ok"."""
-        return self.table[self.table["outcome"] == "ok"].reset_index(drop=True)
+        return self.table.loc[self.table["outcome"] == "ok"].reset_index(drop=True)
 
     @property
     def design(self) -> Mapping[str, Any]:

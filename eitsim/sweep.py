@@ -76,7 +76,8 @@ def _sole_writer(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise ValueError(f"{folder}: another sweep is writing to it. Wait for it, or choose another folder.") from None
+            raise ValueError(f"{folder}: another sweep is writing to it. Wait for it, or choose another folder."
+                             ) from None
         yield
 
 
@@ -140,7 +141,8 @@ def _row(design: Design, card: MaterialCard, index: int) -> dict[str, Any]:
         result = simulate(scene, card)
     except ValueError as error:
         return row | {"outcome": "refused", "message": str(error)} | _blank() | _touch_keys(scene)
-    return row | {"outcome": result.outcome, "message": result.message} | _blank() | _touch_keys(scene) | _values(result)
+    told = {"outcome": result.outcome, "message": result.message}
+    return row | told | _blank() | _touch_keys(scene) | _values(result)
 
 
 def _blank() -> dict[str, Any]:

@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# The whole chain on the synthetic machine files of data_raw/: card, touch, sweep, surrogates, reports.
+# Usage: demo.sh OUT_FOLDER SCENES WORKERS
+set -euo pipefail
+cd "$(dirname "$0")/.."
+out=${1:-reports/out} scenes=${2:-200} workers=${3:-2}
+mkdir -p "$out"
+rm -rf "$out/sweep"
+began=$SECONDS
+
+step() { # step RESULT COMMAND...: run it, say where the result went and how long it took
+  local result=$1 start
+  shift
+  start=$(date +%s.%N)
+  printf '\n$ %s\n' "$*"
+  "$@"
+  printf -- '-> %s (%.1f s)\n' "$result" "$(echo "$(date +%s.%N) $start" | awk '{print $1 - $2}')"
+}
+
+step "$out/card.json, $out/calibration.pdf" matcal fit data_raw/mts_uniaxial.txt data_raw/mts_shear.txt \
+  data_raw/mts_relaxation.txt conductivity=data_raw/mts_stretch.txt,data_raw/nova_stretch.txt \
+  --specimen data_raw/specimen.toml --posterior --seed 1 --out "$out/card.json" --report "$out/calibration.pdf"
+step "$out/touch.json, $out/touch.pdf" eitsim run examples/scene.toml --card "$out/card.json" \
+  --out "$out/touch.json" --report "$out/touch.pdf"
+step "$out/sweep/" eitsim sweep examples/design.toml --card "$out/card.json" --scenes "$scenes" \
+  --workers "$workers" --out "$out/sweep"
+step "$out/sweep.pdf" eitsim report "$out/sweep" --out "$out/sweep.pdf"
+step "$out/forward/" surrogate train "$out/sweep" --out "$out/forward" --method forward --seed 1
+step "$out/trainbr/" surrogate train "$out/sweep" --out "$out/trainbr" --method trainbr --outputs x0,y0,d,F --seed 1
+step "the table above" surrogate evaluate "$out/forward" "$out/sweep"
+step "the table above" surrogate evaluate "$out/trainbr" "$out/sweep"
+printf '\ndemo: %d s in all; the PDFs:\n' "$((SECONDS - began))"
+ls "$out"/*.pdf
