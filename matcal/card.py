@@ -54,7 +54,7 @@ def require(card: MaterialCard, part: str, purpose: str) -> Any:
 
 
 def with_moduli(card: MaterialCard, moduli: str) -> Hyperfoam:
-    """The card's hyperfoam law with `moduli` "card" (as labelled), "instantaneous" or "longterm", mu scaled by g_inf."""
+    """The hyperfoam law with `moduli` "card" (as labelled), "instantaneous" or "longterm"; mu scales by g_inf."""
     law: Hyperfoam = require(card, "hyperfoam", "the mechanics")
     if moduli in ("card", law.moduli):
         return law
