@@ -116,31 +116,31 @@ class Accuracy:
 class Scene:
     """Everything that one simulation needs beside the card."""
 
-    body: Body = field(default_factory=Body)
+    body: Body = field(default_pery=Body)
     # one a touch
-    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))
-    skin: Skin = field(default_factory=Skin)
-    electrodes: Electrodes = field(default_factory=Electrodes)
-    drive: Drive = field(default_factory=Drive)
-    hold: Hold = field(default_factory=Hold)
-    accuracy: Accuracy = field(default_factory=Accuracy)
+    punches: tuple[Punch, ...] = field(default_pery=lambda: (Punch(),))
+    skin: Skin = field(default_pery=Skin)
+    electrodes: Electrodes = field(default_pery=Electrodes)
+    drive: Drive = field(default_pery=Drive)
+    hold: Hold = field(default_pery=Hold)
+    accuracy: Accuracy = field(default_pery=Accuracy)
     # path of the card that the scene file names; None where it names none
     card: str | None = None
 
 
-# scene-file key -> (field, factor to SI), a table; the one place where units of a scene file are converted
+# table -> scene-file key -> (field, its units per SI unit); the one place where units of a scene file are converted
 _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
-    "body": {"radius_mm": ("radius_m", 1e-3), "thickness_mm": ("thickness_m", 1e-3)},
-    "punch": {"x_mm": ("x_m", 1e-3), "y_mm": ("y_m", 1e-3), "diameter_mm": ("diameter_m", 1e-3),
-              "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e-3), "profile": ("profile", None),
-              "fillet_mm": ("fillet_m", 1e-3), "friction": ("friction", None), "conductor": ("conductor", None),
+    "body": {"radius_mm": ("radius_m", 1e3), "thickness_mm": ("thickness_m", 1e3)},
+    "punch": {"x_mm": ("x_m", 1e3), "y_mm": ("y_m", 1e3), "diameter_mm": ("diameter_m", 1e3),
+              "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
+              "fillet_mm": ("fillet_m", 1e3), "friction": ("friction", None), "conductor": ("conductor", None),
               "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
-    "skin": {"thickness_um": ("thickness_m", 1e-6), "strain": ("strain", None)},
-    "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e-3),
-                   "first_angle_deg": ("first_angle_rad", math.pi / 180),
+    "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
+    "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
+                   "first_angle_deg": ("first_angle_rad", 180 / math.pi),
                    "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
-    "drive": {"current_mA": ("current_A", 1e-3), "pattern": ("pattern", None)},
+    "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None)},
     "hold": {"time_s": ("time_s", None), "control": ("control", None), "moduli": ("moduli", None)},
     "accuracy": {"signal": ("signal", 1.0)},
 }
@@ -158,16 +158,16 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for table, keys in _KEYS.items():
         parts = scene.punches if table == "punch" else (getattr(scene, table),)
-        blocks = [{key: _unconverted(getattr(part, name), factor) for key, (name, factor) in keys.items()
+        blocks = [{key: _unconverted(getattr(part, name), per) for key, (name, per) in keys.items()
                    if getattr(part, name) is not None} for part in parts]
         out[table] = blocks if table == "punch" else blocks[0]
     return out
 
 
-def _unconverted(value: Any, factor: float | None) -> Any:
-    if factor is None:
+def _unconverted(value: Any, per: float | None) -> Any:
+    if per is None:
         return list(value) if isinstance(value, tuple) else value
-    return value if factor == 1.0 else float(f"{value / factor:.12g}")
+    return value if per == 1.0 else float(f"{value * per:.12g}")
 
 
 def read_scene(path: Path | str) -> Scene:
@@ -207,17 +207,17 @@ def _table(table: str, raw: Any) -> Any:
     for key, value in raw.items():
         if key not in keys:
             raise ValueError(f"unknown key '{key}' in [{table}]; known: {', '.join(keys)}.")
-        name, factor = keys[key]
+        name, per = keys[key]
         default = getattr(_CLASSES[table](), name)
-        values[name] = _value(f"{key} in [{table}]", value, factor, default)
+        values[name] = _value(f"{key} in [{table}]", value, per, default)
     return _CLASSES[table](**values)
 
 
-def _value(where: str, value: Any, factor: float | None, default: Any) -> Any:
-    if factor is not None:
+def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
+    if per is not None:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise ValueError(f"{where} must be a finite number, got {value!r}.")
-        return float(value) * factor
+        return float(value) / per
     if isinstance(default, tuple):
         cells = value if isinstance(value, list) else [value]
         return tuple(_value(where, cell, 1.0, 0.0) for cell in cells)

@@ -1,0 +1,52 @@
+"""Plans: what is left out is said with its cost, what is not built is refused with the mend."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from eitsim.plan import make_plan, rim_effect
+from eitsim.scene import scene_from
+from matcal.card import MaterialCard
+from matcal.hyperfoam import Hyperfoam
+from matcal.prony import Prony
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "instantaneous")
+CARD = MaterialCard("Table 1", FOAM, Prony([0.15, 0.17, 0.06], [0.3, 5.8, 82.0]))
+
+
+def test_an_interior_touch_is_axisymmetric_and_costs_little() -> None:
+    plan = make_plan(scene_from({"punch": {"x_mm": 20, "y_mm": -10}}), CARD)
+    assert plan.refusal == ""
+    assert "axisymmetric" in plan.decisions[0].decision
+    assert plan.error_bound < 0.01
+    assert all(d.reason for d in plan.decisions)
+
+
+def test_the_rim_effect_fades_with_distance() -> None:
+    effects = [rim_effect(g, 0.01) for g in np.linspace(0, 0.06, 50)]
+    assert all(a >= b for a, b in itertools.pairwise(effects))
+    assert rim_effect(0.027, 0.01) < 0.003
+    assert rim_effect(0.0270, 0.01) == pytest.approx(rim_effect(0.0135, 0.005))
+
+
+def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
+    (decision,) = [d for d in make_plan(scene_from({}), CARD).decisions if d.decision == "no viscoelasticity"]
+    assert "instantaneous" in decision.reason
+    assert "0.62" in decision.reason
+
+
+@pytest.mark.parametrize(("raw", "named"), [
+    ({"punch": {"x_mm": 80}}, "rim"), ({"punch": {"x_mm": 98}}, "beyond the rim"),
+    ({"punch": [{"x_mm": 20}, {"x_mm": -20}]}, "2 touches"), ({"hold": {"time_s": [2.0]}}, "hold"),
+    ({"punch": {"friction": "stick"}}, "friction"), ({"punch": {"conductor": True}}, "conductor")])
+def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
+    assert named in make_plan(scene_from(raw), CARD).refusal
+
+
+def test_more_accuracy_needs_more_distance() -> None:
+    raw = {"punch": {"x_mm": 68}}
+    assert make_plan(scene_from(raw), CARD).refusal == ""
+    assert "rim" in make_plan(scene_from(raw | {"accuracy": {"signal": 0.001}}), CARD).refusal
