@@ -116,14 +116,14 @@ class Accuracy:
 class Scene:
     """Everything that one simulation needs beside the card."""
 
-    body: Body = field(default_pery=Body)
+    body: Body = field(default_factory=Body)
     # one a touch
-    punches: tuple[Punch, ...] = field(default_pery=lambda: (Punch(),))
-    skin: Skin = field(default_pery=Skin)
-    electrodes: Electrodes = field(default_pery=Electrodes)
-    drive: Drive = field(default_pery=Drive)
-    hold: Hold = field(default_pery=Hold)
-    accuracy: Accuracy = field(default_pery=Accuracy)
+    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))
+    skin: Skin = field(default_factory=Skin)
+    electrodes: Electrodes = field(default_factory=Electrodes)
+    drive: Drive = field(default_factory=Drive)
+    hold: Hold = field(default_factory=Hold)
+    accuracy: Accuracy = field(default_factory=Accuracy)
     # path of the card that the scene file names; None where it names none
     card: str | None = None
 

@@ -46,7 +46,7 @@ def test_distributions_have_their_moments(dist: str) -> None:
 
 @pytest.mark.parametrize(("raw", "named"), [
     ({}, "scenes"), ({"scenes": 0}, "scenes"), ({"scenes": 3, "sampler": "grid"}, "random, lhs, sobol"),
-    ({"scenes": 3, "punch": {"force_N": [1, 2, 3]}}, "force_N"), ({"scenes": 3, "punch": {"size_mm": [1, 2]}}, "size_mm"),
+    ({"scenes": 3, "punch": {"force_N": [1, 2, 3]}}, "force_N"), ({"scenes": 3, "punch": {"size": 1}}, "size"),
     ({"scenes": 3, "punch": {"force_N": {"dist": "cauchy"}}}, "force_N"), ({"scenes": 3, "noise": {}}, "noise"),
     ({"scenes": 3, "material": {"draws": 5}}, "not built")])
 def test_mistakes_are_named(raw: dict, named: str) -> None:
