@@ -36,7 +36,7 @@ SPEED = 5 / 60  # mm/s
 ERRORS = {
     "load_noise_N": 0.25, "load_step_N": 0.01, "crosshead_noise_mm": 0.0005, "crosshead_step_mm": 0.0005,
     "compliance_mm_per_N": 0.0006, "backlash_mm": 0.05, "toe_width_mm": 0.04,
-    "current_noise_A": 5e-7, "current_step_A": 3e-8, "potential_noise_V": 1e-4, "potential_step_V": 3e-4,
+    "current_noise_A": 8e-7, "current_step_A": 3e-8, "potential_noise_V": 1e-4, "potential_step_V": 3e-4,
     "plain_noise_kPa": 0.03, "settling_fraction": 0.30, "settling_cycles": 2.0,
 }
 # per file: crosshead reading at the start (mm), gap before contact (mm), load zero (N) and its drift (N/s)
@@ -103,9 +103,13 @@ def path(points, dt):
     return time, np.interp(time, [p[0] for p in points], [p[1] for p in points])
 
 
-def loaded(travel, dt, height, area, stress, sign, gap, toe):
-    """(strain, force N) of a specimen behind gap, toe and machine compliance; sign -1 pushes (no tension), 1 pulls."""
-    drive, force = play(travel, ERRORS["backlash_mm"]), np.zeros_like(travel)
+def loaded(travel, dt, height, area, stress, sign, gap, toe, slack):
+    """(strain, force N) of a specimen behind backlash (`slack` of it at the start), gap, toe and machine compliance.
+
+    Sign -1 pushes, and then there is no tension; 1 pulls.
+    """
+    drive = play(travel + ERRORS["backlash_mm"] - slack, ERRORS["backlash_mm"])
+    force = np.zeros_like(travel)
     for _ in range(12):
         moved = drive - gap - ERRORS["compliance_mm_per_N"] * np.abs(force)
         moved = toe * np.logaddexp(0.0, moved / toe) if toe else moved
@@ -167,14 +171,16 @@ def compression(name, rng):
         time, travel = path([(0, 0), (2, 0), (3, stroke), (183, stroke)], dt)
         travel = lfilter([1 - np.exp(-dt / 0.015)], [1, -np.exp(-dt / 0.015)], travel)  # the actuator's own lag
         title = "stress relaxation in compression ISO 3384-1"
-    strain, force = loaded(travel, dt, DISC["height_mm"], DISC_MM2, uniaxial_stress, -1, gap, ERRORS["toe_width_mm"])
+    strain, force = loaded(travel, dt, DISC["height_mm"], DISC_MM2, uniaxial_stress, -1, gap, ERRORS["toe_width_mm"],
+                           slack=ERRORS["backlash_mm"])
     return mts_text(name, title, time, travel, force, rng), (time, strain, force / DISC_MM2 * 1e3)
 
 
 def lap_shear(rng):
     dt, stroke = 0.01, ERRORS["backlash_mm"] + LAP["thickness_mm"]
     time, travel = path([(0, 0), (5, 0), (5 + stroke / SPEED, stroke)], dt)
-    gamma, force = loaded(travel, dt, LAP["thickness_mm"], LAP_MM2, shear_stress, 1, 0.0, 0.0)
+    gamma, force = loaded(travel, dt, LAP["thickness_mm"], LAP_MM2, shear_stress, 1, 0.0, 0.0,
+                          slack=ERRORS["backlash_mm"])
     return mts_text("shear", "quadruple lap shear ISO 1827", time, travel, force, rng), (time, gamma,
                                                                                         force / LAP_MM2 * 1e3)
 
@@ -186,10 +192,10 @@ def strip(name, frame_rng, pot_rng):
         turn = 4 / SPEED
         points = [(0, 0), (8, 0)] + [(8 + turn * n, 4.0 * (n % 2)) for n in range(1, 21)] + [(8 + 20 * turn + 5, 0)]
     else:
-        top = ERRORS["backlash_mm"] + BREAK_STRAIN * STRIP["length_mm"] + 0.005
+        top = BREAK_STRAIN * STRIP["length_mm"] + 0.005
         points = [(0, 0), (8, 0), (8 + top / SPEED, top), (8 + (top + 0.5) / SPEED, top + 0.5)]
     time, travel = path(points, dt)
-    strain, force = loaded(travel, dt, STRIP["length_mm"], STRIP_MM2, uniaxial_stress, 1, 0.0, 0.0)
+    strain, force = loaded(travel, dt, STRIP["length_mm"], STRIP_MM2, uniaxial_stress, 1, 0.0, 0.0, slack=0.0)
     seen = np.arange(-20.0, time[-1] - 1, pot_dt) + 0.037  # the potentiostat starts 20 s before the frame
     along = np.interp(seen, time, strain)
     cycles = np.interp(seen, [8, points[-2][0]], [0, 10]) if name == "cyclic" else np.full(seen.size, 1e3)
