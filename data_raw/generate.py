@@ -1,7 +1,7 @@
 """Synthetic machine files of a foam characterisation: `python data_raw/generate.py [FOLDER]` writes them all.
 
 Nothing here was measured: the source paper publishes no raw data. The foam obeys Table 1 of the paper plus three
-further hyperfoam terms that make it 2.7 % stiffer at rest, less and less so with strain; it relaxes by the paper's Prony
+further hyperfoam terms that make it 2.7 % stiffer at rest, less so at large strain; it relaxes by the paper's Prony
 series applied to the second Piola-Kirchhoff stress (quasi-linear viscoelasticity). What a load frame and a potentiostat
 add is listed in ERRORS below and, with every number, in truth.json. One seed gives the same bytes every time.
 """
@@ -99,7 +99,7 @@ def play(x, width):
 
 def path(points, dt):
     """Times and positions of a piecewise linear motion through (s, mm) points."""
-    time = np.arange(int(round(points[-1][0] / dt)) + 1) * dt
+    time = np.arange(round(points[-1][0] / dt) + 1) * dt
     return time, np.interp(time, [p[0] for p in points], [p[1] for p in points])
 
 
@@ -255,8 +255,8 @@ def truth(histories):
 def build():
     """File name -> text."""
     rngs = [np.random.default_rng([SEED, n]) for n in range(9)]
-    held = step_and_hold()
-    files = {"uniaxial.csv": plain_text(*held["uniaxial"], rngs[0]), "shear.csv": plain_text(*held["shear"], rngs[1])}
+    files = {f"{name}.csv": plain_text(strain, stress, rngs[n])
+             for n, (name, (strain, stress)) in enumerate(step_and_hold().items())}
     histories = {}
     for n, name in ((2, "uniaxial"), (3, "relaxation")):
         files[f"mts_{name}.txt"], histories[name] = compression(name, rngs[n])
