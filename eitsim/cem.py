@@ -1,0 +1,179 @@
+"""Complete electrode model on a given mesh: from sheet conductance to the impedance matrix of the electrodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csc_matrix
+from skfem import ElementLineP1, ElementLineP2, ElementQuad2, ElementTriP1, ElementTriP2
+from skfem.quadrature import get_quadrature
+
+from eitsim.linear import factorise
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+ELEMENTS = ("P1", "P2", "Q2")
+# element, degree of exactness of its quadrature, element of its edges
+_KINDS = {"P1": (ElementTriP1, 1, ElementLineP1), "P2": (ElementTriP2, 4, ElementLineP2),
+          "Q2": (ElementQuad2, 5, ElementLineP2)}
+
+
+@dataclass(frozen=True, eq=False)
+class SkinMesh:
+    """The skin's reference surface cut into elements, and the edges that lie under electrodes."""
+
+    # (n, 2) nodes, m; the elements are isoparametric, so middle nodes may lie on curves
+    nodes_m: Array
+    # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
+    cells: Indices
+    # (edges, 2 or 3) node numbers of the edges under electrodes: both ends, then the middle where the element has one
+    edges: Indices
+    # (edges,) the electrode each of them lies under, from 0
+    electrode: Indices
+    # how many electrodes
+    count: int
+    # one of ELEMENTS
+    element: str = "P1"
+
+    def __post_init__(self) -> None:
+        if self.element not in ELEMENTS:
+            raise ValueError(f"element '{self.element}' is unknown; known: {', '.join(ELEMENTS)}.")
+        bare = np.setdiff1d(np.arange(self.count), self.electrode)
+        if bare.size:
+            raise ValueError(f"electrode {bare[0]} (from 0) has no edge of the mesh; give each at least one.")
+
+
+@dataclass(frozen=True, eq=False)
+class Sparsity:
+    """Where the local matrices of one mesh topology go in the global one, electrodes ordered last."""
+
+    # order of the global matrix
+    size: int
+    # (entries,) slot of every entry of the local matrices: cells first, then edges
+    slot: Indices
+    # (slots,) row and column of every slot, sorted by column, then row
+    row: Indices
+    column: Indices
+    # slots that remain when the last electrode is earthed, with their row indices and column pointers
+    kept: Indices
+    kept_row: Indices
+    kept_pointer: Indices
+
+
+def quadrature_points(mesh: SkinMesh) -> Array:
+    """Points (cells, q, 2), m, where the conductance is wanted."""
+    return np.einsum("qk,ekx->eqx", _reference(mesh.element)[0], mesh.nodes_m[mesh.cells])
+
+
+def sparsity(mesh: SkinMesh) -> Sparsity:
+    """Sparsity of the system of a mesh; depends on its cells, edges and electrodes, not on where its nodes are."""
+    size = len(mesh.nodes_m) + mesh.count
+    edges = np.column_stack([mesh.edges, len(mesh.nodes_m) + mesh.electrode])
+    row = np.concatenate([np.repeat(block, block.shape[1], axis=1).ravel() for block in (mesh.cells, edges)])
+    column = np.concatenate([np.tile(block, block.shape[1]).ravel() for block in (mesh.cells, edges)])
+    unique, slot = np.unique(column.astype(np.int64) * size + row, return_inverse=True)
+    row, column = unique % size, unique // size
+    kept = np.flatnonzero((row < size - 1) & (column < size - 1))
+    pointer = np.searchsorted(column[kept], np.arange(size))
+    return Sparsity(size, slot, row, column, kept, row[kept].astype(np.int32), pointer.astype(np.int32))
+
+
+def system(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, pattern: Sparsity) -> Array:
+    """Values (slots,) of the CEM's matrix: sum of int grad v . sigma grad u and (1/z) int (v - V)(u - U) ds.
+
+    Conductance is (cells,) or (cells, q) where isotropic, (cells, q, 2, 2) where a tensor. ValueError where z or a
+    conductance is not positive. Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060.
+    """
+    if not contact_impedance_Ohm_m > 0:
+        raise ValueError(f"the contact impedance must be positive, got {contact_impedance_Ohm_m} Ohm m.")
+    values = [_stiffness(mesh, np.asarray(conductance_S, dtype=float)), _contact(mesh) / contact_impedance_Ohm_m]
+    local = np.concatenate([v.ravel() for v in values])
+    return np.bincount(pattern.slot, local, minlength=len(pattern.row)).astype(float, copy=False)
+
+
+def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, *,
+              pattern: Sparsity | None = None, refinements: int = 1) -> Array:
+    """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero.
+
+    One factorisation, count - 1 right-hand sides. Each refinement takes the residual as sum_j a_ij (x_i - x_j), which
+    keeps all digits where the matrix has none left (rows of the CEM sum to zero).
+    """
+    pattern = sparsity(mesh) if pattern is None else pattern
+    values = system(mesh, conductance_S, contact_impedance_Ohm_m, pattern)
+    order = pattern.size - 1
+    solve = factorise(csc_matrix((values[pattern.kept], pattern.kept_row, pattern.kept_pointer), (order, order)))
+    currents = np.zeros((order, mesh.count - 1))
+    currents[len(mesh.nodes_m):] = np.eye(mesh.count - 1)
+    potential = solve(currents)
+    for _ in range(refinements):
+        potential += solve(currents - _applied(pattern, values, potential))
+    earthed = np.zeros((mesh.count, mesh.count))
+    earthed[:-1, :-1] = potential[len(mesh.nodes_m):]
+    centre = np.eye(mesh.count) - 1 / mesh.count
+    return centre @ earthed @ centre
+
+
+def _applied(pattern: Sparsity, values: Array, potential: Array) -> Array:
+    """A x by differences along the edges of the matrix graph, the earthed electrode at 0 V."""
+    x = np.vstack([potential, np.zeros(potential.shape[1])])
+    off = np.flatnonzero(pattern.row != pattern.column)
+    flow = values[off, None] * (x[pattern.row[off]] - x[pattern.column[off]])
+    starts = np.searchsorted(pattern.column[off], np.arange(pattern.size))
+    return np.add.reduceat(flow, starts, axis=0)[:-1]
+
+
+@lru_cache(maxsize=len(ELEMENTS))
+def _reference(element: str) -> tuple[Array, Array, Array, Array]:
+    """Reference element: values (q, k), gradients (q, k, 2), weights (q,) and the products of gradients (3 q, k k)."""
+    kind, degree, _ = _KINDS[element]
+    points, weights = get_quadrature(kind(), degree)
+    basis = [kind().lbasis(points, i) for i in range(len(kind().doflocs))]
+    value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis], axis=1)
+    gradient = np.stack([np.broadcast_to(b[1], points.shape).T for b in basis], axis=1)
+    gx, gy = gradient[..., 0], gradient[..., 1]
+    xx, yy, xy = (np.einsum("qi,qj->qij", a, b) for a, b in ((gx, gx), (gy, gy), (gx, gy)))
+    products = np.stack([xx, yy, xy + xy.transpose(0, 2, 1)], axis=1)
+    return value, gradient, weights, products.reshape(3 * len(weights), -1)
+
+
+def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:
+    """Local matrices (cells, k k) of int grad v . sigma grad u; the conductance is pulled back to the element."""
+    _, gradient, weights, products = _reference(mesh.element)
+    x = mesh.nodes_m[mesh.cells]
+    xr, xs, yr, ys = (x[..., i] @ gradient[..., j].T for i in (0, 1) for j in (0, 1))
+    det = xr * ys - xs * yr
+    if not np.all(det * np.sign(det[:, :1]) > 0):
+        raise ValueError("the mesh has an element that is flat or folded over; check the order of its nodes.")
+    sxx, syy, sxy = _components(conductance, det.shape)
+    w = weights / np.abs(det)
+    pulled = np.stack([w * (sxx * ys**2 - 2 * sxy * ys * xs + syy * xs**2),
+                       w * (sxx * yr**2 - 2 * sxy * yr * xr + syy * xr**2),
+                       w * (sxy * (ys * xr + xs * yr) - sxx * ys * yr - syy * xs * xr)], axis=-1)
+    return pulled.reshape(len(x), -1) @ products
+
+
+def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """xx, yy and xy parts (cells, q), checked to be positive definite."""
+    if conductance.ndim == 4:
+        xx, yy, xy = conductance[..., 0, 0], conductance[..., 1, 1], conductance[..., 0, 1]
+    else:
+        xx = conductance[:, None] if conductance.ndim == 1 else conductance
+        yy, xy = xx, np.zeros_like(xx)
+    if not (np.all(xx > 0) and np.all(xx * yy > xy**2)):
+        raise ValueError("the sheet conductance must be positive (definite) everywhere.")
+    return np.broadcast_to(xx, shape), np.broadcast_to(yy, shape), np.broadcast_to(xy, shape)
+
+
+def _contact(mesh: SkinMesh) -> Array:
+    """Local matrices (edges, (k+1)^2) of int (v - V)(u - U) ds, the electrode's own potential last."""
+    kind = _KINDS[mesh.element][2]()
+    points, weights = get_quadrature(kind, 4)
+    basis = [kind.lbasis(points, i) for i in range(mesh.edges.shape[1])]
+    value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis] + [-np.ones_like(weights)])
+    slope = np.stack([np.broadcast_to(b[1][0], weights.shape) for b in basis])
+    speed = np.linalg.norm(np.einsum("kq,ekx->eqx", slope, mesh.nodes_m[mesh.edges]), axis=-1)
+    return np.einsum("eq,q,iq,jq->eij", speed, weights, value, value)
