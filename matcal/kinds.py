@@ -1,0 +1,45 @@
+"""Which kind of test a file holds: said by the user, by the file, by a TOML beside it, or by its name."""
+
+from __future__ import annotations
+
+import re
+
+from matcal.errors import TestFileError
+from matcal.experiment import KINDS
+from matcal.readers.recording import Recording
+from matcal.specimen import read_toml
+
+# word in a test's title or a file's name -> kind; the first match wins, so the more telling words stand first
+_WORDS = (
+    ("relaxation", r"relax"), ("conductivity", r"conductiv|resistiv|resistance|coated"), ("shear", r"shear|\bss\b"),
+    ("biaxial", r"biax"), ("planar", r"planar|pure shear"), ("volumetric", r"volumetric|hydrostatic"),
+    ("uniaxial", r"uniax|compress|tension|tensile|\buc\b|\but\b"),
+)
+
+
+def decide_kind(explicit: str | None, recording: Recording) -> tuple[str, str]:
+    """(kind, sentence saying why); TestFileError where nothing tells, ValueError for an unknown explicit kind."""
+    path = recording.paths[0]
+    if explicit is not None:
+        return _known(explicit, f"{explicit}={path.name}"), f"{recording.label}: {explicit}, as given."
+    for key in ("Test", "File Path"):
+        if (kind := _from_words(recording.metadata.get(key, ""))) is not None:
+            return kind, f"{recording.label}: {kind}, from its own line '{key}: {recording.metadata[key].strip()}'."
+    sidecar = path.with_suffix(".toml")
+    if sidecar.exists() and "kind" in (table := read_toml(sidecar)):
+        return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."
+    if (kind := _from_words(path.stem)) is not None:
+        return kind, f"{recording.label}: {kind}, from its name."
+    raise TestFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
+                              f"{', '.join(KINDS)}.")
+
+
+def _known(kind: str, where: str) -> str:
+    if kind not in KINDS:
+        raise ValueError(f"{where}: the kind '{kind}' is unknown; known: {', '.join(KINDS)}.")
+    return kind
+
+
+def _from_words(text: str) -> str | None:
+    text = re.sub(r"[_\-.\d]+", " ", text.lower())
+    return next((kind for kind, pattern in _WORDS if re.search(pattern, text)), None)

@@ -1,0 +1,60 @@
+"""A recording: the columns of one machine file (or of its parts), named by quantity, in SI, nothing reduced yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# quantity -> SI unit of its column
+QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
+              "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m"}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a file holds, before anything is decided about the test behind it."""
+
+    # the files it was read from, in order of time
+    paths: tuple[Path, ...]
+    # layout that was recognised: "mts_testsuite", "nova" or "plain"
+    vendor: str
+    # quantity (a key of QUANTITIES) -> (n,) values in SI
+    columns: Mapping[str, Array]
+    # quantity -> column name in the file
+    names: Mapping[str, str]
+    # quantity -> unit in the file
+    units: Mapping[str, str]
+    # line of the first number in the first file, counted from 1
+    first_line: int
+    # key -> value lines that stand above the table
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    # what was assumed or left out, one sentence each
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if unknown := sorted(set(self.columns) - set(QUANTITIES)):
+            raise ValueError(f"recording: quantity '{unknown[0]}' is unknown; known: {', '.join(QUANTITIES)}.")
+        columns = {}
+        for quantity, values in self.columns.items():
+            columns[quantity] = np.array(values, dtype=float)
+            columns[quantity].setflags(write=False)
+        object.__setattr__(self, "columns", columns)
+        if len({c.shape for c in columns.values()}) != 1 or not self.paths:
+            raise ValueError("recording: at least one path, and columns of one length, are needed.")
+
+    @property
+    def rows(self) -> int:
+        """Number of samples."""
+        return next(iter(self.columns.values())).size
+
+    @property
+    def label(self) -> str:
+        """Name for messages: the first file's, with the number of further parts."""
+        first, *more = self.paths
+        return f"{first.name} and {len(more)} more parts" if more else first.name
