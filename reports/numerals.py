@@ -1,0 +1,53 @@
+"""Numbers as they stand on a page: significant digits, a true minus sign, powers of ten, prefixes of units."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float, digits: int = 3) -> str:
+    """`value` to `digits` significant digits; ValueError for one that is not finite, so that none reaches a page."""
+    value = float(value)
+    if not math.isfinite(value):
+        raise ValueError(f"a report cannot print {value}: its source holds a value that is not a finite number.")
+    if value == 0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = int(exponent)
+    if -3 <= power < 5:
+        return f"{float(f'{value:.{digits - 1}e}'):.{max(digits - 1 - power, 0)}f}".replace("-", "−")
+    return f"{mantissa.replace('-', '−')} × 10{exponent_mark(power)}"
+
+
+def exponent_mark(power: int) -> str:
+    """A whole power as superscript characters."""
+    return str(power).translate(_SUPERSCRIPTS)
+
+
+def percent(fraction: float, digits: int = 2) -> str:
+    """A fraction as per cent."""
+    return f"{number(100 * fraction, digits)} %"
+
+
+def interval(lo: float, hi: float, digits: int = 3) -> str:
+    """Two ends of an interval."""
+    return f"{number(lo, digits)} to {number(hi, digits)}"
+
+
+def counted(count: int, noun: str, plural: str | None = None) -> str:
+    """ "1 scene", "2 scenes"."""
+    return f"{count} {noun if count == 1 else plural or noun + 's'}"
+
+
+def volts(values: ArrayLike) -> tuple[float, str]:
+    """Factor and unit (V, mV, µV) in which the largest of these voltages has at most three digits before its point."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    for factor, unit in ((1.0, "V"), (1e3, "mV")):
+        if largest * factor >= 1:
+            return factor, unit
+    return 1e6, "µV"

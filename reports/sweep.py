@@ -1,0 +1,170 @@
+"""The report of a data set, from the folder that `eitsim sweep` wrote."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eitsim.dataset import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_dataset
+from eitsim.scene import scene_from, scene_tables
+from matcal.errors import TestFileError
+from reports import provenance, readings, sweep_plates
+from reports.numerals import counted, number, percent
+from reports.page import Plate, Report, Table
+from reports.sweep_plates import Columns
+
+EXAMPLES = (("weakest", 0.0), ("median", 0.5), ("strongest", 1.0))
+NO_SCENE = "Not there: no scene of the set has the outcome “ok”."
+# column -> name, how it is printed
+ACCURACY = {
+    "signal_error": ("estimated relative error of the signal", percent),
+    "depth_error": ("estimated relative error of the depth", percent),
+    "skin_fraction_extrapolated": ("skin area beyond the fitted range of the conductivity", percent),
+    "cpu_s": ("CPU time (s)", number),
+}
+
+
+def report(folder: Path) -> Report:
+    """Everything that the template `sweep.typ` shows of a data set; TestFileError where the folder is none."""
+    data = read_dataset(folder)
+    solved = (data.table["outcome"] == "ok").to_numpy()
+    ok, failed = _columns(data, solved), _columns(data, ~solved)
+    tables = {"outcomes": _outcome_table(data), "design": _design_table(data.design)}
+    absent: dict[str, str] = {}
+    plates: list[Plate] = []
+    if solved.any():
+        plates = _plates(data, ok, failed, _signals(folder, data, solved))
+        tables |= {"outputs": _output_table(ok), "accuracy": _accuracy_table(ok)}
+    else:
+        absent = dict.fromkeys(("map", "inputs", "outputs", "examples", "accuracy"), NO_SCENE)
+    return Report("sweep", "Data set of touches", _subtitle(data), _footer(folder, data), _findings(data, ok), plates,
+                  tables, absent, _prose(data))
+
+
+def _columns(data: Dataset, rows: np.ndarray) -> Columns:
+    """The numeric columns of some rows, readings left aside."""
+    names = [n for n in ("scene", *TOUCH, *OUTPUTS, *ACCURACY) if n in data.table]
+    return {name: data.table[name].to_numpy(dtype=float)[rows] for name in names}
+
+
+def _signals(folder: Path, data: Dataset, rows: np.ndarray) -> readings.Array:
+    """(scenes, readings) signals dV, V."""
+    columns = sorted(name for name in data.table.columns if name.startswith("dv_"))
+    if not columns:
+        raise TestFileError(folder, "the data set has scenes that ended ok but no columns dv_000 ...; sweep again.")
+    return data.table[columns].to_numpy(dtype=float)[rows]
+
+
+def _footer(folder: Path, data: Dataset) -> dict[str, Any]:
+    files = [provenance.source(path) for path in parts(folder)]
+    sources = [provenance.source(folder / MANIFEST),
+               provenance.combined(counted(len(files), "Parquet part") + ", hash of their hashes", files)]
+    return provenance.footer(sources, provenance.seed_words(data.design.get("seed")))
+
+
+def _subtitle(data: Dataset) -> str:
+    card = data.manifest.get("card", {}).get("name")
+    return counted(len(data.table), "scene") + (f" with card “{card}”" if card else "")
+
+
+def _findings(data: Dataset, ok: Columns) -> list[str]:
+    wanted, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
+    lost = f"; {present - solved} did not, see the table of outcomes" if solved < present else ""
+    found = [f"{solved} of {counted(present, 'scene')} ended ok{lost}."]
+    if present < wanted:
+        found.append(f"The set is unfinished: the design asks for {wanted} scenes, {present} are there.")
+    if solved:
+        error, cost = ok["signal_error"], ok["cpu_s"]
+        found.append(f"The estimated relative error of the signal is {percent(float(np.median(error)))} in the median "
+                     f"scene and {percent(error.max())} in the worst.")
+        found.append(f"A scene costs {number(float(np.median(cost)))} s of CPU in the median and {number(cost.max())} "
+                     f"s at most; those that ended ok cost {number(cost.sum())} s together.")
+    return found
+
+
+def _plates(data: Dataset, ok: Columns, failed: Columns, signals: readings.Array) -> list[Plate]:
+    given = data.design["tables"]
+    tables = scene_tables(scene_from({key: given[key] for key in ("body", "electrodes") if key in given}))
+    placed = np.isfinite(failed["x_mm"]) & np.isfinite(failed["y_mm"])
+    return [sweep_plates.touch_map(ok, {name: values[placed] for name, values in failed.items()}, signals, tables),
+            sweep_plates.histograms("inputs", ok, TOUCH, "What was drawn"),
+            sweep_plates.histograms("outputs", ok, OUTPUTS, "What came out"),
+            readings.examples(_examples(ok, signals), tables["electrodes"]["count"]),
+            sweep_plates.accuracy(ok)]
+
+
+def _examples(ok: Columns, signals: readings.Array) -> dict[str, readings.Array]:
+    """Label -> signal of the scenes with the least, the median and the largest RMS."""
+    order = np.argsort(np.mean(signals**2, axis=1))
+    chosen = {}
+    for label, share in EXAMPLES:
+        row = int(order[round(share * (order.size - 1))])
+        chosen[f"scene {int(ok['scene'][row])}, {label}: d = {number(ok['d_mm'][row])} mm, "
+               f"F = {number(ok['F_N'][row])} N"] = signals[row]
+    return chosen
+
+
+def _outcome_table(data: Dataset) -> Table:
+    outcomes = [str(o) for o in data.table["outcome"]]
+    told = data.table["message"] if "message" in data.table else [""] * len(outcomes)
+    messages = [m if isinstance(m, str) else "" for m in told]
+    rows = []
+    for outcome, count in Counter(outcomes).most_common():
+        first = next((m for o, m in zip(outcomes, messages, strict=True) if o == outcome and m), "")
+        rows.append([outcome, str(count), percent(count / len(outcomes), 3), first])
+    caption = f"How the scenes ended: {counted(len(rows), 'kind')} of outcome, each with the first message given."
+    return Table(caption, ["outcome", "scenes", "share", "first message"], rows, "lrrw")
+
+
+def _design_table(design: Mapping[str, Any]) -> Table:
+    rows = [[key, str(design[key])] for key in ("scenes", "seed", "sampler")]
+    drawn = 0
+    for name, value in design["tables"].items():
+        for i, table in enumerate(value if isinstance(value, list) else [value]):
+            where = f"{name} {i + 1}" if isinstance(value, list) and len(value) > 1 else name
+            for key, cell in table.items():
+                drawn += isinstance(cell, list | dict)
+                rows.append([f"{where}.{key}", _law(cell)])
+    caption = f"The design: {counted(drawn, 'quantity', 'quantities')} given as a range or distribution."
+    return Table(caption, ["key", "value"], rows, "lw")
+
+
+def _law(cell: Any) -> str:
+    """A scalar, range, choice or distribution of a design in words."""
+    if isinstance(cell, list):
+        return f"uniform from {cell[0]:g} to {cell[1]:g}"
+    if isinstance(cell, Mapping) and "choice" in cell:
+        return "one of " + ", ".join(str(c) for c in cell["choice"])
+    if isinstance(cell, Mapping):
+        return f"{cell['dist']}, mean {cell['mean']:g}, standard deviation {cell['sd']:g}"
+    return str(cell)
+
+
+def _output_table(ok: Columns) -> Table:
+    rows = [[sweep_plates.axis_label(name), *(number(v, 4) for v in np.quantile(ok[name], [0, 0.25, 0.5, 0.75, 1]))]
+            for name in (*TOUCH, *OUTPUTS)]
+    caption = (f"Ranges of the touch and of its mechanical outputs over the {counted(ok['scene'].size, 'scene')} that "
+               f"ended ok; depths reach {number(ok['delta_max_mm'].max())} mm.")
+    head = ["quantity", "least", "lower quartile", "median", "upper quartile", "largest"]
+    return Table(caption, head, rows, "wrrrrr")
+
+
+def _accuracy_table(ok: Columns) -> Table:
+    rows = [[label, *(printed(v) for v in np.quantile(ok[name], [0.5, 0.95, 1]))]
+            for name, (label, printed) in ACCURACY.items() if name in ok]
+    caption = (f"Error and cost of a scene: 95 % of the scenes have an estimated signal error below "
+               f"{percent(float(np.quantile(ok['signal_error'], 0.95)))}.")
+    return Table(caption, ["quantity", "median", "95 % below", "largest"], rows, "wrrr")
+
+
+def _prose(data: Dataset) -> dict[str, Any]:
+    prose: dict[str, Any] = {}
+    if card := data.manifest.get("card"):
+        prose["card"] = f"Card “{card['name']}”, sha256 of its material parts {card['sha256']}."
+    if versions := data.manifest.get("versions"):
+        prose["versions"] = f"Computed with {provenance.version_lines(versions)}."
+    return prose

@@ -1,0 +1,178 @@
+"""The report of one touch, from the `result.json` of `eitsim run`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from matcal.errors import TestFileError
+from reports import provenance, readings, touch_plates
+from reports.numerals import counted, number, percent
+from reports.page import Plate, Report, Table
+
+# key of a result -> what it is called, its unit
+MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of the punch face", "mm"),
+             "sigma_max_kPa": ("Peak contact pressure, facet average", "kPa"),
+             "sigma_ave_kPa": ("Mean contact pressure, force over contact area", "kPa"),
+             "A_c_mm2": ("Contact area on the punch face", "mm²"),
+             "wall_contact_mm2": ("Contact area on the wall of the hole", "mm²")}
+NO_VOLTAGES = "No voltages: the result holds no readings, since its outcome is \"{outcome}\"."
+
+
+def report(path: Path) -> Report:
+    """Everything that the template `touch.typ` shows of a result; TestFileError where the file is none."""
+    result = read_result(path)
+    absent: dict[str, str] = {}
+    plates = _plates(result, absent)
+    tables = {"plan": _plan_table(result["plan"])}
+    if "delta_max_mm" in result:
+        tables["mechanics"] = _mechanics_table(result)
+    else:
+        absent["mechanics"] = f"No mechanical outputs: the outcome is \"{result['outcome']}\"."
+    if "scene" in result:
+        tables["scene"] = _scene_table(result["scene"])
+    else:
+        absent["scene"] = "The result does not hold its scene."
+    tables["quality"] = _quality_table(result)
+    footer = provenance.footer([provenance.source(path)], "no seed: nothing is drawn")
+    return Report("touch", "Touch simulation", _subtitle(result), footer, _findings(result), plates, tables, absent,
+                  _prose(result))
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """A result as its JSON object; TestFileError where it is not one."""
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise TestFileError(path, f"not JSON: {error}. A result is what `eitsim run --out` writes.") from None
+    if not isinstance(result, dict) or not {"outcome", "plan", "cost"} <= result.keys():
+        raise TestFileError(path, "not a result of `eitsim run`: it needs the keys outcome, plan and cost. Give the "
+                                  "file that `eitsim run --out` wrote, or the folder of a sweep.")
+    return result
+
+
+def _subtitle(result: Mapping[str, Any]) -> str:
+    card = result.get("card", {}).get("name")
+    return (f"Card “{card}”, " if card else "") + f"outcome: {result['outcome']}"
+
+
+def touches(result: Mapping[str, Any], key: str) -> list[float]:
+    """The values of a mechanical output, one a touch."""
+    value = result[key]
+    return list(value) if isinstance(value, list) else [value]
+
+
+def _findings(result: Mapping[str, Any]) -> list[str]:
+    found = [] if result["outcome"] == "ok" else [f"Outcome {result['outcome']}: {result.get('message', '')}".strip()]
+    if "delta_max_mm" in result:
+        depths, forces = touches(result, "delta_max_mm"), touches(result, "force_N")
+        peaks = touches(result, "sigma_max_kPa")
+        found += [f"{number(force)} N presses the punch {number(depth, 4)} mm deep; the peak contact pressure is "
+                  f"{number(peak)} kPa." for force, depth, peak in zip(forces, depths, peaks, strict=True)]
+    if "readings_V" in result:
+        touched, baseline = _voltages(result)
+        found.append(f"Of {touched.size} readings: {readings.size_words(touched - baseline, baseline)}.")
+    if "error_estimate" in result:
+        error = result["error_estimate"]
+        found.append(f"Estimated relative error: {percent(error['signal'])} of the signal, {percent(error['depth'])} "
+                     f"of the depth; cost {number(result['cost']['cpu_s'])} s of CPU.")
+    return found
+
+
+def _voltages(result: Mapping[str, Any]) -> tuple[readings.Array, readings.Array]:
+    return np.array(result["readings_V"], dtype=float), np.array(result["baseline_V"], dtype=float)
+
+
+def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
+    plates = []
+    if "scene" in result:
+        plates.append(touch_plates.scene(result["scene"]))
+    if profiles := result.get("profile", []):
+        plates += [touch_plates.profile(block, i, len(profiles)) for i, block in enumerate(profiles)]
+    else:
+        absent["profile"] = "No surface profile: the result holds none."
+    if "readings_V" in result:
+        touched, baseline = _voltages(result)
+        plates += [readings.curves(touched, baseline), readings.signal_map(touched, baseline)]
+    else:
+        absent["readings"] = NO_VOLTAGES.format(outcome=result["outcome"])
+    return plates
+
+
+def _mechanics_table(result: Mapping[str, Any]) -> Table:
+    columns = {key: touches(result, key) for key in MECHANICS if key in result}
+    count = len(next(iter(columns.values())))
+    rows = [[MECHANICS[key][0], MECHANICS[key][1], *(number(v, 4) for v in values)] for key, values in columns.items()]
+    heads = ["value"] if count == 1 else [f"touch {i + 1}" for i in range(count)]
+    pairs = zip(columns["sigma_max_kPa"], columns["sigma_ave_kPa"], strict=True)
+    ratios = [peak / mean for peak, mean in pairs if mean]
+    caption = f"The mechanical outputs; the peak pressure is {', '.join(number(r) for r in ratios)} times the mean."
+    return Table(caption, ["output", "unit", *heads], rows, "wl" + "r" * count)
+
+
+def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
+    rows = [[d["decision"], d["reason"], percent(d["error_bound"]) if d["error_bound"] else "–"] for d in plan]
+    total = sum(d["error_bound"] for d in plan)
+    largest = max(plan, key=lambda d: d["error_bound"], default=None)
+    caption = (f"What the plan decided: {counted(len(plan), 'decision')} that may together cost {percent(total)} of "
+               "the signal")
+    if largest is not None and largest["error_bound"] > 0:
+        caption += f", most of it by “{largest['decision']}”"
+    return Table(caption + ". A dash: no cost is counted.", ["decision", "reason", "may cost"], rows, "wwr")
+
+
+def _scene_table(scene: Mapping[str, Any]) -> Table:
+    rows = []
+    for table, value in scene.items():
+        for i, block in enumerate(value if isinstance(value, list) else [value]):
+            name = f"{table} {i + 1}" if isinstance(value, list) and len(value) > 1 else table
+            rows.append([name, ", ".join(f"{key} = {_cell(v)}" for key, v in block.items())])
+    return Table(f"The scene in full, defaults filled in: {counted(len(rows), 'table')} with units in their keys.",
+                 ["table", "keys"], rows, "lw")
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(_cell(v) for v in value) + "]"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value).lower() if isinstance(value, bool) else str(value)
+    return f"{value:.10g}"
+
+
+def _quality_table(result: Mapping[str, Any]) -> Table:
+    rows = []
+    for key, value in result.get("error_estimate", {}).items():
+        rows.append([f"estimated relative error of the {key}", percent(value)])
+    stability = result.get("stability", {})
+    if "fraction_non_elliptic" in stability:
+        rows.append(["quadrature points where strong ellipticity is lost", percent(stability["fraction_non_elliptic"])])
+    if "skin_fraction_extrapolated" in stability:
+        rows.append(["skin area strained beyond the fitted range of the conductivity",
+                     percent(stability["skin_fraction_extrapolated"])])
+    names = {"cpu_s": ("CPU time", "s"), "wall_s": ("wall time", "s"), "peak_MB": ("peak memory of the process", "MB")}
+    cost = result["cost"]
+    rows += [[name, f"{number(cost[key])} {unit}"] for key, (name, unit) in names.items() if key in cost]
+    return Table(_quality_caption(stability), ["quantity", "value"], rows, "wr")
+
+
+def _quality_caption(stability: Mapping[str, Any]) -> str:
+    if "elliptic" not in stability:
+        return "Error, stability and cost, as far as the run reached."
+    held = ("Strong ellipticity holds everywhere" if stability["elliptic"] else
+            f"Strong ellipticity is lost at {percent(stability['fraction_non_elliptic'])} of the quadrature points")
+    beyond = stability.get("skin_fraction_extrapolated", 0.0)
+    return held + (f"; {percent(beyond)} of the skin is strained beyond the range in which the conductivity was "
+                   "measured." if beyond else "; the whole skin stays in the range of the conductivity fit.")
+
+
+def _prose(result: Mapping[str, Any]) -> dict[str, str | Sequence[str]]:
+    prose: dict[str, str | Sequence[str]] = {}
+    if card := result.get("card"):
+        prose["card"] = f"Card “{card['name']}”, sha256 of its material parts {card['sha256']}."
+    if versions := result.get("versions"):
+        prose["versions"] = f"Computed with {provenance.version_lines(versions)}."
+    return prose

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import pandas as pd
+import pytest
+from pypdf import PdfReader
+from pypdf.generic import DictionaryObject
+
+from reports import provenance, style
+from reports.page import Plate, Report, Table, write_pdf
+
+Reader = Callable[[Path], Any]
+
+
+def plate(name: str, x: str = "Time (s)") -> Plate:
+    with style.house():
+        figure = style.sheet(40)
+        axes = figure.subplots()
+        axes.plot([0, 1], [2, -3])
+        style.label(axes, x, "Force (N)")
+    return Plate(name, figure, "It falls by 5 N.", {name: pd.DataFrame({"t_s": [0, 1], "F_N": [2, -3]})})
+
+
+def make_report(tmp_path: Path, *plates: Plate, **changes: Any) -> Report:
+    source = tmp_path / "input.json"
+    source.write_text("{}")
+    footer = provenance.footer([provenance.source(source)], provenance.seed_words(11))
+    return replace(Report("touch", "Title", "Subtitle", footer, ["A finding."], plates,
+                          absent={"readings": "No voltages here."}), **changes)
+
+
+def render(report: Report, out: Path) -> None:
+    with style.house():
+        write_pdf(report, out)
+
+
+def test_every_font_is_embedded_and_the_page_is_a4(tmp_path: Path) -> None:
+    out = tmp_path / "a.pdf"
+    render(make_report(tmp_path, plate("scene")), out)
+    reader = PdfReader(out)
+    assert [round(float(v)) for v in reader.pages[0].mediabox[2:]] == [595, 842]
+    objects = [reader.get_object(i) for i in range(1, int(str(reader.trailer["/Size"])))]
+    dictionaries = [o for o in objects if isinstance(o, DictionaryObject)]
+    fonts = [o for o in dictionaries if o.get("/Type") == "/Font" and o.get("/Subtype") != "/Type0"]
+    names = " ".join(str(font["/BaseFont"]) for font in fonts)
+    assert "STIXGeneral-Regular" in names
+    assert "LibertinusSerif-Regular" in names
+    for font in fonts:
+        descriptor = font["/FontDescriptor"]
+        assert isinstance(descriptor, DictionaryObject)
+        assert {"/FontFile", "/FontFile2", "/FontFile3"} & descriptor.keys()
+
+
+def test_strings_are_text_and_never_markup(tmp_path: Path, read_pdf: Reader) -> None:
+    out, sharp = tmp_path / "a.pdf", "#panic() $x^2$ *bold* _it_ \\ [a] `b` <c> @d"
+    render(make_report(tmp_path, findings=[sharp], title=sharp), out)
+    assert read_pdf(out).whole.count(sharp) == 2
+
+
+def test_footer_carries_hash_seed_commit_and_machine_on_every_page(tmp_path: Path, read_pdf: Reader) -> None:
+    out = tmp_path / "a.pdf"
+    table = Table("Many rows.", ["a"], [["x"]] * 120, "w")
+    report = make_report(tmp_path, tables={"plan": table})
+    render(report, out)
+    pages = read_pdf(out).pages
+    assert len(pages) > 1
+    for page in pages:
+        line = " ".join(page.split())
+        assert report.footer["inputs"][0]["sha256"][:16] in line
+        assert "seed 11" in line
+        assert "commit" in line
+        assert "core" in line
+
+
+def test_what_is_absent_is_said(tmp_path: Path, read_pdf: Reader) -> None:
+    render(make_report(tmp_path), tmp_path / "a.pdf")
+    assert "No voltages here." in read_pdf(tmp_path / "a.pdf").whole
+
+
+def test_figures_lie_beside_the_page_and_old_ones_go(tmp_path: Path) -> None:
+    out, beside = tmp_path / "a.pdf", tmp_path / "a_files"
+    render(make_report(tmp_path, plate("scene"), plate("readings")), out)
+    (beside / "mine.csv").write_text("kept\n")
+    render(make_report(tmp_path, plate("scene")), out)
+    assert sorted(p.name for p in beside.iterdir()) == ["contents.json", "mine.csv", "scene.csv", "scene.svg"]
+    assert (beside / "scene.csv").read_text() == "t_s,F_N\n0,2\n1,-3\n"
+    assert json.loads((beside / "contents.json").read_text())["files"] == ["scene.svg", "scene.csv"]
+
+
+def test_errors_name_what_was_wrong(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="does not exist"):
+        render(make_report(tmp_path), tmp_path / "nowhere" / "a.pdf")
+    with pytest.raises(RuntimeError, match=r"template touch\.typ .*software"):
+        render(make_report(tmp_path, footer={"inputs": []}), tmp_path / "a.pdf")
+    assert not (tmp_path / "a.pdf").exists()
+    with pytest.raises(ValueError, match="'Time' has no unit"):
+        plate("scene", "Time")
+    with pytest.raises(ValueError, match="one width"):
+        Table("Two heads, one column.", ["a", "b"], [["x"]], "l")
+
+
+def test_a_character_without_a_glyph_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(UserWarning, match="missing"):
+        render(make_report(tmp_path, plate("scene", "温度 (K)")), tmp_path / "a.pdf")
+
+
+def test_the_house_style_leaves_no_trace() -> None:
+    before = dict(matplotlib.rcParams)
+    with style.house():
+        assert dict(matplotlib.rcParams) != before
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_reports_leave_pyplot_alone() -> None:
+    code = ("import sys, reports.simulation; "
+            "sys.exit(any(m in sys.modules for m in ('matplotlib.pyplot', 'torch', 'emcee', 'arviz', 'skfem')))")
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_one_hash_for_many_files_depends_on_names_and_bytes_only(tmp_path: Path) -> None:
+    for name, text in (("a", "1"), ("b", "2")):
+        (tmp_path / name).write_text(text)
+    first, second = provenance.source(tmp_path / "a"), provenance.source(tmp_path / "b")
+    assert first.sha256 == "6b86b273ff34fce19d6b804eff5a3f5747ada4eaa22f1d49c01e52ddb7875b4b"
+    assert provenance.combined("x", [first, second]) == provenance.combined("x", [second, first])
+    assert provenance.combined("x", [first]).sha256 != provenance.combined("x", [second]).sha256
