@@ -1,0 +1,84 @@
+"""The coated surface as a conducting sheet: from the stretches of a touch to its conductance on the reference disc."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+
+from eitsim.results import Touch
+from eitsim.scene import STRAINS, Body, Punch, Skin
+from matcal.conductivity import Conductivity, coating_thickness, conductivity
+
+Array = NDArray[np.float64]
+
+# Strains closer than this to the fitted range count as inside it: far from a touch they are rounding around zero.
+NEAR_RANGE = 1e-4
+
+
+def driving_strain(strain: str, stretch_1: ArrayLike, stretch_2: ArrayLike, stretch_normal: ArrayLike) -> Array:
+    """Strain e that drives c(e): normal l_n - 1, principal max(l_1, l_2) - 1 or areal l_1 l_2 - 1; ValueError else."""
+    first, second = np.asarray(stretch_1, dtype=float), np.asarray(stretch_2, dtype=float)
+    if strain == "normal":
+        return np.asarray(stretch_normal, dtype=float) - 1
+    if strain == "principal":
+        return np.maximum(first, second) - 1
+    if strain == "areal":
+        return first * second - 1
+    raise ValueError(f"strain in [skin]: '{strain}' is unknown; known: {', '.join(STRAINS)}.")
+
+
+def principal_conductances(law: Conductivity, skin: Skin, stretch_1: ArrayLike, stretch_2: ArrayLike,
+                           stretch_normal: ArrayLike) -> tuple[Array, Array]:
+    """Sheet conductances, S, along both in-plane principal stretches: c t J_s C_s^-1 = c t (l_2/l_1, l_1/l_2).
+
+    ValueError where c(e) is not positive.
+    """
+    first, second = np.asarray(stretch_1, dtype=float), np.asarray(stretch_2, dtype=float)
+    sheet = conductivity(law, driving_strain(skin.strain, first, second, stretch_normal))
+    sheet = sheet * coating_thickness(skin.thickness_m, first * second)
+    return sheet * second / first, sheet * first / second
+
+
+def untouched_conductance(law: Conductivity, skin: Skin) -> float:
+    """Sheet conductance, S, of the skin at rest."""
+    return float(principal_conductances(law, skin, 1.0, 1.0, 1.0)[0])
+
+
+def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> Array:
+    """Conductance tensor (..., 2, 2), S, at points (..., 2) of the reference disc, axisymmetric about the punch."""
+    offset = points_m - np.array([punch.x_m, punch.y_m])
+    radius = np.hypot(offset[..., 0], offset[..., 1])
+    normal = np.where(radius[..., None] > 0, offset / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
+    meridian, hoop = principal_conductances(law, skin, *stretches(touch, radius))
+    radial = normal[..., :, None] * normal[..., None, :]
+    return hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * radial
+
+
+def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:
+    """Stretches (meridian, hoop, normal) at any radii: monotone cubics between the samples, so that an edge neither
+    overshoots nor turns negative; 1 beyond the last sample."""
+    samples = np.column_stack([touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal])
+    values = PchipInterpolator(touch.radius_m, samples)(np.minimum(radius_m, touch.radius_m[-1]))
+    values = np.where(np.asarray(radius_m)[..., None] > touch.radius_m[-1], 1.0, values)
+    return values[..., 0], values[..., 1], values[..., 2]
+
+
+def extrapolated_fraction(body: Body, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> float:
+    """Fraction of the disc whose driving strain lies outside the fitted range by more than NEAR_RANGE."""
+    edges = np.union1d(np.linspace(0, touch.radius_m[-1], 4001), touch.radius_m)
+    radius, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
+    strain = driving_strain(skin.strain, *stretches(touch, radius))
+    far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
+    area = _angle_inside(radius, math.hypot(punch.x_m, punch.y_m), body.radius_m) * radius * width
+    return float(np.sum(area[far]) / (np.pi * body.radius_m**2))
+
+
+def _angle_inside(radius: Array, distance: float, disc: float) -> Array:
+    """Angle, rad, of circles about a point at some distance from the centre of a disc that lies inside the disc."""
+    if distance == 0:
+        return np.where(radius <= disc, 2 * np.pi, 0.0)
+    cosine = (radius**2 + distance**2 - disc**2) / (2 * radius * distance)
+    return 2 * np.pi - 2 * np.arccos(np.clip(-cosine, -1, 1))

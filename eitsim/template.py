@@ -1,0 +1,133 @@
+"""A mesh that follows the touch: rings of curved quadratic quadrilaterals about the punch that widen into the rim."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.cem import SkinMesh
+from eitsim.electrodes import arcs
+from eitsim.results import Touch
+from eitsim.scene import Body, Electrodes, Punch
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+# Edges along the rim under an electrode and between two of them, on level 1.
+_UNDER, _BETWEEN = 1, 2
+# Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
+_CENTRED = 0.5
+# Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
+# and how much wider they get per unit of distance from there.
+_AT_CONTACT, _AT_RIM, _GROWTH = 0.8, 0.2, 1.0
+# Lines of the contact closer than this share of the fillet radius are one line.
+_SAME_LINE = 0.2
+
+
+def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1) -> SkinMesh:
+    """Mesh of the disc with lines at the edge of the punch, the start of its fillet and the end of contact.
+
+    Ring (c, r) has its centre between the punch and the disc's centre and its nodes at c + r (cos, sin) of one set of
+    angles, so that the rim's nodes fall on the ends of the electrodes. A level halves all widths and angles.
+    ValueError where the punch overhangs the rim.
+    """
+    offset = math.hypot(punch.x_m, punch.y_m)
+    gap = body.radius_m - offset - max(punch.diameter_m / 2, touch.contact_radius_m)
+    if gap <= 0:
+        raise ValueError(f"the contact reaches {-gap * 1e3:.1f} mm beyond the rim of the disc; move the punch inwards.")
+    angles, electrode = rim_angles(body, electrodes, level)
+    inner = _centred_radii(punch, touch, gap, level)
+    blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * electrodes.width_m / level)
+    radii = np.concatenate([inner, inner[-1] + blend * (body.radius_m - inner[-1])])
+    shift = np.concatenate([np.ones(len(inner)), 1 - blend])
+    return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count)
+
+
+def rim_angles(body: Body, electrodes: Electrodes, level: int = 1) -> tuple[Array, Indices]:
+    """Angles (m,), rad, of the nodes on the rim and the electrode (m,) that follows each; -1 in a gap.
+
+    Spacing halves towards the ends of the electrodes, where the current density is singular.
+    """
+    ends = arcs(body, electrodes)
+    following = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi)
+    angles, electrode = [], []
+    for k, (start, stop) in enumerate(ends):
+        angles += [start + (stop - start) * _graded(_UNDER * level), stop + (following[k] - stop) * _graded(
+            _BETWEEN * level)]
+        electrode += [k] * (_UNDER * level) + [-1] * (_BETWEEN * level)
+    return np.concatenate(angles), np.array(electrode)
+
+
+def ring_mesh(radii_m: Array, centres_m: Array, angles_rad: Array, electrode: Indices, count: int) -> SkinMesh:
+    """Q2 mesh of rings: vertices at centre + radius (cos, sin) of each angle; the first radius is 0, a point.
+
+    Middle nodes take the mean radius, centre and angle. Sizes: radii (r,), centres (r, 2), angles and electrode (m,).
+    """
+    sectors, rings = len(angles_rad), len(radii_m) - 1
+    following = np.append(angles_rad[1:], angles_rad[0] + 2 * np.pi)
+    angle = np.column_stack([angles_rad, (angles_rad + following) / 2]).ravel()
+    radius, centre = _with_middles(radii_m)[1:], _with_middles(centres_m)[1:]
+    spoke = np.column_stack([np.cos(angle), np.sin(angle)])
+    nodes = centre[:, None] + radius[:, None, None] * spoke
+    cells, edges = _topology(rings, sectors)
+    under = np.flatnonzero(electrode >= 0)
+    nodes = np.vstack([centres_m[:1], nodes.reshape(-1, 2)])
+    return SkinMesh(nodes, cells, edges[under], electrode[under], count, "Q2")
+
+
+def _topology(rings: int, sectors: int) -> tuple[Indices, Indices]:
+    """Cells (rings sectors, 9) and rim edges (sectors, 3) of the ring mesh."""
+    number = np.arange(2 * rings * 2 * sectors).reshape(2 * rings, 2 * sectors) + 1
+    number = np.vstack([np.zeros((1, 2 * sectors), dtype=int), number])
+    number = np.hstack([number, number[:, :1]])
+    corners = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+    cells = [number[i: i + 2 * rings - 1: 2, j: j + 2 * sectors - 1: 2].ravel() for i, j in corners]
+    rim = number[-1]
+    return np.column_stack(cells), np.column_stack([rim[:-1:2], rim[2::2], rim[1::2]])
+
+
+def _centred_radii(punch: Punch, touch: Touch, gap: float, level: int) -> Array:
+    """Radii from 0 over the lines of the contact to the last ring that is centred on the punch."""
+    edge, same = punch.diameter_m / 2, _SAME_LINE * punch.fillet_m
+    marks = [edge - punch.fillet_m, edge, touch.contact_radius_m]
+    marks = [m for i, m in enumerate(marks) if m > same and all(abs(m - other) > same for other in marks[:i])]
+    stops = [0.0, *sorted(marks), max(marks) + _CENTRED * gap]
+
+    def width(radius: Array) -> Array:
+        nearest = np.min(np.abs(radius[:, None] - np.array(marks)), axis=1)
+        return (_AT_CONTACT * punch.fillet_m + _GROWTH * nearest) / level
+
+    pieces = [_spread(a, b, width) for a, b in itertools.pairwise(stops)]
+    return np.concatenate([[0.0], *pieces])
+
+
+def _blend(distance: float, first: float, last: float) -> Array:
+    """Fractions of the way to the rim, from ring width `first` to `last`, both ends growing inwards."""
+    def width(way: Array) -> Array:
+        return np.minimum(first + _GROWTH / 4 * way, last + _GROWTH / 4 * (distance - way))
+
+    return _spread(0.0, distance, width) / distance
+
+
+def _spread(start: float, stop: float, width: Callable[[Array], Array]) -> Array:
+    """Points after start, up to stop, spaced in proportion to a width and at most as wide."""
+    x = np.linspace(start, stop, 513)
+    steps = np.concatenate([[0.0], np.cumsum(np.diff(x) / width((x[1:] + x[:-1]) / 2))])
+    count = math.ceil(steps[-1] - 1e-9)
+    return np.interp(np.linspace(0, steps[-1], count + 1)[1:], steps, x)
+
+
+def _with_middles(values: Array) -> Array:
+    out = np.repeat(values, 2, axis=0)[:-1]
+    out[1::2] = (values[1:] + values[:-1]) / 2
+    return out
+
+
+def _graded(count: int) -> Array:
+    """Points in [0, 1), finer at both ends."""
+    t = np.linspace(0, 1, count + 1)[:-1]
+    return (t + (1 - np.cos(np.pi * t)) / 2) / 2
