@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from eitsim.axisymmetric import solve_touch
+from eitsim.electrics import solve
 from eitsim.plan import make_plan
-from eitsim.readings import solve_readings
 from eitsim.results import Plan, Readings, Result, Touch
 from eitsim.scene import Scene
 from matcal.card import MaterialCard, require, with_moduli
@@ -19,6 +19,8 @@ from matcal.errors import NotConverged
 
 # Depth over thickness from which a touch counts as bottomed out.
 BOTTOM = 0.95
+# Part of the wanted signal error that the electrics may use up.
+ELECTRICS_SHARE = 0.2
 
 
 def simulate(scene: Scene, card: MaterialCard) -> Result:
@@ -37,7 +39,9 @@ def simulate(scene: Scene, card: MaterialCard) -> Result:
     except NotConverged as error:
         return Result("not_converged", plan, message=str(error), cost=_cost(wall, cpu))
     deepest = max(touch.depth_m for touch in touches)
-    readings = solve_readings(scene, touches, skin_law)
+    readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive,
+                     tuple(zip(scene.punches, touches, strict=True)), skin_law,
+                     signal=ELECTRICS_SHARE * scene.accuracy.signal)
     outcome, message = "ok", ""
     if deepest > BOTTOM * scene.body.thickness_m:
         outcome = "bottomed_out"
