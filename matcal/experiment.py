@@ -29,6 +29,9 @@ class Experiment:
     source: tuple[str, ...] = ()
     # standard deviation of the noise of `value`, same unit, estimated from the record; None where it cannot be
     noise: float | None = None
+    # (n,) raw samples averaged into each value, where these differ: `noise` is then that of one sample and value k has
+    # noise/sqrt(samples[k]); None where every value has the same noise
+    samples: Array | None = None
     # every correction applied and decision taken, one sentence each, in order
     decisions: tuple[str, ...] = ()
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
@@ -37,11 +40,12 @@ class Experiment:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"experiment kind '{self.kind}' is unknown; known: {', '.join(KINDS)}.")
-        for name in ("strain", "value", "time_s"):
+        for name in ("strain", "value", "time_s", "samples"):
             if (value := getattr(self, name)) is not None:
                 value = np.array(value, dtype=float)
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
-        sizes = {self.strain.size, self.value.size} | ({self.time_s.size} if self.time_s is not None else set())
+        sizes = {self.strain.size, self.value.size, *(a.size for a in (self.time_s, self.samples) if a is not None)}
         if len(sizes) != 1 or self.strain.ndim != 1:
-            raise ValueError(f"experiment '{self.kind}': strain, value and time must have one length, got {sizes}.")
+            raise ValueError(f"experiment '{self.kind}': strain, value, time_s and samples must have one length, "
+                             f"got {sizes}.")

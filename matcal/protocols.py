@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from matcal.errors import TestFileError
@@ -10,36 +11,87 @@ from matcal.experiment import Experiment
 from matcal.kinds import decide_kind
 from matcal.readers.detect import read
 from matcal.readers.recording import Recording
+from matcal.specimen import Block, Strip, read_specimen
+from matcal.tables import reduce_table
 
 # kinds that have a protocol
-REDUCED = ("uniaxial", "shear")
+REDUCED = ("uniaxial", "shear", "relaxation")
 
 
 def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]],
                  specimen: Path | None = None) -> list[Experiment]:
     """One experiment an input, each input being (kind or None, files); every decision is a sentence in its `decisions`.
 
-    Raises TestFileError for a file that cannot be used and ValueError for an unknown kind.
+    The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
+    parts of a split export (these may also be inputs of their own: they are read once). Raises TestFileError for a
+    file that cannot be used and ValueError for a kind that is unknown or has no protocol.
     """
-    return [_reduce(kind, [read(path) for path in paths]) for kind, paths in inputs]
+    out: list[Experiment] = []
+    seen: set[tuple[Path, ...]] = set()
+    for kind, paths in inputs:
+        recordings = _recordings(paths)
+        key = tuple(path.resolve() for recording in recordings for path in recording.paths)
+        if len(key) > len(paths) and key in seen:
+            continue
+        seen.add(key)
+        out.append(_reduce(kind, recordings, specimen))
+    return out
 
 
-def _reduce(explicit: str | None, recordings: list[Recording]) -> Experiment:
-    kind, why = decide_kind(explicit, recordings[0])
+def _recordings(paths: tuple[Path, ...]) -> list[Recording]:
+    """The recordings of one test, a split export counted once."""
+    out: list[Recording] = []
+    for path in paths:
+        if not any(Path(path).resolve() == part.resolve() for recording in out for part in recording.paths):
+            out.append(read(path))
+    return out
+
+
+def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | None) -> Experiment:
+    first = recordings[0]
+    kind, why = decide_kind(explicit, first)
     if kind not in REDUCED:
-        raise ValueError(f"{recordings[0].label}: reducing {kind} tests is not built yet; built: {', '.join(REDUCED)}.")
-    return reduce_plain(kind, recordings[0], (why,))
+        raise ValueError(f"{first.label}: reducing {kind} tests is not built yet; built: {', '.join(REDUCED)}.")
+    if len(recordings) > (2 if kind == "conductivity" else 1):
+        raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
+                         f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give replicates apart.")
+    if len(recordings) == 1 and _is_reduced(first):
+        return _said(reduce_table(kind, first), why)
+    sizes, where = _specimen_of(kind, first, specimen)
+    return _said(_by_protocol(kind, recordings, sizes), why, where)
 
 
-def reduce_plain(kind: str, recording: Recording, decisions: tuple[str, ...] = ()) -> Experiment:
-    """A table of strain (or stretch) and nominal stress as it stands; TestFileError where either is missing."""
-    columns = dict(recording.columns)
-    decisions += recording.notes
-    if "stretch" in columns and "strain" not in columns:
-        columns["strain"] = columns["stretch"] - 1
-        decisions += (f"column '{recording.names['stretch']}' is the stretch: strain = stretch - 1.",)
-    if missing := [q for q in ("strain", "stress") if q not in columns]:
-        raise TestFileError(recording.paths[0], f"no {missing[0]} column; found: "
-                                                f"{', '.join(recording.names.values())}.", line=recording.first_line)
-    return Experiment(kind=kind, strain=columns["strain"], value=columns["stress"],
-                      time_s=columns.get("time"), source=tuple(p.name for p in recording.paths), decisions=decisions)
+def _is_reduced(recording: Recording) -> bool:
+    return bool({"stress", "conductivity"} & set(recording.columns))
+
+
+def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip) -> Experiment:
+    if isinstance(sizes, Strip):
+        from matcal.stretching import reduce_stretch
+
+        return reduce_stretch(recordings, sizes)
+    if kind == "relaxation":
+        from matcal.relaxing import reduce_relaxation
+
+        return reduce_relaxation(recordings[0], sizes)
+    from matcal.quasistatic import reduce_quasistatic
+
+    return reduce_quasistatic(kind, recordings[0], sizes)
+
+
+def _specimen_of(kind: str, recording: Recording, specimen: Path | None) -> tuple[Block | Strip, str]:
+    """Sizes for `kind` from `specimen`, else a TOML of the file's name, else specimen.toml beside it; and which."""
+    path = recording.paths[0]
+    candidates = [specimen] if specimen else [path.with_suffix(".toml"), path.parent / "specimen.toml"]
+    for candidate in candidates:
+        if candidate == specimen or candidate.exists():
+            sizes = read_specimen(candidate)
+            if kind in sizes:
+                return sizes[kind], f"Specimen from [{kind}] of {candidate.name}."
+    looked = " or ".join(str(candidate) for candidate in candidates)
+    raise TestFileError(path, f"displacement and force need the specimen's size: no table [{kind}] in {looked}. "
+                              "Give --specimen specimen.toml.")
+
+
+def _said(experiment: Experiment, *sentences: str) -> Experiment:
+    return replace(experiment, decisions=(*sentences, *experiment.decisions))

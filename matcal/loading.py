@@ -1,0 +1,155 @@
+"""A load frame's record of a block of foam, corrected: zero, drift, compliance, contact; then strain and stress."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.contact import Contact, find_contact
+from matcal.errors import TestFileError
+from matcal.readers.recording import Recording
+from matcal.specimen import Block
+from matcal.stroke import Stroke, find_stroke
+from matcal.thinning import block_means, sample_noise
+
+Array = NDArray[np.float64]
+
+# fewer samples than this before contact do not make a zero
+_ENOUGH = 20
+_SIGNS = {"compression": -1.0, "tension": 1.0}
+_DIRECTION_WORDS = {"compression": r"compress", "tension": r"tension|tensile|stretch"}
+
+
+@dataclass(frozen=True)
+class Loading:
+    """The corrected record from contact on, signs as in `Experiment`."""
+
+    # (n,) time since contact, s; None where the file has no clock
+    time_s: Array | None
+    # (n,) nominal strain, compression negative
+    strain: Array
+    # (n,) nominal stress, Pa, compression negative
+    stress_Pa: Array
+    # index of the first sample at the end of the loading
+    end: int
+    # standard deviation of the noise of one sample of stress, Pa
+    noise_Pa: float
+    # sentences and numbers of the reduction
+    decisions: tuple[str, ...]
+    facts: Mapping[str, float]
+
+
+def correct(kind: str, recording: Recording, block: Block) -> Loading:
+    """Strain and stress of a block from displacement, force and time; TestFileError where a column is missing,
+    nothing moves, or nothing tells compression from tension."""
+    path, columns = recording.paths[0], recording.columns
+    if missing := [q for q in ("displacement", "force") if q not in columns]:
+        raise TestFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}.")
+    try:
+        stroke = find_stroke(columns["displacement"])
+    except ValueError as error:
+        raise TestFileError(path, f"{error}, so there is no test in it.") from None
+    force = columns["force"]
+    noise = sample_noise(force)
+    load_sign = 1.0 if force[stroke.end] > np.median(force[:max(stroke.start, 1)]) else -1.0
+    notes = [_start_sentence(recording, stroke)]
+    load, drift = _without_drift(stroke, load_sign * force, columns.get("time"), block, noise, notes)
+    contact, moved = _contact(stroke, load, block, noise, notes)
+    sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
+    first = int(np.argmax(moved >= contact.travel_m))
+    facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
+             "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
+             "strain_zero_sd": contact.sd_m / block.length_m,
+             "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
+    if why:
+        notes.append(why)
+    if block.compliance_m_per_N:
+        notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
+    time = columns.get("time")
+    return Loading(time_s=None if time is None else time[first:] - _contact_time(time, moved, first, contact.travel_m),
+                   strain=sign * (moved[first:] - contact.travel_m) / block.length_m,
+                   stress_Pa=sign * (load[first:] - contact.zero_N) / block.area_m2, end=stroke.end - first,
+                   noise_Pa=noise / block.area_m2, decisions=(*recording.notes, *notes), facts=facts)
+
+
+def _start_sentence(recording: Recording, stroke: Stroke) -> str:
+    start = recording.columns["displacement"][0] * 1e3
+    more = f"; the first of {stroke.loadings} loadings is used" if stroke.loadings > 1 else ""
+    return (f"Travel counted from the rest position {start:.4g} mm, loading where the displacement "
+            f"{'grows' if stroke.sign > 0 else 'falls'}{more}.")
+
+
+def _without_drift(stroke: Stroke, load: Array, time: Array | None, block: Block, noise: float,
+                   notes: list[str]) -> tuple[Array, float]:
+    """Load without the drift between the rests before and after the test, where the specimen is clear in both."""
+    if time is None or stroke.start < _ENOUGH:
+        return load, 0.0
+    margin = max(5 * stroke.noise_m, 1e-3 * stroke.travel.max())
+    after = stroke.end + np.flatnonzero(stroke.travel[stroke.end:] < margin)
+    first = _contact(stroke, load, block, noise, [])[0]
+    if after.size < _ENOUGH or first.travel_m < margin + 5 * first.sd_m:
+        return load, 0.0
+    before = slice(0, stroke.start)
+    rate = (load[after].mean() - load[before].mean()) / (time[after].mean() - time[before].mean())
+    sd = noise * np.hypot(after.size**-0.5, stroke.start**-0.5) / (time[after].mean() - time[before].mean())
+    notes.append(f"Load drift of {rate * 1e3:.3g} ± {sd * 1e3:.1g} mN/s between the rests before and after the test, "
+                 "both clear of the specimen, taken off.")
+    return load - rate * (time - time[0]), float(rate)
+
+
+def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: list[str]) -> tuple[Contact, Array]:
+    """The contact and the travel of the specimen's end (frame compliance taken off), m."""
+    rest = float(load[:max(stroke.start, 1)].mean())
+    moved = stroke.travel - block.compliance_m_per_N * (load - rest)
+    moving = slice(stroke.start, stroke.end + 1)
+    size = int(np.clip((stroke.end - stroke.start) // 50, 1, 20))
+    if block.preload_N > 0:
+        at = _first_crossing(moved[moving], load[moving] - rest, block.preload_N, size)
+        notes.append(f"Contact where the load reaches the preload {block.preload_N:g} N, as the height was measured.")
+        return Contact(at, 0.0, rest), moved
+    latest = _first_crossing(moved[moving], load[moving] - rest, 6 * noise / np.sqrt(size), size)
+    contact = find_contact(moved[:stroke.end + 1], load[:stroke.end + 1], stroke.start, block.length_m, latest)
+    before = stroke.start + np.count_nonzero(moved[moving] < contact.travel_m)
+    if before < _ENOUGH:
+        notes.append(f"Only {before} samples before the load rises: the first reading is taken as zero load and its "
+                     "position as contact.")
+        return Contact(0.0, 0.0, float(load[0])), moved
+    notes.append(f"Contact found {contact.travel_m * 1e3:.3f} ± {contact.sd_m * 1e3:.3f} mm after the start, by the "
+                 f"change point of a cubic load curve over the first 10 % of strain; zero load from {before} samples.")
+    return contact, moved
+
+
+def _first_crossing(travel: Array, load: Array, level: float, size: int) -> float:
+    """Travel at which the mean load of `size` samples first passes `level`."""
+    edges = np.arange(0, load.size + 1, size)
+    mean, where = block_means(load, edges), block_means(travel, edges)
+    above = np.flatnonzero(mean > level)
+    return float(where[above[0]]) if above.size else float(where[-1])
+
+
+def _contact_time(time: Array, moved: Array, first: int, at: float) -> float:
+    """Time of contact, interpolated between the two samples around it."""
+    if first == 0 or moved[first] == moved[first - 1]:
+        return float(time[first])
+    share = (at - moved[first - 1]) / (moved[first] - moved[first - 1])
+    return float(time[first - 1] + share * (time[first] - time[first - 1]))
+
+
+def _direction(kind: str, recording: Recording, block: Block, sign: float, load_sign: float) -> tuple[float, str]:
+    """-1 for compression, 1 for tension and shear, and the sentence that says why."""
+    if kind == "shear":
+        return 1.0, ""
+    text = " ".join([recording.metadata.get("Test", ""), recording.paths[0].stem]).lower()
+    named = [d for d, words in _DIRECTION_WORDS.items() if re.search(words, text)]
+    if block.direction is not None:
+        return _SIGNS[block.direction], f"{block.direction.capitalize()}, as the specimen says."
+    if len(named) == 1:
+        return _SIGNS[named[0]], f"{named[0].capitalize()}, from the test's own name."
+    if sign < 0 and load_sign < 0:
+        return -1.0, "Displacement and load both fall: taken as compression."
+    raise TestFileError(recording.paths[0], "nothing tells whether this is compression or tension. Write direction = "
+                                            f"\"compression\" or \"tension\" in [{kind}] of the specimen file.")

@@ -1,0 +1,36 @@
+"""Fewer points from a long record: means of equal or logarithmic blocks, and the noise that such means keep."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Edges = NDArray[np.intp]
+
+
+def sample_noise(values: Array) -> float:
+    """Standard deviation of white noise on a slowly varying record (n,), from its first differences, robustly."""
+    step = np.diff(values)
+    return float(1.4826 * np.median(np.abs(step - np.median(step))) / np.sqrt(2)) if step.size else 0.0
+
+
+def equal_blocks(n: int, points: int) -> Edges:
+    """Edges (m + 1,) of at most about `points` blocks of one size over n samples; a short rest at the start is cut."""
+    size = max(1, n // points)
+    return np.arange(n % size, n + 1, size)
+
+
+def log_blocks(time_s: Array, points: int) -> Edges:
+    """Edges of at most `points` blocks, equal in the logarithm of the time since the first sample."""
+    t = time_s - time_s[0]
+    if t.size < 3:
+        return np.arange(t.size + 1)
+    wanted = np.searchsorted(t, np.geomspace(t[1], 1.0001 * t[-1], points))
+    return np.unique(np.concatenate([[0], wanted, [t.size]]))
+
+
+def block_means(values: Array, edges: Edges) -> Array:
+    """Mean of `values` (n,) between neighbouring edges."""
+    total = np.concatenate([[0.0], np.cumsum(values - values[0])])
+    return values[0] + np.diff(total[edges]) / np.diff(edges)
