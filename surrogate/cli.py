@@ -1,0 +1,165 @@
+"""Command line of `surrogate`: train, evaluate, predict."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from matcal.terminal import application, counter, numbers, print_json, run
+
+if TYPE_CHECKING:
+    from surrogate.model import Model
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+app = application("Learn touches from electrode voltages: the paper's networks, a forward map, ridge regression.")
+
+DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
+ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@app.command()
+def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of the model.")],
+          method: Annotated[str, typer.Option(help="trainbr (the paper's networks), forward (learned forward map, "
+                                                   "inverted) or ridge.")] = "forward",
+          outputs: Annotated[str, typer.Option(help="all, or names separated by commas: x0, y0, d, F, sigma_max, "
+                                                    "sigma_ave, A_c, delta_max.")] = "all",
+          seed: Annotated[int, typer.Option(help="Seed of the split and of the networks.")] = 0,
+          epochs: Annotated[int | None, typer.Option(help="Most steps of trainbr; 1000 where left out.")] = None,
+          as_json: JsonOption = False) -> None:
+    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test.
+
+    Example: surrogate train sweep --out forward --method forward --seed 1
+    """
+    from surrogate import store
+    from surrogate.evaluate import evaluate as scored
+    from surrogate.model import check_method
+    from surrogate.outputs import chosen
+    from surrogate.samples import read_samples
+    from surrogate.train import train as fit
+
+    check_method(method)
+    names = chosen(outputs)
+    samples = read_samples(folder)
+    model = fit(samples, method, names, seed, epochs=epochs, each=_shown(names))
+    store.save(model, out)
+    result = scored(model, samples)
+    store.save_evaluation(out, result.scores, result.predictions)
+    if as_json:
+        print_json({"model": out, "training": model.record["training"], **result.scores})
+    else:
+        _print_scores(result.scores)
+        _print_collapses(model)
+        print(f"model: {out}")
+
+
+@app.command()
+def evaluate(model_folder: ModelFolder, folder: DataFolder,
+             noise_db: Annotated[str, typer.Option(help="Noise levels in dB, separated by commas.")] = "",
+             noise_reference: Annotated[str, typer.Option(help="What a level lies below: the RMS of the baseline "
+                                                               "voltages, or of the signal.")] = "baseline",
+             as_json: JsonOption = False) -> None:
+    """Score a model on a data set; rows it was trained on are told apart.
+
+    Example: surrogate evaluate forward sweep --noise-db 80,60,40 --json
+    """
+    from surrogate import store
+    from surrogate.evaluate import evaluate as scored
+    from surrogate.samples import read_samples
+
+    levels = numbers(noise_db, "--noise-db") if noise_db else []
+    scores = scored(store.load(model_folder), read_samples(folder), levels, noise_reference).scores
+    if as_json:
+        print_json({"model": model_folder, **scores})
+    else:
+        _print_scores(scores)
+
+
+@app.command()
+def predict(model_folder: ModelFolder,
+            frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="CSV, one frame of voltages a row.")],
+            baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first row of FRAMES. "
+                                                               "Two or more of them also give the noise.")] = None,
+            noise_v: Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, "
+                                                                            "where known.")] = None,
+            out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None) -> None:
+    """Read touches from recorded frames.
+
+    Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
+    """
+    from surrogate import store
+    from surrogate.predict import predict_frames
+
+    model = store.load(model_folder)
+    touched, reference = _frames(model, frames, baseline)
+    noise = noise_v if noise_v is not None else reference.noise_V
+    if noise is None:
+        print("surrogate: the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two "
+              "or more untouched frames with --baseline.", file=sys.stderr)
+    table = predict_frames(model, touched, reference, noise or 0.0)
+    text = table.to_csv(index=False, float_format="%.6g")
+    if out is None:
+        print(text, end="")
+    else:
+        out.write_text(text, encoding="utf-8")
+        print(f"{out}: {len(table)} frames, {sum(bool(flag) for flag in table['flag'])} of them flagged.")
+
+
+def _frames(model: Model, frames: Path, baseline: Path | None) -> tuple[Any, Any]:
+    from surrogate.frames import Frames, read_frames
+    from surrogate.predict import untouched
+
+    read = read_frames(frames, len(model.baseline_V))
+    if baseline is not None:
+        return read, untouched(read_frames(baseline, len(model.baseline_V)))
+    if len(read.volts) < 2:
+        raise ValueError(f"{frames}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
+                         "put the untouched frame first.")
+    return Frames(read.volts[1:], read.line[1:]), untouched(Frames(read.volts[:1], read.line[:1]))
+
+
+def _shown(names: tuple[str, ...]) -> Any:
+    def each(items: Iterable[int]) -> Iterator[int]:
+        with counter(len(names), "networks") as advance:
+            for done, item in enumerate(items, start=1):
+                yield item
+                advance(done)
+
+    return each
+
+
+def _print_scores(result: Mapping[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    blocks = [("no noise", result["outputs"])]
+    blocks += [(f"noise {level['db_below_baseline']:.1f} dB below the baseline, {level['db_below_signal']:.1f} dB "
+                "below the signal", level["outputs"]) for level in result["noise"]]
+    for title, scored in blocks:
+        table = Table("output", "part", "RMSE", "MAE", "R2", "in 90 %", "n", title=f"{result['method']}, {title}")
+        for name, parts in scored.items():
+            for part, s in parts.items():
+                r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
+                table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2,
+                              f"{s['coverage_90']:.0%}", str(s["n"]))
+        Console().print(table)
+    print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
+          f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+
+
+def _print_collapses(model: Model) -> None:
+    for name, record in model.record["training"].items():
+        if isinstance(record, dict) and record.get("collapsed"):
+            print(f"{name}: the evidence collapsed in every start; this network says little more than the mean.")
+
+
+def main() -> None:
+    """Entry point."""
+    run(app, "surrogate")

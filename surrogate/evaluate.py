@@ -1,0 +1,104 @@
+"""Scores of a model on a data set: per output, per part of the split, per noise level."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from surrogate import outputs
+from surrogate.metrics import NOISE_REFERENCES, Array, Score, noise_V, relative_dB, score
+from surrogate.model import Model, estimate, interval_scale
+from surrogate.samples import Samples, content_hash, rms
+from surrogate.split import PARTS
+
+
+def parts_of(model: Model, samples: Samples) -> NDArray[np.str_]:
+    """(n,) the part of the model's own split that each row was in; "new" for others, "all" where no row is known."""
+    known = dict(zip(model.rows.row_hash.tolist(), model.rows.part.tolist(), strict=True))
+    found = np.array([PARTS[known[h]] if h in known else "new" for h in samples.row_hash.tolist()])
+    return np.full(len(samples), "all") if np.all(found == "new") else found
+
+
+def check_sensor(model: Model, samples: Samples) -> None:
+    """ValueError where the data set is of a sensor with another number of readings."""
+    if samples.signal_V.shape[1] != len(model.baseline_V):
+        raise ValueError(f"the data set has {samples.signal_V.shape[1]} readings a touch, the model was trained on "
+                         f"{len(model.baseline_V)}. Evaluate it on a set of the same electrodes and drive.")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Scores, and the noise-free predictions behind them."""
+
+    # scores as JSON
+    scores: Mapping[str, Any]
+    # one row a scene and output: part, scene, output, unit, target, value, half_width_90, in the output's unit
+    predictions: pd.DataFrame
+
+
+def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), reference: str = "baseline") -> Evaluation:
+    """Score a model; levels in dB lie below the RMS of the baseline voltages, or of the signals.
+
+    Noise is white, added to the touched frame (the untouched one is taken as averaged over many frames), with a
+    standard deviation that the model is told. ValueError for an unknown reference or another sensor.
+    """
+    if reference not in NOISE_REFERENCES:
+        raise ValueError(f"noise reference '{reference}' is unknown; known: {', '.join(NOISE_REFERENCES)}.")
+    check_sensor(model, samples)
+    volts = {"baseline": rms(samples.baseline_V), "signal": rms(samples.signal_V)}
+    table, predict_ms = _predictions(model, samples, 0.0)
+    scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
+              "fit_s": model.fit_s, "predict_ms": predict_ms,
+              "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
+              "noise": [_at_level(model, samples, level, reference, volts) for level in noise_dB]}
+    return Evaluation(scores, table)
+
+
+def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
+              volts: dict[str, float]) -> dict[str, Any]:
+    noise = noise_V(level_dB, volts[reference])
+    return {"noise_db": level_dB, "noise_reference": reference, "noise_V": noise,
+            "db_below_baseline": relative_dB(noise, volts["baseline"]),
+            "db_below_signal": relative_dB(noise, volts["signal"]),
+            "outputs": _scores(model, _predictions(model, samples, noise)[0])}
+
+
+def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataFrame, float]:
+    """The table of predictions under noise, and the CPU time of one, ms."""
+    noisy = samples.signal_V + noise * np.random.default_rng(model.seed).normal(size=samples.signal_V.shape)
+    begun = time.process_time()
+    found = estimate(model, noisy, noise)
+    predict_ms = (time.process_time() - begun) / len(samples) * 1e3
+    half_width = found.sd * interval_scale(model, noise)
+    chosen = [outputs.NAMES.index(name) for name in model.names]
+    part = parts_of(model, samples)
+    tables = [_long(model, samples.scene, part, k, samples.target[:, column], found.value[:, k], half_width[:, k])
+              for k, column in enumerate(chosen)]
+    return pd.concat(tables, ignore_index=True), predict_ms
+
+
+def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int, target: Array, value: Array,
+          half_width: Array) -> pd.DataFrame:
+    table = pd.DataFrame({"part": part, "scene": scene, "output": model.names[k], "unit": model.units[k],
+                          "target": target, "value": value, "half_width_90": half_width})
+    order = [*PARTS, "new", "all"]
+    return table.iloc[np.argsort([order.index(p) for p in part], kind="stable")]
+
+
+def _scores(model: Model, table: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    scored: dict[str, dict[str, Any]] = {}
+    for name, unit in zip(model.names, model.units, strict=True):
+        rows = table.loc[table["output"] == name]
+        scored[name] = {str(part): asdict(_score(group, unit)) for part, group in rows.groupby("part", sort=False)}
+    return scored
+
+
+def _score(group: pd.DataFrame, unit: str) -> Score:
+    target, value, half_width = (group[key].to_numpy(np.float64) for key in ("target", "value", "half_width_90"))
+    return score(target, value, half_width, unit)

@@ -1,0 +1,52 @@
+"""Features of a signal that hardly depend on its size: the whitened direction dV / |dV|, and log |dV| beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Principal directions of the training signals' directions."""
+
+    # (readings,) mean direction
+    mean: Array
+    # (k, readings) principal axes, each over the standard deviation along it
+    axes: Array
+    # mean and standard deviation of log(|dV| / V)
+    log_mean: float
+    log_sd: float
+
+
+def learn_directions(signal_V: Array, components: int) -> Directions:
+    """Directions of signals (n, readings), cut to the `components` of most variance."""
+    size = np.linalg.norm(signal_V, axis=1)
+    direction = signal_V / size[:, None]
+    mean = direction.mean(0)
+    _, singular, axes = np.linalg.svd(direction - mean, full_matrices=False)
+    kept = min(components, int(np.sum(singular > 1e-10 * singular[0])))
+    sd = singular[:kept] / np.sqrt(len(signal_V))
+    log = np.log(size)
+    return Directions(mean, axes[:kept] / sd[:, None], float(log.mean()), max(float(log.std()), 1e-9))
+
+
+def features(directions: Directions, signal_V: Array) -> Array:
+    """(n, k + 1) whitened direction, then standardised log size; ValueError for a signal of size zero."""
+    size = np.linalg.norm(signal_V, axis=1)
+    if not np.all(size > 0):
+        raise ValueError(f"frame {int(np.argmin(size))} equals the untouched one; it has no touch to read.")
+    along = (signal_V / size[:, None] - directions.mean) @ directions.axes.T
+    return np.column_stack([along, (np.log(size) - directions.log_mean) / directions.log_sd])
+
+
+def feature_slopes(directions: Directions, signal_V: Array) -> Array:
+    """(n, k + 1, readings) derivative of the features by the signal, per V."""
+    size = np.linalg.norm(signal_V, axis=1)[:, None]
+    unit = signal_V / size
+    across = directions.axes - (unit @ directions.axes.T)[..., None] * unit[:, None, :]
+    return np.concatenate([across, unit[:, None, :] / directions.log_sd], axis=1) / size[..., None]

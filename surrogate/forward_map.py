@@ -1,0 +1,149 @@
+"""A learned forward map: touch (x, y, d, F) -> the change of every reading, with its derivatives and its own error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate import gaussian_process, multipole
+from surrogate.gaussian_process import GaussianProcess
+from surrogate.ring import Ring
+
+Array = NDArray[np.float64]
+
+# Fewest training rows that the map is learned from.
+MIN_ROWS = 14
+# Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
+MIN_FLOOR = 1e-5
+
+
+@dataclass(frozen=True)
+class ForwardMap:
+    """Multipole series whose strengths are Gaussian processes of (log d, log F, |z0|^2)."""
+
+    ring: Ring
+    # (modes,) harmonic coefficients of one electrode's field
+    field: Array
+    # sign of the dipole strength: -1 or 1
+    sign: float
+    # log |p_1 / V|, then p_n / p_1 for n = 2 ...
+    strengths: tuple[GaussianProcess, ...]
+    # standard deviation of what the series leaves, a reading, over the norm of the signal
+    floor: float
+    # (4,) mean and standard deviation of the training touches in (x, y, log d, log F), mm and N
+    mean: Array
+    sd: Array
+    # (4,) bounds of the training touches in (radius, d, F): mm, mm, N; rows lowest and highest
+    bounds: Array
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The map and its derivatives at touches given as (x, y, log d, log F)."""
+
+    # (n, readings) signal, V
+    signal_V: Array
+    # (n, readings, 4) derivative, V per mm, per mm, per 1, per 1
+    jacobian: Array
+    # (n, readings, orders) derivative along each strength times that strength's standard deviation, V
+    doubt: Array
+
+
+def learn(ring: Ring, touch: Array, signal_V: Array) -> ForwardMap:
+    """Learn the map from touches (n, 4) in mm and N and their signals (n, readings) in V.
+
+    ValueError where there are too few rows or the touches do not share one sign of conductance change.
+    """
+    if len(touch) < MIN_ROWS:
+        raise ValueError(f"{len(touch)} training rows are too few for the forward map; it needs {MIN_ROWS} or more. "
+                         "Sweep more scenes.")
+    z = _place(ring, touch)
+    field = multipole.learn_field(ring, z, signal_V)
+    found = multipole.strengths(ring, field, z, signal_V)
+    first = found.value[:, 0]
+    sign = float(np.sign(np.median(first)))
+    if not np.all(first * sign > 0):
+        raise ValueError(f"{np.sum(first * sign <= 0)} of {len(first)} training rows change the skin's conductance the "
+                         "other way, and the forward map needs one sign. Use --method ridge or trainbr.")
+    unknown = to_unknown(touch)
+    inputs = _inputs(ring, unknown)
+    processes = [gaussian_process.fit(inputs, np.log(np.abs(first)))]
+    processes += [gaussian_process.fit(inputs, found.value[:, n] / first, found.variance[:, n] / first**2)
+                  for n in range(1, multipole.ORDERS)]
+    freedom = signal_V.shape[1] - multipole.ORDERS
+    floor = np.sqrt(np.mean(np.sum(found.residual**2, axis=1) / np.sum(signal_V**2, axis=1)) / freedom)
+    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
+    return ForwardMap(ring, field, sign, tuple(processes), max(float(floor), MIN_FLOOR), unknown.mean(0),
+                      np.maximum(unknown.std(0), 1e-6), np.array([extent.min(0), extent.max(0)]))
+
+
+def to_unknown(touch: Array) -> Array:
+    """(x, y, d, F) -> (x, y, log d, log F)."""
+    return np.column_stack([touch[:, :2], np.log(touch[:, 2:])])
+
+
+def to_touch(unknown: Array) -> Array:
+    """(x, y, log d, log F) -> (x, y, d, F)."""
+    return np.column_stack([unknown[:, :2], np.exp(unknown[:, 2:])])
+
+
+def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
+    """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, log F)."""
+    ring, orders = forward.ring, multipole.ORDERS
+    drive, read = multipole.patterns(ring, forward.field, _place(ring, unknown), orders + 1)
+    base = multipole.basis(drive[:-1], read[:-1])
+    along = drive[1:] * read[:-1].conj()
+    against = drive[:-1] * read[1:].conj()
+    in_x = np.moveaxis((along + against).real, 0, -1) / ring.radius_mm
+    in_y = np.moveaxis((1j * (along - against)).real, 0, -1) / ring.radius_mm
+    value, slope, sd = _strengths(forward, unknown)
+    jacobian = np.einsum("nkp,npq->nkq", base, slope)
+    jacobian[..., 0] += np.einsum("nkp,np->nk", in_x, value)
+    jacobian[..., 1] += np.einsum("nkp,np->nk", in_y, value)
+    signal = np.einsum("nkp,np->nk", base, value)
+    doubt = base * (value[:, :1] * sd)[:, None, :]
+    doubt[..., 0] = signal * sd[:, :1]
+    return Linearised(signal, jacobian, doubt)
+
+
+def log_dipole(forward: ForwardMap, unknown: Array) -> tuple[Array, Array]:
+    """log |p_1 / V| (n,) and its derivative (n, 4) at touches (n, 4) given as (x, y, log d, log F)."""
+    inputs = _inputs(forward.ring, unknown)
+    value, gradient = gaussian_process.mean(forward.strengths[0], inputs)
+    return value, _by_unknown(forward.ring, unknown, gradient)
+
+
+def _place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
+    return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
+
+
+def _inputs(ring: Ring, unknown: Array) -> Array:
+    return np.column_stack([unknown[:, 2:], np.abs(_place(ring, unknown)) ** 2])
+
+
+def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
+    """Derivatives by (x, y, log d, log F) from those by (log d, log F, |z0|^2), last axis."""
+    radial = 2 * unknown[..., :2] / ring.radius_mm**2
+    return np.concatenate([by_input[..., 2:] * radial, by_input[..., :2]], axis=-1)
+
+
+def _strengths(forward: ForwardMap, unknown: Array) -> tuple[Array, Array, Array]:
+    """Strengths (n, orders), their slopes (n, orders, 4), and the standard deviations of log p_1 and of the ratios.
+
+    The scatter of log p_1 about its process (noise) is doubt; that of the ratios is mostly what least squares on one
+    row leaves undetermined, which the floor stands for already.
+    """
+    inputs = _inputs(forward.ring, unknown)
+    found = [gaussian_process.predict(process, inputs) for process in forward.strengths]
+    first = forward.sign * np.exp(found[0][0])
+    ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _, _ in found[1:]])
+    value = first[:, None] * ratio
+    by_input = value[..., None] * found[0][1][:, None, :]
+    for n, (_, gradient, _) in enumerate(found[1:], start=1):
+        by_input[:, n] += first[:, None] * gradient
+    slope = _by_unknown(forward.ring, unknown[:, None], by_input)
+    variance = np.column_stack([v for _, _, v in found])
+    variance[:, 0] += forward.strengths[0].noise[0]
+    return value, slope, np.sqrt(variance)

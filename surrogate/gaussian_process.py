@@ -1,0 +1,130 @@
+"""Gaussian process regression of one smooth quantity on a few inputs, hyperparameters by marginal likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.optimize import minimize
+
+Array = NDArray[np.float64]
+
+# Most rows that a process keeps, and most that its hyperparameters are searched on; spread evenly over the rows.
+MAX_NODES = 800
+MAX_SEARCH = 300
+# Bounds of the standard deviation of the noise over that of the process; the lower one keeps the Cholesky factor sound.
+NOISE_BOUNDS = (1e-5, 1e2)
+
+
+@dataclass(frozen=True)
+class GaussianProcess:
+    """y(x) = b0 + b.x + f(x), f a zero-mean process of kernel a^2 exp(-|x/l - x'/l|^2 / 2)."""
+
+    # (k, q) training inputs over the lengths
+    nodes: Array
+    # (q,) lengths l, unit of each input
+    lengths: Array
+    # (q + 1,) linear trend b0, b
+    trend: Array
+    # standard deviation a of the process, unit of y
+    amplitude: float
+    # (k,) variance of the noise of each node, unit of y squared
+    noise: Array
+    # (k,) residuals of the nodes from the trend, unit of y
+    residual: Array
+
+    @cached_property
+    def factor(self) -> Array:
+        """(k, k) lower Cholesky factor of the covariance of the nodes."""
+        return cholesky(self.amplitude**2 * _kernel(self.nodes, self.nodes) + np.diag(self.noise), lower=True)
+
+    @cached_property
+    def weights(self) -> Array:
+        """(k,) inverse covariance times residual."""
+        return cho_solve((self.factor, True), self.residual)
+
+
+def fit(x: Array, y: Array, variance: Array | None = None) -> GaussianProcess:
+    """Fit y (n,) on x (n, q); `variance` (n,) is the noise variance up to one factor, which is fitted (Rasmussen and
+    Williams 2006, ch. 2 and 5). ValueError where fewer rows than trend coefficients + 1 are given."""
+    if len(x) < x.shape[1] + 2:
+        raise ValueError(f"{len(x)} rows are too few to learn from {x.shape[1]} inputs; at least {x.shape[1] + 2}.")
+    shape = np.ones(len(x)) if variance is None else variance / np.median(variance)
+    kept = _spread(len(x), MAX_NODES)
+    x, y, shape = x[kept], y[kept], shape[kept]
+    trend = _linear_trend(x, y, shape)
+    residual = y - trend[0] - x @ trend[1:]
+    search = _spread(len(x), MAX_SEARCH)
+    lengths, amplitude, ratio = _hyperparameters(x[search], residual[search], shape[search])
+    return GaussianProcess(x / lengths, lengths, trend, amplitude, (amplitude * ratio) ** 2 * shape, residual)
+
+
+def mean(process: GaussianProcess, x: Array) -> tuple[Array, Array]:
+    """Mean (n,) and its gradient (n, q) at x (n, q)."""
+    return _mean(process, x, _cross(process, x))
+
+
+def predict(process: GaussianProcess, x: Array) -> tuple[Array, Array, Array]:
+    """Mean (n,), gradient of the mean (n, q) and variance (n,) of y without its noise at x (n, q)."""
+    cross = _cross(process, x)
+    half = solve_triangular(process.factor, cross.T, lower=True)
+    return *_mean(process, x, cross), np.maximum(process.amplitude**2 - np.sum(half**2, axis=0), 0.0)
+
+
+def _cross(process: GaussianProcess, x: Array) -> Array:
+    return process.amplitude**2 * _kernel(x / process.lengths, process.nodes)
+
+
+def _mean(process: GaussianProcess, x: Array, cross: Array) -> tuple[Array, Array]:
+    weighted = cross * process.weights
+    gradient = (weighted @ process.nodes - weighted.sum(1, keepdims=True) * (x / process.lengths)) / process.lengths
+    return process.trend[0] + x @ process.trend[1:] + weighted.sum(1), gradient + process.trend[1:]
+
+
+def _spread(n: int, most: int) -> NDArray[np.intp]:
+    return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
+
+
+def _kernel(a: Array, b: Array) -> Array:
+    squared = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T
+    return np.exp(-0.5 * np.maximum(squared, 0.0))
+
+
+def _linear_trend(x: Array, y: Array, variance: Array) -> Array:
+    root = np.sqrt(variance)[:, None]
+    design = np.column_stack([np.ones(len(x)), x])
+    return np.asarray(np.linalg.lstsq(design / root, y / root[:, 0], rcond=None)[0], np.float64)
+
+
+def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, float]:
+    """Lengths, amplitude and noise ratio that maximise the marginal likelihood; the amplitude in closed form."""
+    span = np.maximum(np.std(x, axis=0), 1e-12)
+    squared = (x[:, None, :] - x) ** 2 / span**2
+    q = x.shape[1]
+    bounds = [(np.log(0.1), np.log(100.0))] * q + [tuple(np.log(NOISE_BOUNDS))]
+    starts = [np.r_[np.full(q, np.log(length)), np.log(noise)] for length, noise in ((2.0, 1e-2), (1.0, 0.3))]
+    found = [minimize(_negative_log_likelihood, start, (squared, y, shape), jac=True, method="L-BFGS-B", bounds=bounds)
+             for start in starts]
+    best = min(found, key=lambda result: result.fun).x
+    lengths, ratio = np.exp(best[:q]), float(np.exp(best[q]))
+    covariance = np.exp(-0.5 * squared @ lengths**-2.0) + ratio**2 * np.diag(shape)
+    quadratic = float(y @ cho_solve((cholesky(covariance, lower=True), True), y))
+    return span * lengths, max(np.sqrt(quadratic / len(y)), np.finfo(float).tiny**0.25), ratio
+
+
+def _negative_log_likelihood(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:
+    """n/2 log(y'C^-1 y) + log|C|/2 with the amplitude eliminated, and its gradient."""
+    lengths, ratio = np.exp(log[:-1]), np.exp(log[-1])
+    smooth = np.exp(-0.5 * squared @ lengths**-2.0)
+    factor = cholesky(smooth + ratio**2 * np.diag(shape), lower=True)
+    inverse = cho_solve((factor, True), np.eye(len(y)))
+    weights = inverse @ y
+    quadratic = max(float(y @ weights), np.finfo(float).tiny)
+    value = 0.5 * len(y) * np.log(quadratic) + np.sum(np.log(np.diag(factor)))
+    outer = inverse - np.outer(weights, weights) * len(y) / quadratic
+    by_length = 0.5 * np.einsum("ij,ijq->q", outer * smooth, squared) * lengths**-2.0
+    by_noise = ratio**2 * np.sum(np.diag(outer) * shape)
+    return value, np.r_[by_length, by_noise]

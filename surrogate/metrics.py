@@ -1,0 +1,49 @@
+"""How good predictions are: errors, explained variance, and how often the interval holds the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NOISE_REFERENCES = ("baseline", "signal")
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors of one output on one set of rows; squares carry the unit squared."""
+
+    mse: float
+    rmse: float
+    # coefficient of determination; None where the targets do not vary
+    r2: float | None
+    mae: float
+    # rows
+    n: int
+    # fraction of rows whose 90 % interval holds the target
+    coverage_90: float
+    # unit of rmse and mae
+    unit: str
+
+
+def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:
+    """Score predictions (n,) with intervals value +- half_width (n,)."""
+    error = value - target
+    mse = float(np.mean(error**2))
+    spread = float(np.var(target))
+    r2 = 1 - mse / spread if spread > 1e-20 * max(1.0, float(np.mean(target**2))) else None
+    return Score(mse, float(np.sqrt(mse)), r2, float(np.mean(np.abs(error))), len(target),
+                 float(np.mean(np.abs(error) <= half_width)), unit)
+
+
+def noise_V(level_dB: float, reference_V: float) -> float:
+    """Standard deviation of white noise level_dB below a voltage of RMS reference_V."""
+    return reference_V * 10 ** (-level_dB / 20)
+
+
+def relative_dB(noise_V: float, reference_V: float) -> float:
+    """How far noise lies below a voltage of RMS reference_V, dB."""
+    return float(20 * np.log10(reference_V / noise_V))

@@ -1,0 +1,134 @@
+"""The signal of an axisymmetric touch as a multipole series in the harmonic fields of the untouched, uniform disc.
+
+The potential of electrode e under unit current is Re f(z exp(-i angle_e)) with f(z) = sum_m (q_m / m) z^m, z = x + iy
+over the radius, real q_m by the ring's mirror symmetry (q_m = 1 for point electrodes; width and shunting lower it). A
+change of sheet conductance that is axisymmetric about z0 answers each angular order n of a field apart, so a reading
+that drives the field F and reads the field G changes by dV = sum_n p_n Re[F^(n)(z0) conj(G^(n)(z0))]; p_n depend on
+the touch alone, up to the reflection of its own field at the rim, which depends on |z0|.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.ring import Ring
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Angular orders of the series.
+ORDERS = 3
+# Spread of q_m about 1 that is believed before any data.
+PRIOR_SD = 0.3
+# Rows that the field is learned from, at most; each gives all its readings, so few suffice.
+MAX_ROWS = 200
+
+
+@dataclass(frozen=True)
+class Strengths:
+    """Multipole strengths of single touches, by least squares."""
+
+    # (n, ORDERS) p_n, V
+    value: Array
+    # (n, ORDERS) variance of each up to one common factor
+    variance: Array
+    # (n, readings) what the series leaves of the signal, V
+    residual: Array
+
+
+def modes_needed(reach: float) -> int:
+    """Terms of f that matter at |z| <= reach: reach^m falls below 1e-5."""
+    return int(np.clip(math.log(1e-5) / math.log(min(max(reach, 0.1), 0.95)), 12, 120))
+
+
+def patterns(ring: Ring, q: Array, z: Complex, orders: int = ORDERS) -> tuple[Complex, Complex]:
+    """Derivatives 1 ... orders of the driving and of the reading field at z (n,): two arrays (orders, n, readings)."""
+    fields = _electrode_fields(ring, z, _coefficients(q, orders))
+    return fields[..., ring.source] - fields[..., ring.sink], fields[..., ring.read] - fields[..., ring.ground]
+
+
+def basis(drive: Complex, read: Complex) -> Array:
+    """(n, readings, orders) change of each reading by a multipole of unit strength."""
+    return np.moveaxis((drive * read.conj()).real, 0, -1)
+
+
+def strengths(ring: Ring, q: Array, z: Complex, signal_V: Array) -> Strengths:
+    """Strengths of touches at z (n,) with signals (n, readings), each row by itself."""
+    return _strengths(basis(*patterns(ring, q, z)), signal_V)
+
+
+def learn_field(ring: Ring, z: Complex, signal_V: Array, iterations: int = 20) -> Array:
+    """q (modes,) with q_1 = 1 that leaves least of the unit-norm signals, strengths eliminated (Kaufman 1975)."""
+    kept = np.linspace(0, len(z) - 1, min(len(z), MAX_ROWS)).round().astype(int)
+    z, unit = z[kept], signal_V[kept] / np.linalg.norm(signal_V[kept], axis=1, keepdims=True)
+    q = np.ones(modes_needed(float(np.abs(z).max())))
+    current = strengths(ring, q, z, unit)
+    for _ in range(iterations):
+        step = _step(ring, q, z, current)
+        trial, trial_q = current, q
+        for shorten in (1.0, 0.3, 0.1, 0.01):
+            trial_q = q + np.r_[0.0, shorten * step]
+            trial = strengths(ring, trial_q, z, unit)
+            if _objective(trial_q, trial, current) < _objective(q, current, current):
+                break
+        else:
+            return q
+        small = np.abs(trial_q - q).max() < 1e-4
+        q, current = trial_q, trial
+        if small:
+            return q
+    return q
+
+
+def _objective(q: Array, fit: Strengths, scale: Strengths) -> float:
+    return float(np.sum(fit.residual**2) + np.mean(scale.residual**2) / PRIOR_SD**2 * np.sum((q - 1) ** 2))
+
+
+def _step(ring: Ring, q: Array, z: Complex, fit: Strengths) -> Array:
+    """Gauss-Newton step of q_2 ... on the residual with the strengths projected out, under the prior."""
+    drive, read = patterns(ring, q, z)
+    onto, _ = np.linalg.qr(basis(drive, read))
+    columns = []
+    for m in range(1, len(q)):
+        d_drive, d_read = patterns(ring, np.eye(len(q))[m], z)
+        change = basis(d_drive, read) + basis(drive, d_read)
+        moved = np.einsum("nkp,np->nk", change, fit.value)
+        columns.append((moved - np.einsum("nkp,njp,nj->nk", onto, onto, moved, optimize=True)).ravel())
+    jacobian = np.array(columns)
+    prior = np.mean(fit.residual**2) / PRIOR_SD**2 + np.finfo(float).tiny
+    normal = jacobian @ jacobian.T + prior * np.eye(len(q) - 1)
+    return np.asarray(np.linalg.solve(normal, jacobian @ fit.residual.ravel() - prior * (q[1:] - 1)), np.float64)
+
+
+def _strengths(design: Array, signal_V: Array) -> Strengths:
+    onto, triangle = np.linalg.qr(design)
+    along = np.einsum("nkp,nk->np", onto, signal_V)
+    inverse = np.linalg.inv(triangle)
+    value = np.einsum("npq,nq->np", inverse, along)
+    residual = signal_V - np.einsum("nkp,np->nk", onto, along)
+    return Strengths(value, np.sum(inverse**2, axis=2) * np.sum(signal_V**2, axis=1, keepdims=True), residual)
+
+
+def _coefficients(q: Array, orders: int) -> Array:
+    """(modes, orders) coefficient of z^s in the n-th derivative of f: q_(s+n) / (s+n) times (s+n)! / s!."""
+    out = np.zeros((len(q), orders))
+    for n in range(1, orders + 1):
+        s = np.arange(len(q) - n + 1)
+        falling = np.prod([s + n - i for i in range(1, n)], axis=0) if n > 1 else np.ones(len(s))
+        out[s, n - 1] = q[s + n - 1] * falling
+    return out
+
+
+def _electrode_fields(ring: Ring, z: Complex, coefficients: Array) -> Complex:
+    """(orders, n, electrodes) derivatives of the potential of each electrode."""
+    turn = np.exp(-1j * ring.angle_rad)
+    powers = np.empty((len(z), len(turn), len(coefficients)), complex)
+    powers[..., 0] = 1.0
+    powers[..., 1:] = (z[:, None] * turn)[..., None]
+    np.cumprod(powers, axis=-1, out=powers)
+    orders = np.arange(1, coefficients.shape[1] + 1)
+    return np.moveaxis(powers @ coefficients.astype(complex), -1, 0) * turn ** orders[:, None, None]

@@ -1,0 +1,40 @@
+"""The eight quantities that a surrogate reads from voltages: name, column of the data set, unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Output:
+    """One predicted quantity."""
+
+    # name on the command line and in results
+    name: str
+    # column of the data set
+    column: str
+    # unit of the column
+    unit: str
+
+
+ALL = (Output("x0", "x_mm", "mm"), Output("y0", "y_mm", "mm"), Output("d", "d_mm", "mm"), Output("F", "F_N", "N"),
+       Output("sigma_max", "sigma_max_kPa", "kPa"), Output("sigma_ave", "sigma_ave_kPa", "kPa"),
+       Output("A_c", "A_c_mm2", "mm2"), Output("delta_max", "delta_max_mm", "mm"))
+NAMES = tuple(output.name for output in ALL)
+# The first four are the touch itself, the others its mechanical response.
+TOUCH = 4
+
+
+def chosen(text: str) -> tuple[str, ...]:
+    """Names of a comma-separated choice, in the order of NAMES; "all" is every one. ValueError lists the known."""
+    if text == "all":
+        return NAMES
+    wanted = [name.strip() for name in text.split(",")]
+    if unknown := [name for name in wanted if name not in NAMES]:
+        raise ValueError(f"output '{unknown[0]}' is unknown; known: all, {', '.join(NAMES)}.")
+    return tuple(name for name in NAMES if name in wanted)
+
+
+def of(name: str) -> Output:
+    """The output of this name; KeyError for another."""
+    return {output.name: output for output in ALL}[name]

@@ -1,0 +1,98 @@
+"""The rows of a data set as a surrogate sees them: signals, targets, the sensor, a hash that recognises each row."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from eitsim.dataset import Dataset, read_dataset, voltage_columns
+from matcal.errors import TestFileError
+from surrogate import outputs
+from surrogate.ring import Ring, ring_of_design
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Solved scenes of one sensor."""
+
+    ring: Ring
+    # (n,) scene numbers
+    scene: NDArray[np.int64]
+    # (n, readings) touched minus untouched, V
+    signal_V: Array
+    # (n, readings) untouched, V
+    baseline_V: Array
+    # (n, 8) outputs.ALL in the units of their columns
+    target: Array
+    # (n,) hash of each row's signal and targets
+    row_hash: NDArray[np.uint64]
+
+    def __len__(self) -> int:
+        return len(self.scene)
+
+
+def read_samples(folder: Path | str) -> Samples:
+    """The ok rows of a data set; TestFileError where it is none, has no ok row, or a column lacks numbers."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise TestFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
+    data = read_dataset(folder)
+    try:
+        ring = ring_of_design(data.design["tables"])
+    except ValueError as error:
+        raise TestFileError(folder, str(error)) from None
+    return _samples(folder, data, ring)
+
+
+def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
+    rows = data.ok
+    if rows.empty:
+        counts = ", ".join(f"{n} {name}" for name, n in data.table["outcome"].value_counts().items())
+        raise TestFileError(folder, f"none of its {len(data.table)} rows is ok ({counts}); there is nothing to learn "
+                                    "from. Mend the design and sweep again.")
+    readings = len(ring.read)
+    touched = _numbers(folder, rows, voltage_columns(readings))
+    signal = _numbers(folder, rows, voltage_columns(readings, "dv"))
+    target = _numbers(folder, rows, [output.column for output in outputs.ALL])
+    return Samples(ring, rows["scene"].to_numpy(np.int64), signal, touched - signal, target, _hashes(signal, target))
+
+
+def _numbers(folder: Path, rows: pd.DataFrame, names: list[str]) -> Array:
+    if missing := [name for name in names if name not in rows.columns]:
+        raise TestFileError(folder, f"the column {missing[0]} is missing; {len(names)} of its kind were expected for "
+                                    "its electrodes and drive.")
+    values = rows[names].to_numpy(np.float64)
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        row, column = bad[0]
+        raise TestFileError(folder, f"{names[column]} of scene {rows['scene'].iloc[row]} is {values[row, column]}, "
+                                    "though the row says ok. Sweep that part again.")
+    return values
+
+
+def _hashes(signal: Array, target: Array) -> NDArray[np.uint64]:
+    rows = np.ascontiguousarray(np.column_stack([signal, target]))
+    return np.array([int.from_bytes(hashlib.sha256(row.tobytes()).digest()[:8], "little") for row in rows], np.uint64)
+
+
+def content_hash(samples: Samples) -> str:
+    """sha256 of the rows, in their order."""
+    return hashlib.sha256(samples.row_hash.tobytes()).hexdigest()
+
+
+def take(samples: Samples, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Samples:
+    """The samples of these rows."""
+    return replace(samples, **{field.name: getattr(samples, field.name)[rows] for field in fields(samples)
+                               if field.name != "ring"})
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,119 @@
+"""A model as a folder: model.json says what it is, arrays.npz holds its numbers; nothing in it is ever executed."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import types
+import typing
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from matcal.card import write_json
+from matcal.errors import TestFileError
+from surrogate import outputs
+from surrogate.model import METHODS, Calibration, Model, Range, Rows
+
+SCHEMA = 1
+DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
+EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def save(model: Model, folder: Path) -> None:
+    """Write a model; model.json comes last, so a folder that has it is whole."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / DESCRIPTION).unlink(missing_ok=True)
+    parts = {"learner": model.learner, "calibration": model.calibration, "rows": model.rows, "trained": model.trained}
+    arrays = {key: value for name, part in parts.items() for key, value in _flat(part, name)}
+    temporary = folder / f".{ARRAYS}.part"
+    with open(temporary, "wb") as file:
+        np.savez_compressed(file, allow_pickle=False, baseline_V=model.baseline_V, **arrays)
+    os.replace(temporary, folder / ARRAYS)
+    write_json({"schema": SCHEMA, "method": model.method,
+                "outputs": [{"name": n, "unit": u} for n, u in zip(model.names, model.units, strict=True)],
+                "seed": model.seed, "fit_s": model.fit_s, **model.record}, folder / DESCRIPTION)
+
+
+def save_evaluation(folder: Path, scores: Mapping[str, Any], predictions: pd.DataFrame) -> None:
+    """Write scores and the predictions behind them into a model's folder, for reports."""
+    predictions.to_parquet(folder / PREDICTIONS, index=False)
+    write_json(scores, folder / EVALUATION)
+
+
+def load(folder: Path) -> Model:
+    """Read a model; TestFileError where the folder is none, of another schema, or damaged."""
+    path = folder / DESCRIPTION
+    if not path.is_file():
+        raise TestFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "
+                                    "`surrogate train --out` writes.")
+    try:
+        text = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+    if text.get("schema") != SCHEMA or text.get("method") not in METHODS:
+        raise TestFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one that "
+                                  f"this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
+    try:
+        return _assemble(text, _read_arrays(folder / ARRAYS))
+    except (KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
+        raise TestFileError(folder / ARRAYS, f"does not belong to its {DESCRIPTION} or is damaged ({error}). Train the "
+                                             "model again.") from None
+
+
+def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    with np.load(path, allow_pickle=False) as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def _assemble(text: dict[str, Any], arrays: Arrays) -> Model:
+    own = ("schema", "method", "outputs", "seed", "fit_s")
+    names = tuple(outputs.of(output["name"]).name for output in text["outputs"])
+    return Model(text["method"], names, _rebuilt(_learner_class(text["method"]), "learner", arrays),
+                 _rebuilt(Calibration, "calibration", arrays), _rebuilt(Rows, "rows", arrays),
+                 _rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
+                 {key: value for key, value in text.items() if key not in own})
+
+
+def _learner_class(method: str) -> type[Any]:
+    if method == "trainbr":
+        from surrogate.trainbr import Networks as Learner
+    elif method == "forward":
+        from surrogate.touch_inversion import TouchInversion as Learner
+    else:
+        from surrogate.ridge import Ridge as Learner
+    return Learner
+
+
+def _flat(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Arrays of a dataclass of arrays, numbers, words, dataclasses and tuples of dataclasses, by dotted names."""
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            yield from _flat(getattr(value, field.name), f"{name}.{field.name}")
+    elif isinstance(value, tuple):
+        yield f"{name}.count", np.array(len(value))
+        for i, item in enumerate(value):
+            yield from _flat(item, f"{name}.{i}")
+    else:
+        yield name, np.asarray(value)
+
+
+def _rebuilt(kind: Any, name: str, arrays: Arrays) -> Any:
+    """The inverse of _flat for a field of this type."""
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        return kind(**{field.name: _rebuilt(hints[field.name], f"{name}.{field.name}", arrays)
+                       for field in dataclasses.fields(kind)})
+    if typing.get_origin(kind) is tuple:
+        item = typing.get_args(kind)[0]
+        return tuple(_rebuilt(item, f"{name}.{i}", arrays) for i in range(int(arrays[f"{name}.count"])))
+    if isinstance(kind, types.GenericAlias) or typing.get_origin(kind) is np.ndarray:
+        return arrays[name]
+    return kind(arrays[name].item())
