@@ -1,0 +1,76 @@
+"""Predictions against targets, training and unseen rows side by side (paper, figures 13 to 19)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from reports import style
+from reports.numerals import counted, number, percent
+from reports.page import Plate
+
+NAMES = {"x0": "Position x", "y0": "Position y", "d": "Punch diameter", "F": "Force", "sigma_max": "Peak pressure",
+         "sigma_ave": "Mean pressure", "A_c": "Contact area", "delta_max": "Depth"}
+TITLES = {"train": "training rows", "val": "validation rows", "test": "test rows", "new": "new rows", "all": "all rows"}
+
+
+def label(name: str) -> str:
+    """What an output is called on a page."""
+    return NAMES.get(name, name)
+
+
+def unseen(parts: Mapping[str, Any]) -> str:
+    """The part of the rows that the model has not seen: its test rows, or those of another data set."""
+    return next(part for part in ("test", "new", "all", "val", "train") if part in parts)
+
+
+def unit(parts: Mapping[str, Any]) -> str:
+    """Unit of an output as printed, from its scores."""
+    return next(iter(parts.values()))["unit"].replace("2", "²")
+
+
+def points(predictions: pd.DataFrame, name: str) -> pd.DataFrame:
+    """The rows of one output: part, scene, target, value, half_width_90."""
+    return pd.DataFrame(predictions.loc[predictions["output"] == name])
+
+
+def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
+    """Value over target of one output with its 90 % intervals; `parts` are its scores."""
+    title, sign = label(name), unit(parts)
+    shown = [part for part in ("train", "test") if part in parts] or list(parts)
+    figure = style.sheet(66, 83 * len(shown) if len(shown) < 3 else style.TEXT_WIDTH_MM)
+    panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, part in zip(panels, shown, strict=True):
+        chosen = rows.loc[rows["part"] == part]
+        _scatter(axes, *(chosen[key].to_numpy(dtype=float) for key in ("target", "value", "half_width_90")))
+        style.label(axes, f"{title}, target ({sign})", "", TITLES.get(part, part))
+    style.label(panels[0], f"{title}, target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
+    kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
+    return Plate(f"parity_{name}", figure, _caption(title, sign, shown, parts),
+                 {f"parity_{name}": rows.filter(items=kept)})
+
+
+def _scatter(axes: Axes, target: np.ndarray, value: np.ndarray, half_width: np.ndarray) -> None:
+    ends = [float(min(target.min(), value.min())), float(max(target.max(), value.max()))]
+    axes.plot(ends, ends, color=style.GREY, lw=0.7, zorder=1)
+    axes.errorbar(target, value, yerr=half_width, fmt="o", ms=2, color=style.ACCENT, ecolor="#9cc6e0", elinewidth=0.6,
+                  mew=0, zorder=2)
+
+
+def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) -> str:
+    told = []
+    for part in shown:
+        score = parts[part]
+        r2 = "" if score["r2"] is None else f", R² {number(score['r2'], 4)}"
+        told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
+    last = parts[shown[-1]]
+    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals (bars) hold "
+            f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
+
+
+def _squared(sign: str) -> str:
+    return {"mm²": "mm⁴"}.get(sign, f"{sign}²")

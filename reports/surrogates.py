@@ -1,0 +1,98 @@
+"""The surrogate report, from the folder that `surrogate train` wrote."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from matcal.errors import TestFileError
+from reports import parity, provenance, surrogate_tables
+from reports.numerals import counted, number, percent
+from reports.page import Report, write_pdf
+from reports.style import house
+
+DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
+METHODS = {
+    "trainbr": "One network with one hidden layer an output, on min-max voltages, trained by Levenberg–Marquardt with "
+               "Bayesian regularisation: it minimises β E_D + α E_W, the weighted squares of errors and of weights, "
+               "and takes α and β from the evidence.",
+    "forward": "A learned map from a touch to its signal, inverted by least squares for every frame; the mechanical "
+               "outputs follow from the touch that was found.",
+    "ridge": "Ridge regression on quadratic features of the signal's direction and size.",
+}
+NO_NOISE = "No noise was added for these scores: the stored evaluation holds no noise level."
+
+
+def write(model_dir: Path, out: Path) -> None:
+    """Write the PDF of a model: predictions against targets, scores, training record.
+
+    TestFileError where `model_dir` lacks what `surrogate train` writes; ValueError where the folder of `out` is
+    missing.
+    """
+    with house():
+        write_pdf(report(model_dir), out)
+
+
+def report(model_dir: Path) -> Report:
+    """Everything that the template `surrogates.typ` shows of a model."""
+    model, evaluation = (_json(model_dir, name) for name in (DESCRIPTION, EVALUATION))
+    predictions = pd.read_parquet(_present(model_dir, PREDICTIONS))
+    sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]
+    scores = evaluation["outputs"]
+    plates = [parity.plate(name, parity.points(predictions, name), parts) for name, parts in scores.items()]
+    tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
+    absent = {}
+    if evaluation["noise"]:
+        tables["noise"] = surrogate_tables.noise(scores, evaluation["noise"])
+    else:
+        absent["noise"] = NO_NOISE
+    subtitle = f"Method {model['method']}, {counted(evaluation['dataset']['rows'], 'scene')}"
+    footer = provenance.footer(sources, provenance.seed_words(model.get("seed")))
+    return Report("surrogates", "Surrogate of the touch", subtitle, footer, _findings(model, evaluation), plates,
+                  tables, absent, _prose(model))
+
+
+def _present(folder: Path, name: str) -> Path:
+    if not (folder / name).is_file():
+        raise TestFileError(folder, f"it holds no {name}. A model is the folder that `surrogate train --out` writes; "
+                                    "train it again.")
+    return folder / name
+
+
+def _json(folder: Path, name: str) -> dict[str, Any]:
+    path = _present(folder, name)
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+
+
+def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[str]:
+    found = []
+    for name, parts in evaluation["outputs"].items():
+        part = parity.unseen(parts)
+        score = parts[part]
+        r2 = "undefined, the targets do not vary" if score["r2"] is None else number(score["r2"], 4)
+        found.append(f"{parity.label(name)}: RMSE {number(score['rmse'])} {parity.unit(parts)} on {score['n']} "
+                     f"{parity.TITLES[part]} (R² {r2}); {percent(score['coverage_90'])} lie in their 90 % interval.")
+    found.append(f"Training took {number(model['fit_s'])} s of CPU, a frame takes "
+                 f"{number(evaluation['predict_ms'])} ms.")
+    if evaluation["dataset"]["sha256"] != model["dataset"]["sha256"]:
+        found.append("The scores are of another data set than the one that the model was trained on.")
+    networks = {name: net for name, net in model["training"].items() if isinstance(net, dict)}
+    if collapsed := [parity.label(name) for name, net in networks.items() if net.get("collapsed")]:
+        found.append(f"The evidence collapsed for {', '.join(collapsed)}: there it says little more than the mean.")
+    return found
+
+
+def _prose(model: Mapping[str, Any]) -> dict[str, Any]:
+    split, words = model["dataset"]["split"], {"train": "train", "val": "calibrate the intervals", "test": "test"}
+    rows = ", ".join(f"{counted(split[part], 'row')} {word}" for part, word in words.items())
+    return {"method": METHODS.get(model["method"], f"Method {model['method']}."),
+            "split": f"{rows}; drawn by the seed.",
+            "dataset": f"Data set of {counted(model['dataset']['rows'], 'row')}, sha256 {model['dataset']['sha256']}.",
+            "versions": f"Trained with {provenance.version_lines(model['versions'])}."}

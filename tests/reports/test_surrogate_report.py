@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from matcal.errors import TestFileError
+from reports.surrogates import write
+from surrogate.metrics import score
+
+Reader = Callable[[Path], Any]
+UNITS = {"x0": "mm", "A_c": "mm2"}
+
+
+def make_predictions() -> pd.DataFrame:
+    rng = np.random.default_rng(5)
+    rows = []
+    for name, unit in UNITS.items():
+        for part, count in (("train", 28), ("val", 6), ("test", 6)):
+            target = rng.uniform(10, 60, count)
+            rows.append(pd.DataFrame({"part": part, "scene": range(count), "output": name, "unit": unit,
+                                      "target": target, "value": target + rng.normal(size=count),
+                                      "half_width_90": 1.6}))
+    return pd.concat(rows, ignore_index=True)
+
+
+def write_model(folder: Path, **changes: Any) -> pd.DataFrame:
+    """A synthetic model folder: a description, scores and the predictions that they are computed from."""
+    folder.mkdir(exist_ok=True)
+    table = make_predictions()
+    scores: dict[str, Any] = {}
+    for name, unit in UNITS.items():
+        for part in ("train", "val", "test"):
+            rows = table[(table["output"] == name) & (table["part"] == part)]
+            columns = (rows[key].to_numpy(dtype=float) for key in ("target", "value", "half_width_90"))
+            scores.setdefault(name, {})[part] = asdict(score(*columns, unit))
+    dataset = {"sha256": "cd" * 32, "rows": 40}
+    net = {"gamma": 25.5, "parameters": 101, "epochs": 77, "stop": "the gradient vanished", "collapsed": False}
+    model = {"schema": 1, "method": "trainbr", "seed": 4, "fit_s": 12.34, "versions": {"torch": "2.13.0"},
+             "dataset": dataset | {"split": {"train": 28, "val": 6, "test": 6}}, "training": {"x0": net, "A_c": net}}
+    evaluation = {"method": "trainbr", "dataset": dataset, "fit_s": 12.34, "predict_ms": 0.567, "outputs": scores,
+                  "noise": []} | changes
+    (folder / "model.json").write_text(json.dumps(model))
+    (folder / "evaluation.json").write_text(json.dumps(evaluation))
+    table.to_parquet(folder / "predictions.parquet", index=False)
+    return table
+
+
+def test_a_surrogate_report_holds_its_scores(tmp_path: Path, read_pdf: Reader) -> None:
+    table, out = write_model(tmp_path / "model"), tmp_path / "s.pdf"
+    write(tmp_path / "model", out)
+    text = read_pdf(out).whole
+    test = table[(table["output"] == "x0") & (table["part"] == "test")]
+    error = test["value"] - test["target"]
+    r2 = 1 - np.mean(error**2) / np.var(test["target"])
+    for value in (f"{np.sqrt(np.mean(error**2)):#.3g} mm on 6 test rows", f"MSE {np.mean(error**2):#.3g} mm²",
+                  f"R² {r2:.4f}", "12.3 s of CPU", "0.567 ms", "25.5", "77", "the gradient vanished", "seed 4"):
+        assert value in text
+    assert "Contact area, predicted (mm²)" in text
+    assert "mm⁴" in text
+    for name in ("model.json", "evaluation.json", "predictions.parquet"):
+        assert hashlib.sha256((tmp_path / "model" / name).read_bytes()).hexdigest()[:16] in text
+    drawn = pd.read_csv(tmp_path / "s_files" / "parity_x0.csv")
+    assert np.allclose(drawn["value"], table.loc[table["output"] == "x0", "value"])
+
+
+def test_noise_that_was_not_scored_is_said_and_a_scored_one_is_shown(tmp_path: Path, read_pdf: Reader) -> None:
+    write_model(tmp_path / "model")
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    assert "No noise was added" in read_pdf(tmp_path / "s.pdf").whole
+    noisy = {name: {"test": {"rmse": 3.21}} for name in UNITS}
+    write_model(tmp_path / "model", noise=[{"db_below_baseline": 60.0, "db_below_signal": 12.5, "outputs": noisy}])
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "60.0 dB" in text
+    assert "3.21" in text
+    assert "12.5 dB below the RMS of the signal" in text
+
+
+def test_scores_of_another_data_set_and_constant_targets_are_said(tmp_path: Path, read_pdf: Reader) -> None:
+    constant = {"mse": 1.5, "rmse": 1.22, "r2": None, "mae": 1.0, "n": 40, "coverage_90": 0.9, "unit": "mm"}
+    write_model(tmp_path / "model", dataset={"sha256": "00" * 32, "rows": 40}, outputs={"x0": {"all": constant}})
+    table = pd.read_parquet(tmp_path / "model" / "predictions.parquet").assign(part="all")
+    table.to_parquet(tmp_path / "model" / "predictions.parquet", index=False)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "another data set" in text
+    assert "R² undefined, the targets do not vary" in text
+
+
+@pytest.mark.parametrize("name", ["model.json", "evaluation.json", "predictions.parquet"])
+def test_a_folder_that_is_no_model_is_named(tmp_path: Path, name: str) -> None:
+    write_model(tmp_path / "model")
+    (tmp_path / "model" / name).unlink()
+    with pytest.raises(TestFileError, match=f"holds no {name}"):
+        write(tmp_path / "model", tmp_path / "s.pdf")
+    assert not (tmp_path / "s.pdf").exists()
