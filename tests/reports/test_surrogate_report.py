@@ -38,9 +38,9 @@ def write_model(folder: Path, **changes: Any) -> pd.DataFrame:
     scores: dict[str, Any] = {}
     for name, unit in UNITS.items():
         for part in ("train", "val", "test"):
-            rows = table[(table["output"] == name) & (table["part"] == part)]
-            columns = (rows[key].to_numpy(dtype=float) for key in ("target", "value", "half_width_90"))
-            scores.setdefault(name, {})[part] = asdict(score(*columns, unit))
+            chosen = ((table["output"] == name) & (table["part"] == part)).to_numpy()
+            target, value, half = (table[key].to_numpy(float)[chosen] for key in ("target", "value", "half_width_90"))
+            scores.setdefault(name, {})[part] = asdict(score(target, value, half, unit))
     dataset = {"sha256": "cd" * 32, "rows": 40}
     net = {"gamma": 25.5, "parameters": 101, "epochs": 77, "stop": "the gradient vanished", "collapsed": False}
     model = {"schema": 1, "method": "trainbr", "seed": 4, "fit_s": 12.34, "versions": {"torch": "2.13.0"},
