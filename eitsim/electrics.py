@@ -1,74 +1,152 @@
-"""From touches to readings: the complete electrode model on a mesh that follows the touch."""
+"""From touches to readings: what a touch changes in the complete electrode model of the skin."""
 
 from __future__ import annotations
 
+import math
 import time
-from functools import lru_cache
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.cem import impedance, quadrature_points, sparsity
 from eitsim.drive import read_out
+from eitsim.multipole import impedance_change, scattering
 from eitsim.results import Readings, Touch
+from eitsim.rim import HARMONICS, solve_rim
 from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
 from eitsim.skin import extrapolated_fraction, sheet_conductance, untouched_conductance
-from eitsim.template import rim_angles, ring_mesh, template
+from eitsim.template import template
 from matcal.conductivity import Conductivity
 
 Array = NDArray[np.float64]
 
+METHODS = ("auto", "multipole", "mesh")
+# Harmonics about the punch, and the parts that the gaps between the touch's samples are cut into, until it suffices.
+ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
+# Part of the way from the punch's axis to the nearest rim that the rings cover, and the smaller one of the estimate.
+REACH, LESS_REACH = 0.95, 0.85
+# Refinements of the mesh, until it suffices.
 LEVELS = (1, 2, 4)
 
 
-def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches: tuple[tuple[Punch, Touch], ...],
-          law: Conductivity, *, signal: float = 0.002) -> Readings:
-    """Readings of a touched skin; the mesh is refined until the estimated relative error of dV is below `signal`.
+@dataclass(frozen=True)
+class _Sensor:
+    body: Body
+    skin: Skin
+    electrodes: Electrodes
+    drive: Drive
+    law: Conductivity
 
-    dV is the difference of two solutions on one mesh that follows the touch. ValueError for several touches, a
-    conducting punch or patch electrodes, which are not built, and where the conductivity is not positive.
+    @property
+    def conductance_S(self) -> float:
+        return untouched_conductance(self.law, self.skin)
+
+
+@dataclass(frozen=True)
+class _Change:
+    """Change of the impedance matrix by a touch, Ohm, the estimated relative error of its readings, the unknowns."""
+
+    impedance_Ohm: Array
+    error: float
+    unknowns: int
+    method: str
+
+
+def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches: tuple[tuple[Punch, Touch], ...],
+          law: Conductivity, *, signal: float = 0.002, method: str = "auto") -> Readings:
+    """Readings of a touched skin; the relative error of dV, 2-norm, is at most `signal` where that can be reached.
+
+    The untouched skin is solved on its rim alone (`solve_rim`, once a sensor). "multipole" adds what the touch, a
+    stack of rings about the punch, scatters; it neglects the strain beyond a circle that just fits in the disc.
+    "mesh" takes dV from two solutions on one mesh that follows the touch, strain up to the rim included. "auto" takes
+    the first where it meets `signal`, else the better of both.
+
+    signal_error adds, for "multipole", the change by half as many rings over 3 (second order), by three quarters of
+    the harmonics, and twice the change by a circle smaller by a tenth; for "mesh", the change by the coarser mesh
+    over 3. It does not hold what interpolation between the touch's own samples costs.
+
+    ValueError for several touches, patch electrodes, an unknown method, a conducting punch on a mesh, and where the
+    conductivity is not positive.
     """
     start = time.process_time()
-    (punch, touch), = _one(touches)
-    estimate, previous, used = np.inf, None, 0
-    signal_V, touched_Ohm = np.empty(0), np.empty(0)
-    for level in LEVELS:
-        change_Ohm, touched_Ohm, used = _level(body, skin, electrodes, punch, touch, law, level)
-        signal_V = read_out(drive, change_Ohm)
-        if previous is not None:
-            estimate = float(np.linalg.norm(signal_V - previous) / (3 * np.linalg.norm(signal_V)))
-        if estimate <= signal:
-            break
-        previous = signal_V
-    baseline_V = read_out(drive, baseline_impedance(body, electrodes, untouched_conductance(law, skin)))
-    return Readings(baseline_V + signal_V, baseline_V, signal_V, touched_Ohm, estimate,
-                    extrapolated_fraction(body, punch, touch, skin, law), used, time.process_time() - start)
-
-
-@lru_cache(maxsize=64)
-def baseline_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
-    """Impedance matrix (count, count), Ohm, of the untouched skin, one for every touch."""
-    angles, electrode = rim_angles(body, electrodes, 4)
-    rings = 1 - np.concatenate([[1.0], np.geomspace(1, 0.004, 24)[1:], [0.0]])
-    mesh = ring_mesh(rings * body.radius_m, np.zeros((len(rings), 2)), angles, electrode, electrodes.count)
-    return impedance(mesh, np.full(len(mesh.cells), conductance_S), electrodes.contact_impedance_Ohm_m)
-
-
-def _one(touches: tuple[tuple[Punch, Touch], ...]) -> tuple[tuple[Punch, Touch], ...]:
+    if method not in METHODS:
+        raise ValueError(f"method '{method}' is unknown; known: {', '.join(METHODS)}.")
     if len(touches) != 1:
         raise ValueError(f"{len(touches)} touches at once are not built; give one.")
-    if touches[0][0].conductor:
-        raise ValueError("conductor = true (a punch that shunts the skin) is not built; set it to false.")
-    return touches
+    (punch, touch), = touches
+    sensor = _Sensor(body, skin, electrodes, drive, law)
+    change = min(_changes(sensor, punch, touch, signal, method), key=lambda c: c.error)
+    untouched = solve_rim(body, electrodes, sensor.conductance_S).impedance_Ohm
+    baseline, dv = read_out(drive, untouched), read_out(drive, change.impedance_Ohm)
+    return Readings(baseline + dv, baseline, dv, untouched + change.impedance_Ohm, change.error,
+                    extrapolated_fraction(body, punch, touch, skin, law), change.unknowns,
+                    time.process_time() - start, change.method)
 
 
-def _level(body: Body, skin: Skin, electrodes: Electrodes, punch: Punch, touch: Touch, law: Conductivity,
-           level: int) -> tuple[Array, Array, int]:
-    """Change of the impedance matrix by the touch, the touched one, and the number of unknowns."""
-    mesh = template(body, electrodes, punch, touch, level)
-    pattern = sparsity(mesh)
-    touched = sheet_conductance(quadrature_points(mesh), punch, touch, skin, law)
-    untouched = np.full(len(mesh.cells), untouched_conductance(law, skin))
-    touched_Ohm, untouched_Ohm = (impedance(mesh, s, electrodes.contact_impedance_Ohm_m, pattern=pattern, refinements=0)
-                                  for s in (touched, untouched))
-    return touched_Ohm - untouched_Ohm, touched_Ohm, pattern.size - 1
+def _changes(sensor: _Sensor, punch: Punch, touch: Touch, signal: float, method: str) -> Iterator[_Change]:
+    """Attempts in the order of their cost; the last one meets the wanted error, or none does."""
+    if method != "mesh":
+        change = _by_multipole(sensor, punch, touch, signal)
+        yield change
+        if method == "multipole" or change.error <= signal or punch.conductor:
+            return
+    if punch.conductor:
+        raise ValueError("conductor = true is built for method 'multipole' only.")
+    yield _by_mesh(sensor, punch, touch, signal)
+
+
+def _by_multipole(sensor: _Sensor, punch: Punch, touch: Touch, signal: float) -> _Change:
+    """Rings are cut until they no longer matter; then the circle and the harmonics are varied once."""
+    body, electrodes, sheet = sensor.body, sensor.electrodes, sensor.conductance_S
+    room = body.radius_m - math.hypot(punch.x_m, punch.y_m)
+    if room <= touch.contact_radius_m:
+        raise ValueError(f"the contact reaches {(touch.contact_radius_m - room) * 1e3:.1f} mm beyond the rim of the "
+                         "disc; move the punch inwards.")
+    rim = solve_rim(body, electrodes, sheet)
+
+    def changed(parts: int, share: float = REACH, kept: float = 1.0) -> Array:
+        reach = min(share * room, float(touch.radius_m[-1]))
+        tau = scattering(punch, touch, sensor.skin, sensor.law, reach, round(kept * ORDERS), parts)
+        return impedance_change(rim, body, electrodes, sheet, punch, reach, tau, round(kept * HARMONICS))
+
+    previous, parts, rings = changed(PARTS[0]), PARTS[0], math.inf
+    fine = previous
+    for parts in PARTS[1:]:
+        fine = changed(parts)
+        rings = _difference(sensor, fine, previous) / 3
+        if rings <= signal / 4:
+            break
+        previous = fine
+    error = rings + _difference(sensor, fine, changed(parts, kept=0.75))
+    error += 2 * _difference(sensor, fine, changed(parts, LESS_REACH))
+    return _Change(fine, error, 2 * ORDERS, "multipole")
+
+
+def _by_mesh(sensor: _Sensor, punch: Punch, touch: Touch, signal: float) -> _Change:
+    """The mesh is refined until the coarser one agrees."""
+    coarse, _ = _on_mesh(sensor, punch, touch, LEVELS[0])
+    change, unknowns, error = coarse, 0, math.inf
+    for level in LEVELS[1:]:
+        change, unknowns = _on_mesh(sensor, punch, touch, level)
+        error = _difference(sensor, change, coarse) / 3
+        if error <= signal:
+            break
+        coarse = change
+    return _Change(change, error, unknowns, "mesh")
+
+
+def _on_mesh(sensor: _Sensor, punch: Punch, touch: Touch, level: int) -> tuple[Array, int]:
+    mesh = template(sensor.body, sensor.electrodes, punch, touch, level)
+    pattern, z = sparsity(mesh), sensor.electrodes.contact_impedance_Ohm_m
+    touched = sheet_conductance(quadrature_points(mesh), punch, touch, sensor.skin, sensor.law)
+    untouched = np.full(len(mesh.cells), sensor.conductance_S)
+    first, second = (impedance(mesh, s, z, pattern=pattern, refinements=0) for s in (touched, untouched))
+    return first - second, pattern.size - 1
+
+
+def _difference(sensor: _Sensor, change: Array, other: Array) -> float:
+    """Relative difference of the readings of two changes, 2-norm."""
+    signal = read_out(sensor.drive, change)
+    return float(np.linalg.norm(read_out(sensor.drive, other) - signal) / np.linalg.norm(signal))

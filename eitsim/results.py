@@ -93,7 +93,7 @@ class Readings:
     touched_V: Array
     # (patterns, readings) untouched, V, the same for every touch on one sensor
     baseline_V: Array
-    # (patterns, readings) signal dV, both terms on the touch's own mesh, V
+    # (patterns, readings) signal dV, V; where a mesh is used, both terms on the touch's own
     signal_V: Array
     # (electrodes, electrodes) impedance matrix of the touched skin, Ohm
     impedance_Ohm: Array
@@ -105,6 +105,8 @@ class Readings:
     unknowns: int
     # CPU time spent, s
     cpu_s: float
+    # how dV was solved: "multipole" or "mesh"
+    method: str = ""
 
 
 @dataclass(frozen=True)
