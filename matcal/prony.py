@@ -59,18 +59,21 @@ def convolve(law: Prony, time_s: ArrayLike, instantaneous: ArrayLike) -> Array:
     step = np.diff(t)
     if np.any(step < 0):
         raise ValueError("convolve: times must not decrease.")
-    out = law.g_infinity * s0
-    for g, tau in zip(law.g, law.tau_s, strict=True):
-        z = step / tau
-        decay = np.exp(-z)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            weight = np.where(z > 0, -np.expm1(-z) / z, 1.0)
-        h = np.empty_like(s0)
-        h[0] = s0[0]
-        for n in range(step.size):
-            h[n + 1] = decay[n] * h[n] + weight[n] * (s0[n + 1] - s0[n])
-        out = out + g * h
-    return out
+    return law.g_infinity * s0 + np.tensordot(law.g, _decaying(law.tau_s, step, s0), axes=1)
+
+
+def _decaying(tau_s: Array, step: Array, s0: Array) -> Array:
+    """int exp(-(t-s)/tau_i) dS_0(s) of each term, (M, n, ...), for time steps (n - 1,)."""
+    z = step[:, None] / tau_s
+    decay = np.exp(-z)
+    weight = np.where(z > 0, -np.expm1(-z) / np.where(z > 0, z, 1.0), 1.0)
+    rise = np.diff(s0, axis=0)
+    shape = (-1,) + (1,) * (s0.ndim - 1)
+    h = np.empty((tau_s.size, *s0.shape))
+    h[:, 0] = s0[0]
+    for n in range(step.size):
+        h[:, n + 1] = decay[n].reshape(shape) * h[:, n] + weight[n].reshape(shape) * rise[n]
+    return h
 
 
 def ramp_relaxation(law: Prony, time_s: ArrayLike, ramp_s: float) -> Array:

@@ -1,0 +1,208 @@
+"""Hyperfoam law fitted to stress-strain curves: variable projection, order by BIC, cross prediction between modes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from matcal.curves import Curve, largest_log_stretch, weighted_design, weighted_stress
+from matcal.hyperfoam import Hyperfoam
+from matcal.varpro import MIN_GAP, Optimum, minimise
+
+Array = NDArray[np.float64]
+
+ORDERS = (1, 2, 3, 4)
+# exponents searched, and the largest |alpha ln lambda| that a column may reach
+ALPHA_BOUNDS, _LARGEST_POWER = (-15.0, 25.0), 40.0
+# single moduli beyond this many times mu_0 count as exploding
+EXPLODING = 50.0
+_NU_BOUNDS = (0.0, 0.45)
+
+
+@dataclass(frozen=True)
+class OrderRow:
+    """One order tried."""
+
+    # number of terms
+    order: int
+    # root of the weighted mean square residual (the relative RMS of all curves under the default weights)
+    rms: float
+    # Bayesian information criterion n ln(rms^2) + (number of parameters) ln n
+    bic: float
+    # what makes its single parameters meaningless, or ""
+    confluence: str
+
+
+@dataclass(frozen=True)
+class Alone:
+    """The law fitted to one mode only, and how it predicts the others."""
+
+    # fitted law
+    law: Hyperfoam
+    # mode -> relative RMS there
+    relative_rms: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted law and how it was obtained."""
+
+    # long-term law
+    law: Hyperfoam
+    # the curves it was fitted to
+    curves: tuple[Curve, ...]
+    # the search's own result at the chosen order
+    optimum: Optimum
+    # every order tried
+    orders: tuple[OrderRow, ...]
+    # mode -> law of that mode alone; empty with one mode
+    alone: Mapping[str, Alone]
+    # what was decided, one sentence each
+    decisions: tuple[str, ...]
+    # CPU seconds of all starts and orders, of the cross predictions too
+    cpu_s: float
+
+
+def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str = 0.0, starts: int = 8) -> Fit:
+    """Long-term hyperfoam law with least weighted mean square residual over `curves`.
+
+    order: number of terms, or "auto" (1 to 4 by BIC, orders with merged exponents last); poisson: one nu for all
+    terms, or "fit". Raises ValueError for another choice, for no curves, or for fewer points than parameters.
+    """
+    start = time.process_time()
+    curves = tuple(curves)
+    orders = _orders(order, curves)
+    nu = _fitted_nu(curves, max(orders) if len(orders) == 1 else 3) if poisson == "fit" else _checked_nu(poisson)
+    tried = [_minimise(curves, n, nu, starts) for n in orders]
+    rows = tuple(_row(curves, optimum) for optimum in tried)
+    best = min(range(len(rows)), key=lambda k: (bool(rows[k].confluence), rows[k].bic))
+    law = _law(tried[best], nu, curves)
+    alone = _alone(curves, rows[best].order, nu, starts)
+    decisions = (*_order_sentences(order, rows, best), *_mode_sentences(curves),
+                 f"nu = {nu:.4g} for every term, {'fitted' if poisson == 'fit' else 'as given'}.")
+    return Fit(law, curves, tried[best], rows, alone, decisions, time.process_time() - start)
+
+
+def modelled(law: Hyperfoam, curve: Curve) -> Array:
+    """Nominal stress of a law with one nu along the curve's own history, Pa, (n,)."""
+    return curve.design(law.alpha, float(law.nu[0])) @ law.mu_Pa
+
+
+def relative_rms(law: Hyperfoam, curve: Curve) -> float:
+    """rms(residual)/rms(stress) of a law on a curve."""
+    stress = curve.experiment.value
+    return float(np.sqrt(np.mean((stress - modelled(law, curve))**2) / np.mean(stress**2)))
+
+
+def alpha_bounds(curves: Sequence[Curve]) -> tuple[float, float]:
+    """Exponents searched: wide, but no column beyond e^40; positive for shear alone, which is even in each exponent."""
+    largest = _LARGEST_POWER / max(largest_log_stretch(curves), 1e-3)
+    lowest = 0.05 if {c.experiment.kind for c in curves} == {"shear"} else max(ALPHA_BOUNDS[0], -largest)
+    return lowest, min(ALPHA_BOUNDS[1], largest)
+
+
+def confluence(mu_Pa: Array, alpha: Array) -> str:
+    """Why single parameters are not to be read, or "" where they may be."""
+    gap = np.diff(alpha)
+    if gap.size and gap.min() < 1.01 * MIN_GAP:
+        k = int(np.argmin(gap))
+        return f"exponents {k + 1} and {k + 2} have merged to the least distance of {MIN_GAP:g} that is allowed"
+    if np.abs(mu_Pa).max() > EXPLODING * abs(mu_Pa.sum()):
+        return f"single moduli reach {np.abs(mu_Pa).max() / abs(mu_Pa.sum()):.0f} times their sum"
+    return ""
+
+
+def _orders(order: int | str, curves: tuple[Curve, ...]) -> tuple[int, ...]:
+    if not curves:
+        raise ValueError("no stress-strain curve to fit: give a uniaxial, biaxial, planar, shear or volumetric file.")
+    points = sum(c.experiment.value.size for c in curves)
+    if order == "auto":
+        return tuple(n for n in ORDERS if 2 * n < points)
+    if order not in ORDERS:
+        raise ValueError(f"order '{order}' is unknown; known: auto, {', '.join(map(str, ORDERS))}.")
+    if 2 * int(order) >= points:
+        raise ValueError(f"order {order} has {2 * int(order)} parameters but there are {points} points. "
+                         "Lower the order or give more data.")
+    return (int(order),)
+
+
+def _checked_nu(poisson: float | str) -> float:
+    nu = float(poisson)
+    if not -1 < nu < 0.5:
+        raise ValueError(f"poisson {nu:g} must lie between -1 and 0.5, or be 'fit'.")
+    return nu
+
+
+def _minimise(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> Optimum:
+    return minimise(lambda alpha: weighted_design(curves, alpha, nu), weighted_stress(curves), order,
+                    alpha_bounds(curves), starts)
+
+
+def _fitted_nu(curves: tuple[Curve, ...], order: int) -> float:
+    if not {c.experiment.kind for c in curves} - {"shear"}:
+        raise ValueError("poisson 'fit' needs another mode than shear, which does not depend on nu. Give a value.")
+    found = minimize_scalar(lambda nu: _minimise(curves, order, float(nu), 2).cost, bounds=_NU_BOUNDS,
+                            method="bounded", options={"xatol": 1e-4})
+    return float(found.x)
+
+
+def _row(curves: tuple[Curve, ...], optimum: Optimum) -> OrderRow:
+    n = sum(c.experiment.value.size for c in curves)
+    order = optimum.alpha.size
+    bic = n * np.log(optimum.cost) + 2 * order * np.log(n)
+    return OrderRow(order, float(np.sqrt(optimum.cost)), float(bic), confluence(optimum.mu_Pa, optimum.alpha))
+
+
+def _law(optimum: Optimum, nu: float, curves: tuple[Curve, ...]) -> Hyperfoam:
+    if optimum.mu_Pa.sum() <= 0:
+        raise ValueError(f"the best law has mu_0 = {optimum.mu_Pa.sum():.4g} Pa, which is no material. Check signs and "
+                         f"units of {', '.join(s for c in curves for s in c.experiment.source)}, or lower the order.")
+    ranges: dict[str, tuple[float, float]] = {}
+    for curve in curves:
+        e, kind = curve.experiment.strain, curve.experiment.kind
+        low, high = ranges.get(kind, (np.inf, -np.inf))
+        ranges[kind] = (min(low, float(e.min())), max(high, float(e.max())))
+    return Hyperfoam(optimum.mu_Pa, optimum.alpha, np.full(optimum.alpha.size, nu), "longterm", ranges)
+
+
+def _alone(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> dict[str, Alone]:
+    kinds = list(dict.fromkeys(c.experiment.kind for c in curves))
+    out: dict[str, Alone] = {}
+    for kind in kinds if len(kinds) > 1 else []:
+        own = tuple(c for c in curves if c.experiment.kind == kind)
+        optimum = _minimise(own, order, nu, starts)
+        if optimum.mu_Pa.sum() > 0:
+            law = _law(optimum, nu, own)
+            out[kind] = Alone(law, {k: _rms_in(law, curves, k) for k in kinds})
+    return out
+
+
+def _rms_in(law: Hyperfoam, curves: tuple[Curve, ...], kind: str) -> float:
+    squares = [relative_rms(law, c) ** 2 for c in curves if c.experiment.kind == kind]
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _order_sentences(order: int | str, rows: tuple[OrderRow, ...], best: int) -> list[str]:
+    table = ", ".join(f"N = {r.order}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)
+    chosen = rows[best]
+    out = [f"Order {chosen.order}, {'by BIC' if order == 'auto' else 'as given'} (weighted relative RMS {table})."]
+    if chosen.confluence:
+        out.append(f"At order {chosen.order} {chosen.confluence}: single mu and alpha are not measurable, read mu_0, "
+                   "E_0 and the stress bands.")
+    out += [f"Order {r.order} was passed over: {r.confluence}." for r in rows
+            if r is not chosen and r.confluence and r.bic < chosen.bic]
+    return out
+
+
+def _mode_sentences(curves: tuple[Curve, ...]) -> list[str]:
+    kinds = {c.experiment.kind for c in curves}
+    if kinds == {"shear"}:
+        return ["Shear alone is even in each exponent: their signs are taken as positive, not measured."]
+    if len(kinds) == 1:
+        return [f"Only {kinds.pop()} was fitted: other modes are extrapolated and may be far off."]
+    return []
