@@ -17,6 +17,7 @@ import numpy as np
 
 from eitsim import dataset
 from eitsim.design import Design, scene_at
+from eitsim.drive import read_electrodes
 from eitsim.provenance import card_identity, versions
 from eitsim.results import Result
 from eitsim.scene import Scene
@@ -128,27 +129,27 @@ def _solved(design: Design, card: MaterialCard, missing: list[int], workers: int
 
 def solve_rows(design: Design, card: MaterialCard, indices: list[int]) -> list[dict[str, Any]]:
     """Rows of these scenes; a scene that fails is a row with its outcome."""
-    return [_row(design, card, index) for index in indices]
+    first = scene_at(design, 0)
+    blank = _blank(read_electrodes(first.drive, first.electrodes.count).size)
+    return [blank | {"scene": index} | _row(design, card, index) for index in indices]
 
 
 def _row(design: Design, card: MaterialCard, index: int) -> dict[str, Any]:
-    row: dict[str, Any] = {"scene": index, "card_sample": -1}
+    keys: dict[str, Any] = {}
     try:
         scene = scene_at(design, index)
-    except ValueError as error:
-        return row | {"outcome": "refused", "message": str(error)} | _blank()
-    try:
+        keys = _touch_keys(scene)
         result = simulate(scene, card)
     except ValueError as error:
-        return row | {"outcome": "refused", "message": str(error)} | _blank() | _touch_keys(scene)
-    told = {"outcome": result.outcome, "message": result.message}
-    return row | told | _blank() | _touch_keys(scene) | _values(result)
+        return keys | {"outcome": "refused", "message": str(error)}
+    return keys | {"outcome": result.outcome, "message": result.message} | _values(result)
 
 
-def _blank() -> dict[str, Any]:
-    """Numbers of a row that has none, so that every part has the same columns and types."""
-    return dict.fromkeys((*dataset.TOUCH, *dataset.OUTPUTS, "wall_contact_mm2", "signal_error", "depth_error", "cpu_s",
-                          "skin_fraction_extrapolated"), np.nan)
+def _blank(readings: int) -> dict[str, Any]:
+    """A row without numbers, so that every part has the same columns and types."""
+    names = (*dataset.TOUCH, *dataset.OUTPUTS, "wall_contact_mm2", "signal_error", "depth_error", "cpu_s",
+             "skin_fraction_extrapolated", *dataset.voltage_columns(readings), *dataset.voltage_columns(readings, "dv"))
+    return {"scene": -1, "outcome": "", "message": "", "card_sample": -1} | dict.fromkeys(names, np.nan)
 
 
 def _touch_keys(scene: Scene) -> dict[str, float]:
