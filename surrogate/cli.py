@@ -1,4 +1,4 @@
-"""Command line of `surrogate`: train, evaluate, predict."""
+"""Command line of `surrogate`: train, evaluate, predict, report."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
                                                     "sigma_ave, A_c, delta_max.")] = "all",
           seed: Annotated[int, typer.Option(help="Seed of the split and of the networks.")] = 0,
           epochs: Annotated[int | None, typer.Option(help="Most steps of trainbr; 1000 where left out.")] = None,
+          noise_db: Annotated[str, typer.Option(help="Noise levels that the stored scores hold beside no noise, in dB "
+                                                     "below the RMS of the baseline voltages.")] = "100,80,60",
           as_json: JsonOption = False) -> None:
     """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test.
 
@@ -46,11 +48,11 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     from surrogate.train import train as fit
 
     check_method(method)
-    names = chosen(outputs)
+    names, levels = chosen(outputs), _levels(noise_db)
     samples = read_samples(folder)
     model = fit(samples, method, names, seed, epochs=epochs, each=_shown(names))
     store.save(model, out)
-    result = scored(model, samples)
+    result = scored(model, samples, levels)
     store.save_evaluation(out, result.scores, result.predictions)
     if as_json:
         print_json({"model": out, "training": model.record["training"], **result.scores})
@@ -74,7 +76,7 @@ def evaluate(model_folder: ModelFolder, folder: DataFolder,
     from surrogate.evaluate import evaluate as scored
     from surrogate.samples import read_samples
 
-    levels = numbers(noise_db, "--noise-db") if noise_db else []
+    levels = _levels(noise_db)
     scores = scored(store.load(model_folder), read_samples(folder), levels, noise_reference).scores
     if as_json:
         print_json({"model": model_folder, **scores})
@@ -110,6 +112,22 @@ def predict(model_folder: ModelFolder,
     else:
         out.write_text(text, encoding="utf-8")
         print(f"{out}: {len(table)} frames, {sum(bool(flag) for flag in table['flag'])} of them flagged.")
+
+
+@app.command()
+def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
+    """Write a PDF of a model: predictions against targets, scores, training record.
+
+    Example: surrogate report forward --out forward.pdf
+    """
+    from reports.surrogates import write
+
+    write(model_folder, out)
+    print(f"report: {out}")
+
+
+def _levels(text: str) -> list[float]:
+    return numbers(text, "--noise-db") if text else []
 
 
 def _frames(model: Model, frames: Path, baseline: Path | None) -> tuple[Any, Any]:

@@ -21,20 +21,19 @@ NOISE_BOUNDS = (1e-5, 1e2)
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """y(x) = b0 + b.x + f(x), f a zero-mean process of kernel a^2 exp(-|x/l - x'/l|^2 / 2)."""
+    """y(x) = b0 + b.(x - centre) + f(x), f a zero-mean process of kernel a^2 exp(-|x/l - x'/l|^2 / 2)."""
 
-    # (k, q) training inputs over the lengths
+    # (k, q) training inputs minus the centre, over the lengths
     nodes: Array
-    # (q,) lengths l, unit of each input
+    # (q,) mean training input, and lengths l, unit of each input
+    centre: Array
     lengths: Array
-    # (q + 1,) linear trend b0, b
-    trend: Array
     # standard deviation a of the process, unit of y
     amplitude: float
     # (k,) variance of the noise of each node, unit of y squared
     noise: Array
-    # (k,) residuals of the nodes from the trend, unit of y
-    residual: Array
+    # (k,) y at the nodes
+    values: Array
 
     @cached_property
     def factor(self) -> Array:
@@ -42,9 +41,20 @@ class GaussianProcess:
         return cholesky(self.amplitude**2 * _kernel(self.nodes, self.nodes) + np.diag(self.noise), lower=True)
 
     @cached_property
+    def carried(self) -> Array:
+        """(k, q + 1) regressors of the trend at the nodes, whitened by the factor."""
+        return solve_triangular(self.factor, _regressors(self.nodes * self.lengths), lower=True)
+
+    @cached_property
+    def trend(self) -> Array:
+        """(q + 1,) b0, b by generalised least squares."""
+        whitened = solve_triangular(self.factor, self.values, lower=True)
+        return np.asarray(np.linalg.lstsq(self.carried, whitened, rcond=None)[0], np.float64)
+
+    @cached_property
     def weights(self) -> Array:
-        """(k,) inverse covariance times residual."""
-        return cho_solve((self.factor, True), self.residual)
+        """(k,) inverse covariance times what the trend leaves of the values."""
+        return cho_solve((self.factor, True), self.values - _regressors(self.nodes * self.lengths) @ self.trend)
 
 
 def fit(x: Array, y: Array, variance: Array | None = None) -> GaussianProcess:
@@ -54,24 +64,33 @@ def fit(x: Array, y: Array, variance: Array | None = None) -> GaussianProcess:
         raise ValueError(f"{len(x)} rows are too few to learn from {x.shape[1]} inputs; at least {x.shape[1] + 2}.")
     shape = np.ones(len(x)) if variance is None else variance / np.median(variance)
     kept = _spread(len(x), MAX_NODES)
-    x, y, shape = x[kept], y[kept], shape[kept]
-    trend = _linear_trend(x, y, shape)
-    residual = y - trend[0] - x @ trend[1:]
+    centre = x[kept].mean(axis=0)
+    x, y, shape = x[kept] - centre, y[kept], shape[kept]
     search = _spread(len(x), MAX_SEARCH)
-    lengths, amplitude, ratio = _hyperparameters(x[search], residual[search], shape[search])
-    return GaussianProcess(x / lengths, lengths, trend, amplitude, (amplitude * ratio) ** 2 * shape, residual)
+    residual = _detrended(x[search], y[search], shape[search])
+    lengths, amplitude, ratio = _hyperparameters(x[search], residual, shape[search])
+    return GaussianProcess(x / lengths, centre, lengths, amplitude, (amplitude * ratio) ** 2 * shape, y)
 
 
 def mean(process: GaussianProcess, x: Array) -> tuple[Array, Array]:
     """Mean (n,) and its gradient (n, q) at x (n, q)."""
+    x = x - process.centre
     return _mean(process, x, _cross(process, x))
 
 
 def predict(process: GaussianProcess, x: Array) -> tuple[Array, Array, Array]:
-    """Mean (n,), gradient of the mean (n, q) and variance (n,) of y without its noise at x (n, q)."""
+    """Mean (n,), gradient of the mean (n, q) and variance (n,) of y without its noise at x (n, q).
+
+    The variance includes the trend's, and leaves out that of the hyperparameters, which are taken as known.
+    """
+    x = x - process.centre
     cross = _cross(process, x)
     half = solve_triangular(process.factor, cross.T, lower=True)
-    return *_mean(process, x, cross), np.maximum(process.amplitude**2 - np.sum(half**2, axis=0), 0.0)
+    variance = np.maximum(process.amplitude**2 - np.sum(half**2, axis=0), 0.0)
+    unseen = _regressors(x) - half.T @ process.carried
+    inverse = np.linalg.pinv(process.carried.T @ process.carried, hermitian=True)
+    trend = np.einsum("np,pq,nq->n", unseen, inverse, unseen)
+    return *_mean(process, x, cross), variance + np.maximum(trend, 0.0)
 
 
 def _cross(process: GaussianProcess, x: Array) -> Array:
@@ -93,15 +112,20 @@ def _kernel(a: Array, b: Array) -> Array:
     return np.exp(-0.5 * np.maximum(squared, 0.0))
 
 
-def _linear_trend(x: Array, y: Array, variance: Array) -> Array:
+def _regressors(x: Array) -> Array:
+    return np.column_stack([np.ones(len(x)), x])
+
+
+def _detrended(x: Array, y: Array, variance: Array) -> Array:
     root = np.sqrt(variance)[:, None]
-    design = np.column_stack([np.ones(len(x)), x])
-    return np.asarray(np.linalg.lstsq(design / root, y / root[:, 0], rcond=None)[0], np.float64)
+    trend = np.linalg.lstsq(_regressors(x) / root, y / root[:, 0], rcond=None)[0]
+    return y - _regressors(x) @ trend
 
 
 def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, float]:
     """Lengths, amplitude and noise ratio that maximise the marginal likelihood; the amplitude in closed form."""
-    span = np.maximum(np.std(x, axis=0), 1e-12)
+    span = np.std(x, axis=0)
+    span = np.where(span > 1e-12 * np.maximum(np.abs(x).max(axis=0), 1.0), span, 1.0)
     squared = (x[:, None, :] - x) ** 2 / span**2
     q = x.shape[1]
     bounds = [(np.log(0.1), np.log(100.0))] * q + [tuple(np.log(NOISE_BOUNDS))]

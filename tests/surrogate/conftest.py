@@ -1,0 +1,130 @@
+"""Synthetic touches: the exact response of a disc with a circular spot stands in for a simulated sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eitsim import dataset
+from surrogate import outputs
+from surrogate.ring import Ring, ring_of_design
+from surrogate.samples import Samples, read_samples
+
+Array = NDArray[np.float64]
+
+RADIUS_MM, SHEET_S, CURRENT_A, TERMS = 100.0, 6e-4, 5e-3, 200
+RING = ring_of_design({})
+
+
+def spot(d_mm: Array, force_N: Array) -> tuple[Array, Array]:
+    """Radius (mm) and contrast (s1 - s0)/(s1 + s0) of the spot that a synthetic punch makes: smooth, saturating."""
+    press = force_N / (d_mm / 14) ** 1.5
+    return d_mm / 2 * (1 + 0.06 * press / (1 + press)), 0.55 * press / (press + 1.2)
+
+
+def spot_signal(x_mm: float, y_mm: float, radius_mm: float, contrast: float) -> Array:
+    """(208,) change of the readings, V, by a circular spot of other conductance, point electrodes; exact.
+
+    A Moebius map of the disc onto itself carries the spot to the centre; there the potential between boundary points is
+    sum_m cos(m angle) (1 - c rho^2m) / (1 + c rho^2m) / (pi m) over the sheet conductance.
+    """
+    z0, a = (x_mm + 1j * y_mm) / RADIUS_MM, radius_mm / RADIUS_MM
+    turn = np.exp(1j * np.angle(z0)) if z0 else 1.0
+    near, far = abs(z0) - a, abs(z0) + a
+    half = (1 + near * far) / (near + far) if near + far else np.inf
+    pole = half - np.sqrt(half**2 - 1) if np.isfinite(half) else 0.0
+    rho = (far - pole) / (1 - pole * far)
+    electrode = np.exp(1j * RING.angle_rad) / turn
+    angle = np.angle((electrode - pole) / (1 - pole * electrode))
+    m = np.arange(1, TERMS + 1)
+    change = -2 * contrast * rho ** (2 * m) / (1 + contrast * rho ** (2 * m)) / (np.pi * m * SHEET_S)
+    table = np.cos((angle[:, None] - angle)[..., None] * m) @ change
+    driven = table[:, RING.source] - table[:, RING.sink]
+    reading = np.arange(len(RING.read))
+    return CURRENT_A * (driven[RING.read, reading] - driven[RING.ground, reading])
+
+
+def baseline() -> Array:
+    """(208,) readings of the untouched disc with point electrodes, V."""
+    point = np.exp(1j * RING.angle_rad)
+    to_sink, to_source = (np.abs(point[[RING.read, RING.ground]] - point[end]) for end in (RING.sink, RING.source))
+    read, ground = np.log(to_sink / to_source) / (np.pi * SHEET_S)
+    return CURRENT_A * (read - ground)
+
+
+def draw(count: int, seed: int, reach_mm: float = 65.0) -> tuple[Array, Array]:
+    """Touches (count, 4) x, y, d, F uniform over a disc and their exact signals (count, 208), V."""
+    rng = np.random.default_rng(seed)
+    radius, angle = reach_mm * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
+    touch = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), rng.uniform(10, 18, count),
+                             rng.uniform(0.1, 2.0, count)])
+    radius_mm, contrast = spot(touch[:, 2], touch[:, 3])
+    spots = zip(touch[:, 0], touch[:, 1], radius_mm, contrast, strict=True)
+    return touch, np.array([spot_signal(*map(float, one)) for one in spots])
+
+
+def response(touch: Array) -> Array:
+    """(n, 4) made-up but smooth mechanical outputs of a touch: peak and mean stress, contact area, depth."""
+    d, force = touch[:, 2], touch[:, 3]
+    area = np.pi * d**2 / 4 * (1 - 0.1 * np.exp(-3 * force))
+    mean = force / area * 1e3
+    depth = 9.2 * force / (force + 2.2 * (d / 14) ** 1.6)
+    return np.column_stack([mean * (1.5 + 0.2 * np.log(force * 10)), mean, area, depth])
+
+
+def write_dataset(folder: Path, count: int, seed: int, **changes: Any) -> Path:
+    """A synthetic data set in the layout of `eitsim sweep`; `changes` overwrite columns."""
+    touch, signal = draw(count, seed)
+    touched = signal + baseline()
+    rows = []
+    for i in range(count):
+        row: dict[str, Any] = {"scene": i, "outcome": "ok", "card_sample": -1, "signal_error": 0.0, "cpu_s": 0.0}
+        row |= dict(zip(dataset.TOUCH, touch[i], strict=True))
+        row |= dict(zip(dataset.OUTPUTS, response(touch)[i], strict=True))
+        row |= dict(zip(dataset.voltage_columns(208), touched[i], strict=True))
+        row |= dict(zip(dataset.voltage_columns(208, "dv"), signal[i], strict=True))
+        rows.append(row | {key: value[i] for key, value in changes.items()})
+    folder.mkdir(parents=True, exist_ok=True)
+    dataset.write_part(folder, rows)
+    dataset.write_manifest(folder, {"design": {"scenes": count, "seed": seed, "sampler": "random", "tables": {}},
+                                    "card": {}, "versions": {}})
+    return folder
+
+
+@pytest.fixture(scope="session")
+def ring() -> Ring:
+    return RING
+
+
+@pytest.fixture(scope="session")
+def synthetic() -> Callable[[int, int], tuple[Array, Array]]:
+    """(count, seed) -> touches and exact signals."""
+    return draw
+
+
+@pytest.fixture(scope="session")
+def untouched_V() -> Array:
+    return baseline()
+
+
+@pytest.fixture
+def make_dataset() -> Callable[..., Path]:
+    return write_dataset
+
+
+@pytest.fixture(scope="session")
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A synthetic data set of 200 rows."""
+    return write_dataset(tmp_path_factory.mktemp("synthetic") / "sweep", 200, 3)
+
+
+@pytest.fixture(scope="session")
+def samples(sweep: Path) -> Samples:
+    found = read_samples(sweep)
+    assert found.target.shape == (200, len(outputs.ALL))
+    return found

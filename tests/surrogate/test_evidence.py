@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from surrogate import evidence, network
+from surrogate.evidence import Options
+
+
+def curve(rows: int, noise: float, seed: int = 0) -> tuple[Tensor, Tensor]:
+    """A smooth curve of two inputs with white noise."""
+    generator = torch.Generator().manual_seed(seed)
+    x = 2 * torch.rand(rows, 2, generator=generator, dtype=torch.float64) - 1
+    y = 0.6 * torch.sin(2.5 * x[:, 0]) * x[:, 1] + noise * torch.randn(rows, generator=generator, dtype=torch.float64)
+    return x, y
+
+
+def test_it_finds_the_noise_and_few_effective_parameters() -> None:
+    x, y = curve(400, 0.05)
+    trained = evidence.train(x, y, 1, Options(units=15, epochs=150))
+    assert math.sqrt(0.5 / trained.beta) == pytest.approx(0.05, rel=0.1)
+    assert 8 < trained.gamma < 0.75 * len(trained.weights)
+    clean_x, clean_y = curve(500, 0.0, seed=9)
+    error = network.output(trained.weights, clean_x) - clean_y
+    assert float(error.square().mean().sqrt()) < 0.02
+
+
+def test_its_intervals_hold_the_truth() -> None:
+    x, y = curve(150, 0.05)
+    trained = evidence.train(x, y, 1, Options(units=10, epochs=150))
+    at, truth = curve(2000, 0.05, seed=9)
+    sd = evidence.output_variance(trained.weights, x, trained.alpha, trained.beta, at).sqrt()
+    inside = (network.output(trained.weights, at) - truth).abs() < 1.645 * sd
+    assert float(inside.double().mean()) == pytest.approx(0.90, abs=0.03)
+
+
+@pytest.mark.parametrize("rows", [30, 120], ids=["fewer rows than weights", "more rows than weights"])
+def test_both_systems_give_the_same_numbers(rows: int) -> None:
+    x, y = curve(rows, 0.1)
+    w = network.initial_weights(2, 15, torch.Generator().manual_seed(2))
+    alpha, beta, mu = 0.3, 7.0, 0.02
+    j, eye = network.jacobian(w, x), torch.eye(len(w), dtype=torch.float64)
+    hessian = beta * j.T @ j + alpha * eye
+    error = network.output(w, x) - y
+    step = -torch.linalg.solve(hessian + mu * eye, beta * j.T @ error + alpha * w)
+    state = evidence._State(w, alpha, beta, error)
+    assert torch.allclose(evidence._damped_step(x, state)(mu), step, rtol=1e-7, atol=1e-10)
+    gamma, left = evidence.effective_parameters(w, x, alpha, beta)
+    assert gamma == pytest.approx(len(w) - alpha * float(torch.linalg.inv(hessian).trace()), rel=1e-9)
+    assert left == pytest.approx(rows - gamma, rel=1e-9)
+    variance = 0.5 * torch.einsum("np,pq,nq->n", j, torch.linalg.inv(hessian), j) + 0.5 / beta
+    assert torch.allclose(evidence.output_variance(w, x, alpha, beta, x), variance, rtol=1e-7)
+    expected = -state.cost - 0.5 * float(torch.logdet(hessian)) + 0.5 * len(w) * math.log(alpha) \
+        + 0.5 * rows * math.log(beta)
+    assert evidence._log_evidence(x, state) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("rows", [3, 40], ids=["fewer rows than weights", "more rows than weights"])
+def test_a_linear_gaussian_model_has_its_exact_evidence(rows: int) -> None:
+    """With every weight but the offset at 0 the network is y = c + noise, whose evidence is a normal density."""
+    x, y = curve(rows, 0.3)
+    alpha, beta = 0.4, 5.0
+    w = torch.zeros(network.count_weights(2, 3), dtype=torch.float64)
+    w[-1] = beta * y.sum() / (beta * rows + alpha)
+    covariance = torch.ones(rows, rows, dtype=torch.float64) / (2 * alpha) + torch.eye(rows).double() / (2 * beta)
+    exact = torch.distributions.MultivariateNormal(torch.zeros(rows).double(), covariance).log_prob(y)
+    state = evidence._State(w, alpha, beta, network.output(w, x) - y)
+    assert evidence._log_evidence(x, state) - 0.5 * rows * math.log(math.pi) == pytest.approx(float(exact), rel=1e-10)
+    assert evidence.effective_parameters(w, x, alpha, beta)[0] == pytest.approx(beta * rows / (beta * rows + alpha))
+
+
+def test_alpha_and_beta_satisfy_their_equations_at_the_end() -> None:
+    x, y = curve(60, 0.05)
+    trained = evidence.train(x, y, 1, Options(units=8, epochs=400))
+    squared_error, squared_weights, gamma = trained.history[-1].tolist()
+    assert trained.alpha == pytest.approx(gamma / (2 * squared_weights), rel=1e-6)
+    assert trained.beta == pytest.approx((60 - gamma) / (2 * squared_error), rel=1e-6)
+
+
+def test_a_target_that_the_inputs_do_not_hold_collapses_and_says_so() -> None:
+    generator = torch.Generator().manual_seed(0)
+    x = 2 * torch.rand(300, 3, generator=generator, dtype=torch.float64) - 1
+    y = 2 * torch.rand(300, generator=generator, dtype=torch.float64) - 1
+    trained = evidence.train(x, y, 0, Options(units=4, epochs=200))
+    assert trained.collapsed
+    assert trained.collapses == Options().restarts + 1
+    assert trained.gamma < 5
+    assert float((network.output(trained.weights, x) - y.mean()).abs().max()) < 0.4
+
+
+def test_one_seed_gives_one_network() -> None:
+    x, y = curve(40, 0.05)
+    first, again, other = (evidence.train(x, y, seed, Options(units=5, epochs=30)) for seed in (1, 1, 2))
+    assert torch.equal(first.weights, again.weights)
+    assert not torch.equal(first.weights, other.weights)

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from matcal.errors import TestFileError
+from surrogate import outputs, store
+from surrogate.evaluate import evaluate, parts_of
+from surrogate.model import METHODS, Model, estimate, interval_scale
+from surrogate.samples import Samples, read_samples, take
+from surrogate.train import train
+
+NAMES = ("x0", "F", "delta_max")
+
+
+@pytest.fixture(scope="module")
+def models(samples: Samples) -> dict[str, Model]:
+    return {method: train(samples, method, NAMES, 1, epochs=60 if method == "trainbr" else None) for method in METHODS}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Samples, tmp_path: Path,
+                                          method: str) -> None:
+    store.save(models[method], tmp_path / "model")
+    again = store.load(tmp_path / "model")
+    for noise in (0.0, 1e-5):
+        before, after = (estimate(m, samples.signal_V[:20], noise) for m in (models[method], again))
+        assert np.array_equal(before.value, after.value)
+        assert np.array_equal(before.sd, after.sd)
+        assert np.array_equal(interval_scale(models[method], noise), interval_scale(again, noise))
+    assert (again.names, again.seed, again.method) == (NAMES, 1, method)
+    assert again.record == json.loads(json.dumps(models[method].record))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_one_seed_gives_one_model(models: dict[str, Model], samples: Samples, method: str) -> None:
+    again = train(samples, method, NAMES, 1, epochs=60 if method == "trainbr" else None)
+    assert np.array_equal(estimate(again, samples.signal_V).value, estimate(models[method], samples.signal_V).value)
+
+
+def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples: Samples) -> None:
+    scores = {method: evaluate(model, samples).scores for method, model in models.items()}
+    rmse = {method: {name: s["outputs"][name]["test"]["rmse"] for name in NAMES} for method, s in scores.items()}
+    print("test RMSE on synthetic touches:", rmse)
+    assert rmse["forward"]["x0"] < 0.01
+    assert rmse["forward"]["F"] < 0.02
+    assert rmse["forward"]["delta_max"] < 0.05
+    assert rmse["ridge"]["x0"] < 1.0
+    assert rmse["trainbr"]["x0"] < 10.0
+    assert scores["trainbr"]["outputs"]["x0"]["test"]["r2"] > 0.9
+
+
+def test_all_eight_outputs_of_the_forward_method(samples: Samples) -> None:
+    found = evaluate(train(samples, "forward", seed=1), samples)
+    assert list(found.scores["outputs"]) == list(outputs.NAMES)
+    for name, parts in found.scores["outputs"].items():
+        assert {part: s["n"] for part, s in parts.items()} == {"train": 140, "val": 30, "test": 30}
+        assert parts["test"]["r2"] > 0.99
+        assert parts["test"]["unit"] == outputs.of(name).unit
+    assert len(found.predictions) == 8 * 200
+
+
+def test_noise_grows_the_error_and_the_intervals_follow(models: dict[str, Model], samples: Samples) -> None:
+    scores = evaluate(models["forward"], samples, [100, 80]).scores
+    quiet, loud = ({name: parts["test"] for name, parts in level["outputs"].items()} for level in scores["noise"])
+    assert scores["outputs"]["x0"]["test"]["rmse"] < quiet["x0"]["rmse"] < loud["x0"]["rmse"]
+    for level in scores["noise"]:
+        assert level["db_below_baseline"] == pytest.approx(level["noise_db"])
+        assert all(parts["train"]["coverage_90"] > 0.8 for parts in level["outputs"].values())
+    by_signal = evaluate(models["ridge"], samples, [40], "signal").scores["noise"][0]
+    assert by_signal["noise_V"] == pytest.approx(scores["signal_rms_V"] / 100)
+    with pytest.raises(ValueError, match="noise reference 'peak' is unknown; known: baseline, signal"):
+        evaluate(models["ridge"], samples, [40], "peak")
+
+
+def test_rows_are_recognised(models: dict[str, Model], samples: Samples, make_dataset: Callable[..., Path],
+                             tmp_path: Path) -> None:
+    other = read_samples(make_dataset(tmp_path / "other", 25, 99))
+    assert set(parts_of(models["ridge"], other)) == {"all"}
+    some = take(samples, np.arange(50))
+    assert np.array_equal(parts_of(models["ridge"], some), parts_of(models["ridge"], samples)[:50])
+    scores = evaluate(models["forward"], other).scores["outputs"]["x0"]
+    assert list(scores) == ["all"]
+    assert scores["all"]["rmse"] < 0.02
+
+
+def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
+    with pytest.raises(ValueError, match="'mlp' is not built yet; built: trainbr, forward, ridge"):
+        train(samples, "mlp")
+    with pytest.raises(ValueError, match="'svm' is unknown; known: trainbr, forward, ridge"):
+        train(samples, "svm")
+    with pytest.raises(ValueError, match="epochs are steps of trainbr; ridge has none"):
+        train(samples, "ridge", epochs=5)
+    with pytest.raises(ValueError, match="8 ok rows are too few"):
+        train(take(samples, np.arange(8)), "ridge")
+
+
+def test_degenerate_rows(samples: Samples) -> None:
+    doubled = take(samples, np.repeat(np.arange(40), 2))
+    assert np.all(np.isfinite(estimate(train(doubled, "forward", NAMES, 0), doubled.signal_V).value))
+    fixed = Samples(**{**samples.__dict__, "target": samples.target.copy()})
+    fixed.target[:, 2] = 14.0
+    scores = evaluate(train(fixed, "ridge", ("d",), 0), fixed).scores["outputs"]["d"]["test"]
+    assert scores["r2"] is None
+    silent = Samples(**{**samples.__dict__, "signal_V": samples.signal_V * (samples.scene != 17)[:, None]})
+    with pytest.raises(ValueError, match="scene 17 has no signal"):
+        train(silent, "ridge", NAMES, 1)
+
+
+def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path: Path) -> None:
+    with pytest.raises(TestFileError, match=r"not a model: it holds no model\.json"):
+        store.load(tmp_path)
+    store.save(models["ridge"], tmp_path / "model")
+    text = json.loads((tmp_path / "model" / "model.json").read_text())
+    (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "schema": 99}))
+    with pytest.raises(TestFileError, match="schema 99"):
+        store.load(tmp_path / "model")
+    (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "method": "forward"}))
+    with pytest.raises(TestFileError, match="does not belong"):
+        store.load(tmp_path / "model")
+
+
+def test_nothing_stored_is_pickled(models: dict[str, Model], tmp_path: Path) -> None:
+    for method, model in models.items():
+        store.save(model, tmp_path / method)
+        with np.load(tmp_path / method / "arrays.npz", allow_pickle=False) as stored:
+            assert all(stored[name].dtype != object for name in stored.files)

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surrogate import outputs
+from surrogate.intervals import NORMAL, conformal_scale
+from surrogate.metrics import noise_V, relative_dB, score
+from surrogate.split import split
+
+
+@pytest.mark.parametrize(("rows", "parts"), [(200, [140, 30, 30]), (60, [42, 9, 9]), (4000, [2800, 600, 600])])
+def test_rows_are_split_70_15_15_by_the_seed(rows: int, parts: list[int]) -> None:
+    found = split(rows, 1)
+    assert [int(np.sum(found == part)) for part in ("train", "val", "test")] == parts
+    assert np.array_equal(found, split(rows, 1))
+    assert not np.array_equal(found, split(rows, 2))
+
+
+def test_too_few_rows_are_refused() -> None:
+    with pytest.raises(ValueError, match="12 ok rows are too few"):
+        split(12, 0)
+
+
+def test_a_score_by_hand() -> None:
+    found = score(np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 3.0, 3.0, 4.0]), np.full(4, 1.5), "mm")
+    assert (found.mse, found.mae, found.n, found.coverage_90, found.unit) == (1.25, 0.75, 4, 0.75, "mm")
+    assert found.rmse == pytest.approx(np.sqrt(1.25))
+    assert found.r2 == pytest.approx(1 - 1.25 / 3.5)
+
+
+def test_a_constant_target_has_no_r2() -> None:
+    assert score(np.full(3, 14.0), np.array([14.0, 14.1, 13.9]), np.ones(3), "mm").r2 is None
+
+
+def test_decibels() -> None:
+    assert noise_V(60, 2.0) == pytest.approx(2e-3)
+    assert relative_dB(2e-3, 2.0) == pytest.approx(60)
+
+
+@pytest.mark.parametrize("rows", [9, 30, 600])
+def test_conformal_intervals_cover_what_they_promise(rows: int) -> None:
+    rng = np.random.default_rng(0)
+    sd = rng.uniform(0.5, 2, (2000, rows + 1))
+    ratio = np.abs(rng.standard_t(3, (2000, rows + 1)))
+    scale = conformal_scale((ratio * sd)[:, :rows].T, sd[:, :rows].T, rows)
+    covered = np.mean(ratio[:, rows] <= scale)
+    assert 0.885 < covered < 0.9 + 1 / (rows + 1) + 0.015
+
+
+def test_few_rows_fall_back_on_the_larger_of_both() -> None:
+    assert conformal_scale(np.array([[0.1], [0.2]]), np.ones((2, 1)), 2)[0] == NORMAL
+    assert conformal_scale(np.array([[0.1], [5.0]]), np.ones((2, 1)), 2)[0] == 5.0
+
+
+def test_outputs_are_chosen_by_name() -> None:
+    assert outputs.chosen("all") == outputs.NAMES
+    assert outputs.chosen("F, x0") == ("x0", "F")
+    with pytest.raises(ValueError, match="'z' is unknown; known: all, x0, y0, d, F, sigma_max"):
+        outputs.chosen("x0,z")

@@ -1,0 +1,212 @@
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.typing import NDArray
+
+from eitsim.dataset import voltage_columns
+from surrogate import cli
+
+Array = NDArray[np.float64]
+Synthetic = Callable[[int, int], tuple[Array, Array]]
+Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Run `surrogate` with these arguments: exit status, standard output, standard error."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["surrogate", *map(str, arguments)])
+        status = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            status = int(end.code or 0)
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def forward(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A forward model of the synthetic sweep, trained on the command line."""
+    out = tmp_path_factory.mktemp("models") / "forward"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["surrogate", "train", str(sweep), "--out", str(out), "--seed", "1",
+                                       "--noise-db", "80"])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+    assert not end.value.code
+    return out
+
+
+def write_frames(path: Path, frames: Array, header: list[str] | None = None) -> Path:
+    pd.DataFrame(frames).to_csv(path, index=False, header=header or False)
+    return path
+
+
+def test_training_leaves_a_model_its_scores_and_its_predictions(forward: Path) -> None:
+    model, scores = (json.loads((forward / name).read_text()) for name in ("model.json", "evaluation.json"))
+    assert (model["schema"], model["method"], model["seed"]) == (1, "forward", 1)
+    assert model["dataset"]["split"] == {"train": 140, "val": 30, "test": 30}
+    assert len(model["dataset"]["sha256"]) == 64
+    assert {"touchcal", "numpy", "torch"} <= set(model["versions"])
+    table = pd.read_parquet(forward / "predictions.parquet")
+    rows = table[(table["output"] == "x0") & (table["part"] == "test")]
+    rmse = float(np.sqrt(np.mean((rows["value"] - rows["target"]) ** 2)))
+    assert rmse == pytest.approx(scores["outputs"]["x0"]["test"]["rmse"])
+
+
+def test_evaluate_prints_one_object(call: Call, forward: Path, sweep: Path) -> None:
+    status, out, _ = call("evaluate", forward, sweep, "--noise-db", "100,80", "--json")
+    scores = json.loads(out)
+    assert status == 0
+    assert {"mse", "rmse", "r2", "mae", "n", "coverage_90", "unit"} == set(scores["outputs"]["F"]["test"])
+    assert scores["fit_s"] > 0
+    assert scores["predict_ms"] > 0
+    assert [level["noise_db"] for level in scores["noise"]] == [100, 80]
+    assert scores["noise"][0]["noise_V"] == pytest.approx(scores["baseline_rms_V"] * 1e-5)
+
+
+def test_report_writes_a_pdf(call: Call, forward: Path, tmp_path: Path) -> None:
+    status, out, _ = call("report", forward, "--out", tmp_path / "forward.pdf")
+    assert status == 0
+    assert "forward.pdf" in out
+    assert (tmp_path / "forward.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_evaluate_prints_a_table(call: Call, forward: Path, sweep: Path) -> None:
+    status, out, _ = call("evaluate", forward, sweep, "--noise-db", "90")
+    assert status == 0
+    assert "90.0 dB below the baseline" in out
+    assert "delta_max" in out
+
+
+@pytest.mark.parametrize(("method", "extra"), [("trainbr", ["--epochs", "20"]), ("ridge", [])])
+def test_other_methods_and_chosen_outputs(call: Call, sweep: Path, tmp_path: Path, method: str,
+                                          extra: list[str]) -> None:
+    status, out, _ = call("train", sweep, "--out", tmp_path / "m", "--method", method, "--outputs", "y0,F", *extra,
+                          "--json")
+    result = json.loads(out)
+    assert status == 0
+    assert list(result["outputs"]) == ["y0", "F"]
+    if method == "trainbr":
+        net = result["training"]["y0"]
+        assert net["parameters"] == 4201
+        assert net["epochs"] <= 20
+        assert 0 < net["gamma"] < 140
+
+
+def test_predict_reads_recorded_frames(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array,
+                                       tmp_path: Path) -> None:
+    touch, signal = synthetic(6, 50)
+    rng, noise = np.random.default_rng(0), 2e-6
+    frames = untouched_V + np.vstack([signal, np.zeros(208)])
+    frames += noise * rng.normal(size=frames.shape)
+    frames_file = write_frames(tmp_path / "frames.csv", frames, voltage_columns(208))
+    untouched = write_frames(tmp_path / "untouched.csv", untouched_V + noise * rng.normal(size=(20, 208)))
+    status, out, err = call("predict", forward, frames_file, "--baseline", untouched, "--out", tmp_path / "p.csv")
+    assert (status, err) == (0, "")
+    assert "7 frames" in out
+    table = pd.read_csv(tmp_path / "p.csv")
+    assert list(table.columns[:4]) == ["line", "x0_mm", "x0_lo90_mm", "x0_hi90_mm"]
+    assert np.allclose(table["x0_mm"][:6], touch[:, 0], atol=0.5)
+    assert np.all(table["F_lo90_N"][:6] < table["F_hi90_N"][:6])
+    assert table["flag"].fillna("").tolist()[6] == "no touch"
+    assert table.iloc[6, 1:-1].isna().all()
+
+
+def test_the_first_frame_serves_as_the_baseline(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array,
+                                                tmp_path: Path) -> None:
+    touch, signal = synthetic(3, 51)
+    frames = write_frames(tmp_path / "frames.csv", np.vstack([untouched_V, untouched_V + signal]))
+    status, out, err = call("predict", forward, frames)
+    table = pd.read_csv(io.StringIO(out))
+    assert status == 0
+    assert "noise of the readings is unknown" in err
+    assert np.allclose(table[["x0_mm", "y0_mm"]], touch[:, :2], atol=0.05)
+    assert table["line"].tolist() == [2, 3, 4]
+
+
+def test_named_columns_may_come_in_any_order(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array,
+                                             tmp_path: Path) -> None:
+    frames = np.vstack([untouched_V, untouched_V + synthetic(2, 52)[1]])
+    order = np.random.default_rng(0).permutation(208)
+    straight = call("predict", forward, write_frames(tmp_path / "a.csv", frames), "--noise-V", "1e-6")[1]
+    turned = write_frames(tmp_path / "b.csv", frames[:, order], [voltage_columns(208)[i] for i in order])
+    mixed = call("predict", forward, turned, "--noise-V", "1e-6")[1]
+    one, other = (pd.read_csv(io.StringIO(text)).drop(columns=["line", "flag"]) for text in (straight, mixed))
+    assert np.allclose(one, other)
+
+
+def test_odd_frames_are_flagged(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array,
+                                tmp_path: Path) -> None:
+    _, signal = synthetic(3, 53)
+    odd = signal[0].copy()
+    odd[40] += 0.5 * np.abs(signal[0]).max()
+    strong = 40 * signal[1]
+    frames = write_frames(tmp_path / "f.csv", untouched_V + np.vstack([signal[2], odd, strong]))
+    base = write_frames(tmp_path / "b.csv", untouched_V[None])
+    table = pd.read_csv(io.StringIO(call("predict", forward, frames, "--baseline", base, "--noise-V", "1e-6")[1]))
+    flags = table["flag"].fillna("").tolist()
+    assert flags[0] == ""
+    assert "unlike the trained touches" in flags[1]
+    assert "outside the training range" in flags[2]
+
+
+@pytest.mark.parametrize(("spoil", "message"), [
+    (lambda f: f[:, :200], "line 1: 200 columns; the model reads 208 voltages"),
+    (lambda f: np.where(np.arange(208) == 5, np.nan, f), "line 1: column 6 holds ''"),
+    (lambda f: np.where(np.arange(208) == 7, 0.0, f), "line 1: column 8 reads 0 V: a dead channel"),
+    (lambda f: np.where(np.arange(208) == 9, f[0, 9], f), "column 10 reads exactly"),
+    (lambda f: f[:1], "one frame only"),
+    (lambda f: f[:0], "holds no frames"),
+])
+def test_bad_frames_name_the_line(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array, tmp_path: Path,
+                                  spoil: Callable[[Array], Array], message: str) -> None:
+    frames = write_frames(tmp_path / "frames.csv", spoil(untouched_V + np.vstack([np.zeros(208), synthetic(3, 1)[1]])))
+    status, out, err = call("predict", forward, frames)
+    assert (status, out) == (2, "")
+    assert message in err
+    assert "frames.csv" in err
+
+
+def test_bad_input_is_told_plainly(call: Call, forward: Path, sweep: Path, make_dataset: Callable[..., Path],
+                                   tmp_path: Path) -> None:
+    failed = make_dataset(tmp_path / "failed", 5, 0, outcome=["refused"] * 3 + ["not_converged"] * 2)
+    holed = make_dataset(tmp_path / "holed", 30, 0, dv_017=[0.1] * 29 + [np.nan])
+    small = make_dataset(tmp_path / "small", 12, 0)
+    out = tmp_path / "m"
+    cases = [(("train", tmp_path / "absent", "--out", out), "absent: no such folder"),
+             (("train", tmp_path, "--out", out), "not a data set"),
+             (("train", failed, "--out", out), "none of its 5 rows is ok (3 refused, 2 not_converged)"),
+             (("train", holed, "--out", out), "dv_017 of scene 29 is nan"),
+             (("train", small, "--out", out), "12 ok rows are too few"),
+             (("train", sweep, "--out", out, "--method", "mlp"), "not built yet; built: trainbr, forward, ridge"),
+             (("train", sweep, "--out", out, "--outputs", "depth"), "output 'depth' is unknown"),
+             (("evaluate", forward, sweep, "--noise-db", "60,loud"), "--noise-db: 'loud' is not a number"),
+             (("evaluate", sweep, sweep), "not a model"),
+             (("predict", forward, tmp_path / "none.csv"), "none.csv: no such file")]
+    for arguments, message in cases:
+        status, printed, err = call(*arguments)
+        assert (status, printed) == (2, ""), arguments
+        assert message in err
+        assert "Traceback" not in err
+    assert not out.exists()
+
+
+def test_help_needs_no_torch() -> None:
+    import subprocess
+    import sys
+
+    code = "import sys, surrogate.cli, surrogate.train, surrogate.ridge; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
