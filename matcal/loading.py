@@ -57,14 +57,16 @@ def correct(kind: str, recording: Recording, block: Block) -> Loading:
     noise = sample_noise(force)
     load_sign = 1.0 if force[stroke.end] > np.median(force[:max(stroke.start, 1)]) else -1.0
     notes = [_start_sentence(recording, stroke)]
-    load, drift = _without_drift(stroke, load_sign * force, columns.get("time"), block, noise, notes)
+    load, drift, drift_sd = _without_drift(stroke, load_sign * force, columns.get("time"), block, noise, notes)
     contact, moved = _contact(stroke, load, block, noise, notes)
     sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
     first = int(np.argmax(moved >= contact.travel_m))
     facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
              "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
              "strain_zero_sd": contact.sd_m / block.length_m,
-             "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
+             "compliance_mm_per_N": block.compliance_m_per_N * 1e3, "area_mm2": block.area_m2 * 1e6}
+    if drift_sd is not None:
+        facts["drift_sd_N_per_s"] = drift_sd
     if why:
         notes.append(why)
     if block.compliance_m_per_N:
@@ -84,21 +86,22 @@ def _start_sentence(recording: Recording, stroke: Stroke) -> str:
 
 
 def _without_drift(stroke: Stroke, load: Array, time: Array | None, block: Block, noise: float,
-                   notes: list[str]) -> tuple[Array, float]:
-    """Load without the drift between the rests before and after the test, where the specimen is clear in both."""
+                   notes: list[str]) -> tuple[Array, float, float | None]:
+    """Load without the drift between the rests before and after the test, where the specimen is clear in both; the
+    drift and its standard deviation (None where it could not be measured), N/s."""
     if time is None or stroke.start < _ENOUGH:
-        return load, 0.0
+        return load, 0.0, None
     margin = max(5 * stroke.noise_m, 1e-3 * stroke.travel.max())
     after = stroke.end + np.flatnonzero(stroke.travel[stroke.end:] < margin)
     first = _contact(stroke, load, block, noise, [])[0]
     if after.size < _ENOUGH or first.travel_m < margin + 5 * first.sd_m:
-        return load, 0.0
+        return load, 0.0, None
     before = slice(0, stroke.start)
     rate = (load[after].mean() - load[before].mean()) / (time[after].mean() - time[before].mean())
     sd = noise * np.hypot(after.size**-0.5, stroke.start**-0.5) / (time[after].mean() - time[before].mean())
     notes.append(f"Load drift of {rate * 1e3:.3g} ± {sd * 1e3:.1g} mN/s between the rests before and after the test, "
                  "both clear of the specimen, taken off.")
-    return load - rate * (time - time[0]), float(rate)
+    return load - rate * (time - time[0]), float(rate), float(sd)
 
 
 def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: list[str]) -> tuple[Contact, Array]:
