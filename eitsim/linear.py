@@ -6,11 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
+
+
+class Indefinite(ArithmeticError):
+    """A matrix that must be positive definite is not."""
 
 
 def factorise(matrix: csc_matrix) -> Solve:
@@ -19,3 +24,30 @@ def factorise(matrix: csc_matrix) -> Solve:
     SuperLU without pivoting off the diagonal, minimum-degree ordering.
     """
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
+
+
+def factorise_band(band: Array) -> Solve:
+    """Cholesky factors of a symmetric matrix from its lower band (n, width + 1), column j holding rows j onwards.
+
+    The band is overwritten. Indefinite is raised where a pivot is not positive.
+    """
+    try:
+        factor = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False)
+    except LinAlgError:
+        raise Indefinite("a pivot of the Cholesky factorisation is not positive") from None
+    return lambda b: cho_solve_banded((factor, True), b, check_finite=False)
+
+
+def bordered(solve: Solve, border: Array, corner: float) -> Solve:
+    """Solver of [[A, border], [border', corner]] from one of A; Indefinite where its Schur complement is not positive.
+    """
+    column = solve(border)
+    schur = corner - float(border @ column)
+    if schur <= 0:
+        raise Indefinite("the Schur complement of the border is not positive")
+
+    def both(b: Array) -> Array:
+        last = (b[-1] - border @ solve(b[:-1])) / schur
+        return np.append(solve(b[:-1]) - column * last, last)
+
+    return both

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, ElementQuad1, ElementQuad2, MappingAffine, MeshQuad
+from skfem import Basis, ElementQuad2, MeshQuad
 
 from eitsim.scene import Body, Punch
 
@@ -17,9 +18,11 @@ Indices = NDArray[np.int64]
 
 # Gauss points per element and direction.
 _POINTS = 3
-# Distance over which elements double away from the fillet, sideways and downwards, in thicknesses, and the widest
-# element under the punch.
-_WIDENS, _DEEPENS, _WIDEST = 0.08, 0.2, 0.06
+# Sizes in feature lengths, where a feature is the fillet radius or, if less, a twentieth of the thickness: the default
+# element at the edge of the punch, and the distances over which elements double from there, sideways and downwards.
+_FEATURE, _ELEMENT, _WIDENS, _DEEPENS = 0.05, 0.15, 0.6, 1.0
+# Widest default element under the punch, in thicknesses.
+_WIDEST = 0.06
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,12 @@ class Grid:
     top: Indices
 
     @property
+    def lines(self) -> tuple[Array, Array]:
+        """Radii of the node columns and heights of the node rows."""
+        rows = int(self.top[0, 0]) + 1
+        return self.nodes[::rows, 0], self.nodes[:rows, 1]
+
+    @property
     def unknowns(self) -> int:
         """Number of displacement unknowns."""
         return int(self.unknown.max()) + 1
@@ -51,38 +60,50 @@ class Grid:
         return int((numbers.max(axis=1) - np.where(numbers < 0, numbers.max(), numbers).min(axis=1)).max())
 
 
+def feature_m(body: Body, punch: Punch) -> float:
+    """Length that sets the element size, m: the fillet radius, at most a twentieth of the foam's thickness."""
+    return min(punch.fillet_m, _FEATURE * body.thickness_m)
+
+
+def default_element_m(body: Body, punch: Punch) -> float:
+    """Element size at the edge of the punch, m, that keeps depth and touch signal within half a percent."""
+    return _ELEMENT * feature_m(body, punch)
+
+
 def foam_grid(body: Body, punch: Punch, element_m: float) -> Grid:
     """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed.
 
     Lines lie at the edge of the punch and where its fillet starts. element_m is the element size there, m; elements
-    widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness.
+    widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness and
+    the punch is smaller than the disc.
     """
-    if not 0 < element_m < body.thickness_m:
-        raise ValueError(f"element_m must lie between 0 and the thickness of {body.thickness_m} m, got {element_m}.")
-    size, unit = element_m / body.thickness_m, body.thickness_m
-    edge, fillet = punch.diameter_m / 2 / unit, punch.fillet_m / unit
-    if edge >= body.radius_m / unit:
-        raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc "
-                         f"(radius {body.radius_m} m).")
+    unit = body.thickness_m
+    if not 0 < element_m < unit:
+        raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
+    rim, edge, fillet = body.radius_m / unit, punch.diameter_m / 2 / unit, punch.fillet_m / unit
+    if edge >= rim:
+        raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc (radius "
+                         f"{body.radius_m} m).")
+    size, feature = element_m / unit, feature_m(body, punch) / unit
+    widest = _WIDEST * size / (_ELEMENT * feature)
+    start = max(edge - fillet, 0.0)
 
     def width(r: Array) -> Array:
-        away = np.maximum(edge - fillet - r, np.maximum(r - edge, 0))
-        widest = np.where(r < edge, _WIDEST * size / 0.02, np.inf)
-        return np.minimum(size * (1 + away / _WIDENS), widest)
+        away = np.maximum(start - r, np.maximum(r - edge, 0))
+        return np.minimum(size * (1 + away / (_WIDENS * feature)), np.where(r < edge, widest, np.inf))
 
     def height(z: Array) -> Array:
-        return size * (1 + (1 - z) / _DEEPENS)
+        return size * (1 + (1 - z) / (_DEEPENS * feature))
 
-    stops = sorted({0.0, max(edge - fillet, 0.0), edge, body.radius_m / unit})
-    r = np.concatenate([[0.0], *(spread(a, b, width) for a, b in zip(stops, stops[1:], strict=False))])
-    z = np.concatenate([[0.0], spread(0.0, 1.0, height)])
-    return tensor_grid(r, z)
+    stops = sorted({0.0, start, edge, rim})
+    r = np.concatenate([[0.0], *(spread(a, b, width) for a, b in itertools.pairwise(stops))])
+    return tensor_grid(r, np.concatenate([[0.0], spread(0.0, 1.0, height)]))
 
 
 def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False) -> Grid:
     """Grid on lines r and z: bottom fixed and u_r = 0 at r = 0, or everything free; axisymmetric or plane strain."""
     mesh = MeshQuad.init_tensor(r, z)
-    basis = Basis(mesh, ElementQuad2(), MappingAffine(mesh), intorder=2 * _POINTS - 1)
+    basis = Basis(mesh, ElementQuad2(), intorder=2 * _POINTS - 1)
     order = np.lexsort(np.round(basis.doflocs[::-1], 12))
     number = np.empty_like(order)
     number[order] = np.arange(order.size)

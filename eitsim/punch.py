@@ -1,0 +1,122 @@
+"""Frictionless contact of the foam's top with a rigid rounded cylinder: exact distance and its penalty energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mesh import Grid
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Gauss points a facet.
+POINTS = 4
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A rigid cylinder with a rounded edge; with a fillet as large as its radius, a hemisphere on a shank."""
+
+    # radius, fillet included
+    radius: float
+    # radius of the fillet
+    fillet: float
+    # penalty: nominal pressure over penetration
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Quadratic top facets with Gauss points."""
+
+    # (facets, 3) nodes: inner, middle, outer
+    nodes: Indices
+    # (points, 3) shape functions
+    shape: Array
+    # (facets, points, 3) their derivatives by the reference radius
+    slope: Array
+    # (facets, points) reference radius
+    radius: Array
+    # (facets, points) quadrature weight, 2 pi r included
+    weight: Array
+
+
+@dataclass(frozen=True)
+class Touching:
+    """State of the Gauss points under a punch."""
+
+    # (facets, points) penetration, 0 where there is none
+    gap: Array
+    # (facets, points, 2) derivative of the penetration by the position (r, z)
+    normal: Array
+    # (facets, points, 2, 2) second derivative
+    curvature: Array
+    # (facets, points) whether the nearest point of the punch lies on its side wall
+    wall: NDArray[np.bool_]
+
+
+def top_facets(grid: Grid, reach: float = np.inf, points: int = POINTS) -> Facets:
+    """Top facets that start inside the radius `reach`, with that many Gauss points each."""
+    return facets_at(grid, grid.top[grid.nodes[grid.top[:, 0], 0] < reach], *np.polynomial.legendre.leggauss(points))
+
+
+def facets_at(grid: Grid, nodes: Indices, t: Array, weight: Array) -> Facets:
+    """Facets of these nodes (facets, 3) with points t in [-1, 1] and their weights (points,)."""
+    shape, by_t = quadratic(t)
+    ends = grid.nodes[nodes, 0]
+    half = (ends[:, 2] - ends[:, 0])[:, None] / 2
+    radius = ends @ shape.T
+    return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * radius * half * weight)
+
+
+def quadratic(t: Array) -> tuple[Array, Array]:
+    """Shape functions (points, 3) of the nodes -1, 0, 1 and their derivatives at t."""
+    return (np.column_stack([t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2]),
+            np.column_stack([t - 0.5, -2 * t, t + 0.5]))
+
+
+def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touching:
+    """Contact state of nodes at `position` (nodes, 2), the punch face `depth` below z = 1.
+
+    With c = radius - fillet and y the height over the face, the penetration is y under the face, fillet minus the
+    distance to the fillet's circle about (c, fillet), radius - r at the wall; deep inside the nearer of face and wall.
+    """
+    r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
+    y, inner = z - 1 + depth, tool.radius - tool.fillet
+    dx, dy = r - inner, tool.fillet - y
+    corner, away = (dx > 0) & (dy > 0), np.hypot(dx, dy)
+    wall = ~corner & (dy <= 0) & (tool.radius - r < y)
+    gap = np.where(corner, tool.fillet - away, np.where(wall, tool.radius - r, y))
+    length = np.where(away > 0, away, 1.0)
+    n_r = np.where(corner, -dx / length, np.where(wall, -1.0, 0.0))
+    n_z = np.where(corner, dy / length, np.where(wall, 0.0, 1.0))
+    tangent = np.stack([n_z, -n_r], axis=-1)
+    curvature = -tangent[..., :, None] * tangent[..., None, :] * np.where(corner, 1 / length, 0.0)[..., None, None]
+    return Touching(np.maximum(gap, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)
+
+
+def energy(tool: Tool, facets: Facets, at: Touching) -> float:
+    """Penalty energy k g^2/2 over the reference surface."""
+    return float(tool.stiffness / 2 * np.sum(facets.weight * at.gap**2))
+
+
+def forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Array, float]:
+    """Derivatives of the energy by the facets' node positions (facets, 3, 2) and by the depth (the reaction)."""
+    push = tool.stiffness * facets.weight * at.gap
+    return np.einsum("fp,pa,fpi->fai", push, facets.shape, at.normal), float(np.sum(push * at.normal[..., 1]))
+
+
+def stiffness(tool: Tool, facets: Facets, at: Touching, share: float = 1.0) -> tuple[Array, Array, float]:
+    """Second derivatives of the energy: facet blocks (facets, 3, 2, 3, 2), border (facets, 3, 2), corner.
+
+    The part with the punch's curvature, which is never positive, is scaled by share.
+    """
+    push = tool.stiffness * facets.weight * (at.gap > 0)
+    bend = push * at.gap * share
+    point = push[..., None, None] * at.normal[..., :, None] * at.normal[..., None, :]
+    point = point + bend[..., None, None] * at.curvature
+    blocks = np.einsum("fpij,pa,pb->faibj", point, facets.shape, facets.shape)
+    return blocks, np.einsum("fpi,pa->fai", point[..., 1], facets.shape), float(np.sum(point[..., 1, 1]))
