@@ -1,4 +1,4 @@
-"""Gaussian process regression of one smooth quantity on a few inputs, hyperparameters by marginal likelihood."""
+"""Gaussian process regression of one smooth quantity on a few inputs, hyperparameters by their posterior mode."""
 
 from __future__ import annotations
 
@@ -17,6 +17,10 @@ MAX_NODES = 800
 MAX_SEARCH = 300
 # Bounds of the standard deviation of the noise over that of the process; the lower one keeps the Cholesky factor sound.
 NOISE_BOUNDS = (1e-5, 1e2)
+# Lengths over the spread of their input: median and spread of log of the prior. What is learned here is smooth over the
+# training rows; without a prior, an input of a few discrete values may be taken as so many unrelated ones.
+LENGTH_MEDIAN, LENGTH_SPREAD = 2.0, 0.7
+LENGTH_BOUNDS = (0.2, 100.0)
 
 
 @dataclass(frozen=True)
@@ -123,20 +127,27 @@ def _detrended(x: Array, y: Array, variance: Array) -> Array:
 
 
 def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, float]:
-    """Lengths, amplitude and noise ratio that maximise the marginal likelihood; the amplitude in closed form."""
+    """Most probable lengths, amplitude and noise ratio; the amplitude in closed form."""
     span = np.std(x, axis=0)
     span = np.where(span > 1e-12 * np.maximum(np.abs(x).max(axis=0), 1.0), span, 1.0)
     squared = (x[:, None, :] - x) ** 2 / span**2
     q = x.shape[1]
-    bounds = [(np.log(0.1), np.log(100.0))] * q + [tuple(np.log(NOISE_BOUNDS))]
+    bounds = [tuple(np.log(LENGTH_BOUNDS))] * q + [tuple(np.log(NOISE_BOUNDS))]
     starts = [np.r_[np.full(q, np.log(length)), np.log(noise)] for length, noise in ((2.0, 1e-2), (1.0, 0.3))]
-    found = [minimize(_negative_log_likelihood, start, (squared, y, shape), jac=True, method="L-BFGS-B", bounds=bounds)
+    found = [minimize(_negative_log_posterior, start, (squared, y, shape), jac=True, method="L-BFGS-B", bounds=bounds)
              for start in starts]
     best = min(found, key=lambda result: result.fun).x
     lengths, ratio = np.exp(best[:q]), float(np.exp(best[q]))
     covariance = np.exp(-0.5 * squared @ lengths**-2.0) + ratio**2 * np.diag(shape)
     quadratic = float(y @ cho_solve((cholesky(covariance, lower=True), True), y))
     return span * lengths, max(np.sqrt(quadratic / len(y)), np.finfo(float).tiny**0.25), ratio
+
+
+def _negative_log_posterior(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:
+    """The negative log likelihood and the prior of the lengths, with the gradient."""
+    value, gradient = _negative_log_likelihood(log, squared, y, shape)
+    off = (log[:-1] - np.log(LENGTH_MEDIAN)) / LENGTH_SPREAD
+    return value + 0.5 * float(off @ off), gradient + np.r_[off / LENGTH_SPREAD, 0.0]
 
 
 def _negative_log_likelihood(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:

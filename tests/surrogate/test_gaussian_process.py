@@ -58,7 +58,7 @@ def test_likelihood_gradient_equals_finite_differences() -> None:
     x = points(30, 0)
     squared, shape = (x[:, None] - x) ** 2 / np.std(x, axis=0) ** 2, np.linspace(0.5, 2, 30)
     at = np.array([0.3, 0.1, 1.0, -3.0])
-    value = partial(gaussian_process._negative_log_likelihood, squared=squared, y=surface(x), shape=shape)
+    value = partial(gaussian_process._negative_log_posterior, squared=squared, y=surface(x), shape=shape)
     steps = [(value(at + h)[0] - value(at - h)[0]) / 2e-5 for h in 1e-5 * np.eye(4)]
     assert np.allclose(value(at)[1], steps, rtol=1e-6)
 

@@ -12,7 +12,7 @@ from surrogate.invert import invert
 from surrogate.ring import Ring
 
 Array = NDArray[np.float64]
-Synthetic = Callable[[int, int], tuple[Array, Array]]
+Synthetic = Callable[..., tuple[Array, Array]]
 QUIET_V = 2e-5  # 100 dB below the baseline of about 2 V
 
 
@@ -35,6 +35,13 @@ def test_forty_scenes_give_a_useful_map(ring: Ring, synthetic: Synthetic) -> Non
     touch, signal = synthetic(100, 1)
     error = linearise(few, to_unknown(touch)).signal_V - signal
     assert np.median(np.linalg.norm(error, axis=1) / np.linalg.norm(signal, axis=1)) < 3e-3
+
+
+def test_a_few_diameters_teach_those_between(ring: Ring, synthetic: Synthetic) -> None:
+    few = forward_map.learn(ring, *synthetic(140, 0, (10, 12, 14, 16, 18)))
+    touch, signal = synthetic(100, 1)
+    error = np.abs(invert(few, signal).touch - touch)
+    assert np.all(np.quantile(error, 0.9, axis=0) < [0.01, 0.01, 0.3, 0.03])
 
 
 def test_jacobian_equals_finite_differences(learned: ForwardMap, synthetic: Synthetic) -> None:
