@@ -144,11 +144,12 @@ def _decisions(made: Plan) -> list[dict[str, Any]]:
 
 def _print_plan(made: Plan) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table("decision", "reason", "may cost of dV", title="plan")
     for d in made.decisions:
-        table.add_row(d.decision, d.reason, f"{d.error_bound:.1e}" if d.error_bound else "-")
+        table.add_row(escape(d.decision), escape(d.reason), f"{d.error_bound:.1e}" if d.error_bound else "-")
     table.add_section()
     table.add_row("all of them", "", f"{made.error_bound:.1e}")
     Console().print(table)

@@ -11,16 +11,18 @@ import numpy as np
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
+from eitsim.mesh import default_element_m
 from eitsim.plan import make_plan
 from eitsim.results import Plan, Readings, Result, Touch
-from eitsim.scene import Scene
+from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, require, with_moduli
 from matcal.errors import NotConverged
+from matcal.hyperfoam import Hyperfoam
 
 # Depth over thickness from which a touch counts as bottomed out.
 BOTTOM = 0.95
-# Part of the wanted signal error that the electrics may use up.
-ELECTRICS_SHARE = 0.2
+# Parts of the wanted signal error that the mechanics and the electrics may use up.
+MECHANICS_SHARE, ELECTRICS_SHARE = 0.8, 0.2
 
 
 def simulate(scene: Scene, card: MaterialCard) -> Result:
@@ -35,7 +37,7 @@ def simulate(scene: Scene, card: MaterialCard) -> Result:
     if plan.refusal:
         return Result("refused", plan, message=plan.refusal, cost=_cost(wall, cpu))
     try:
-        touches = tuple(solve_touch(law, scene.body, punch) for punch in scene.punches)
+        touches = tuple(_touch(law, scene, punch) for punch in scene.punches)
     except NotConverged as error:
         return Result("not_converged", plan, message=str(error), cost=_cost(wall, cpu))
     deepest = max(touch.depth_m for touch in touches)
@@ -47,6 +49,15 @@ def simulate(scene: Scene, card: MaterialCard) -> Result:
         outcome = "bottomed_out"
         message = f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
     return Result(outcome, plan, touches, readings, message, _errors(plan, touches, readings), _cost(wall, cpu))
+
+
+def _touch(law: Hyperfoam, scene: Scene, punch: Punch) -> Touch:
+    """A touch on the default mesh, and on one of half its element size where the first misses the wanted error."""
+    touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
+    if touch.signal_error <= MECHANICS_SHARE * scene.accuracy.signal:
+        return touch
+    finer = default_element_m(scene.body, punch) / 2
+    return solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=finer)
 
 
 def _errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
