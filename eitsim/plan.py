@@ -97,8 +97,8 @@ def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
                    "unknown and not in the bound", 0.0)
     sharpest = min(p.fillet_m for p in scene.punches)
     yield Decision("the skin is a sheet, solved on the surface",
-                   f"its thickness is {scene.skin.thickness_m / sharpest:.2f} of the punch's fillet, the shortest length "
-                   "over which it changes; the cost is of second order in that",
+                   f"its thickness is {scene.skin.thickness_m / sharpest:.2f} of the punch's fillet, the shortest "
+                   "length over which it changes; the cost is of second order in that",
                    (scene.skin.thickness_m / sharpest) ** 2)
     yield Decision(f"one factorisation serves all {scene.electrodes.count} patterns",
                    "every pattern is a linear read-out of one impedance matrix", 0.0)
