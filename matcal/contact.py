@@ -54,7 +54,7 @@ def _change_point(travel: Array, load: Array, length_m: float, latest_m: float) 
     grid = np.linspace(0.0, latest_m, 25)
     best = int(np.argmin([_fit(at, travel, load, length_m)[0] for at in grid]))
     found = minimize_scalar(lambda at: _fit(at, travel, load, length_m)[0], method="bounded",
-                            bounds=(grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]))
+                            bounds=(float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])))
     return float(found.x)
 
 
@@ -62,7 +62,7 @@ def _fit(at: float, travel: Array, load: Array, length_m: float) -> tuple[float,
     """Mean squared residual, coefficients (zero first) and basis."""
     u = np.maximum(travel - at, 0.0) / (_REACH * length_m)
     basis = u[:, None] ** np.arange(_DEGREE + 1)
-    coefficients, *_ = np.linalg.lstsq(basis, load, rcond=None)
+    coefficients: Array = np.linalg.lstsq(basis, load, rcond=None)[0].astype(float)
     return float(np.mean((load - basis @ coefficients) ** 2)), coefficients, basis
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from matcal.errors import TestFileError
 from matcal.experiment import KINDS
@@ -17,21 +18,33 @@ _WORDS = (
 )
 
 
-def decide_kind(explicit: str | None, recording: Recording) -> tuple[str, str]:
-    """(kind, sentence saying why); TestFileError where nothing tells, ValueError for an unknown explicit kind."""
-    path = recording.paths[0]
+def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
+    """(kind, sentence saying why) of the recordings of one test; TestFileError where nothing tells, ValueError for an
+    unknown explicit kind."""
     if explicit is not None:
-        return _known(explicit, f"{explicit}={path.name}"), f"{recording.label}: {explicit}, as given."
+        path = recordings[0].paths[0]
+        return _known(explicit, f"{explicit}={path.name}"), f"{recordings[0].label}: {explicit}, as given."
+    for recording in recordings:
+        if (told := _told_by(recording)) is not None:
+            return told
+    path = recordings[0].paths[0]
+    raise TestFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
+                              f"{', '.join(KINDS)}.")
+
+
+def _told_by(recording: Recording) -> tuple[str, str] | None:
+    path = recording.paths[0]
     for key in ("Test", "File Path"):
         if (kind := _from_words(recording.metadata.get(key, ""))) is not None:
             return kind, f"{recording.label}: {kind}, from its own line '{key}: {recording.metadata[key].strip()}'."
     sidecar = path.with_suffix(".toml")
     if sidecar.exists() and "kind" in (table := read_toml(sidecar)):
         return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."
+    if {"current", "conductivity"} & set(recording.columns):
+        return "conductivity", f"{recording.label}: conductivity, from its columns."
     if (kind := _from_words(path.stem)) is not None:
         return kind, f"{recording.label}: {kind}, from its name."
-    raise TestFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
-                              f"{', '.join(KINDS)}.")
+    return None
 
 
 def _known(kind: str, where: str) -> str:

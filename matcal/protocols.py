@@ -15,7 +15,7 @@ from matcal.specimen import Block, Strip, read_specimen
 from matcal.tables import reduce_table
 
 # kinds that have a protocol
-REDUCED = ("uniaxial", "shear", "relaxation")
+REDUCED = ("uniaxial", "shear", "relaxation", "conductivity")
 
 
 def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]],
@@ -49,7 +49,7 @@ def _recordings(paths: tuple[Path, ...]) -> list[Recording]:
 
 def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | None) -> Experiment:
     first = recordings[0]
-    kind, why = decide_kind(explicit, first)
+    kind, why = decide_kind(explicit, recordings)
     if kind not in REDUCED:
         raise ValueError(f"{first.label}: reducing {kind} tests is not built yet; built: {', '.join(REDUCED)}.")
     if len(recordings) > (2 if kind == "conductivity" else 1):

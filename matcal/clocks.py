@@ -1,0 +1,122 @@
+"""Two machines, two clocks: the shift between a load frame's time and a potentiostat's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+Array = NDArray[np.float64]
+
+# conductivity = polynomial of the strain + polynomial of the time, for the settling of the coating
+_STRAIN_DEGREE, _TIME_DEGREE = 3, 3
+_POINTS, _SHIFTS = 400, 600
+
+
+@dataclass(frozen=True)
+class Shift:
+    """Potentiostat time minus frame time."""
+
+    # s
+    seconds: float
+    # standard deviation, s
+    sd_s: float
+    # what it was read from
+    how: str
+
+
+def combined(first: Shift, second: Shift) -> Shift:
+    """The mean of two shifts weighted by their inverse variances."""
+    weights = np.array([first.sd_s, second.sd_s]) ** -2
+    mean = float(weights @ [first.seconds, second.seconds] / weights.sum())
+    how = f"{first.how} ({first.seconds:.3f} ± {first.sd_s:.3f} s) and {second.how} ({second.seconds:.3f} ± "
+    return Shift(mean, float(weights.sum() ** -0.5), f"{how}{second.sd_s:.3f} s)")
+
+
+def shift_by_break(frame_time: Array, load: Array, pot_time: Array, current: Array) -> Shift | None:
+    """The shift that brings the tearing of the specimen together on both clocks; None where either record has none.
+
+    In both it lies within one sampling interval, taken as uniform.
+    """
+    torn, open_circuit = _collapse(np.abs(load - np.median(load[:20]))), _collapse(np.abs(current))
+    if torn is None or open_circuit is None:
+        return None
+    steps = [t[k] - t[k - 1] for t, k in ((frame_time, torn), (pot_time, open_circuit))]
+    middle = [(t[k] + t[k - 1]) / 2 for t, k in ((frame_time, torn), (pot_time, open_circuit))]
+    return Shift(float(middle[1] - middle[0]), float(np.hypot(*steps) / np.sqrt(12)),
+                 "the moment of tearing: load and current collapse")
+
+
+def _collapse(signal: Array) -> int | None:
+    """Index of the first sample after the signal falls for good to under a quarter of what it was just before."""
+    reach = max(3, signal.size // 100)
+    tail = signal[-3:].max()
+    high = np.flatnonzero(signal > max(4 * tail, 0.25 * signal.max()))
+    if not high.size or high[-1] + 3 > signal.size - 1:
+        return None
+    last = int(high[-1])
+    before = float(np.median(signal[max(0, last - reach):last + 1]))
+    after = float(np.median(signal[last + 1:last + 1 + reach]))
+    return last + 1 if after < 0.25 * before else None
+
+
+def shift_by_motion(frame_time: Array, strain: Array, pot_time: Array, conductance: Array, settling: bool) -> Shift:
+    """The shift under which (1 + strain) x conductance is best a cubic of the strain, and of the time if `settling`.
+
+    Its standard deviation comes from the curvature of the sum of squares. The frame is taken to stand still before its
+    record begins; potentiostat samples after its end are left out. ValueError where the records cannot overlap.
+    """
+    moving = np.flatnonzero(np.abs(strain) > 0.01 * np.abs(strain).max())
+    first, last = float(frame_time[moving[0]]), float(frame_time[moving[-1]])
+    slack = 0.1 * (last - first)
+    lo, hi = pot_time[0] - first - slack, pot_time[-1] - last + slack
+    if lo >= hi:
+        raise ValueError(f"the potentiostat's record of {np.ptp(pot_time):.0f} s is too short for a motion of "
+                         f"{last - first:.0f} s")
+    degree = _TIME_DEGREE if settling else 0
+    every = max(1, pot_time.size // _POINTS)
+    coarse = np.linspace(lo, hi, _SHIFTS)
+    cost = [_misfit(s, frame_time, strain, pot_time[::every], conductance[::every], degree) for s in coarse]
+    best, step = float(coarse[int(np.argmin(cost))]), float(coarse[1] - coarse[0])
+    found = minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, degree), method="bounded",
+                            bounds=(best - step, best + step), options={"xatol": 1e-4 * step})
+    at = float(found.x)
+    return Shift(at, _standard_deviation(at, frame_time, strain, pot_time, conductance, degree),
+                 "the best agreement of conductance with motion")
+
+
+def _misfit(shift: float, frame_time: Array, strain: Array, pot_time: Array, conductance: Array, degree: int) -> float:
+    """Mean squared residual of (1 + strain) x conductance; infinite where less than half of the records overlap."""
+    if np.count_nonzero(pot_time - shift <= frame_time[-1]) < 0.5 * pot_time.size:
+        return np.inf
+    basis, c = _regression(shift, frame_time, strain, pot_time, conductance, degree)
+    coefficients, *_ = np.linalg.lstsq(basis, c, rcond=None)
+    return float(np.mean((c - basis @ coefficients) ** 2))
+
+
+def _regression(shift: float, frame_time: Array, strain: Array, pot_time: Array, conductance: Array,
+                degree: int) -> tuple[Array, Array]:
+    """Basis and left side of the regression at one shift."""
+    used = pot_time - shift <= frame_time[-1]
+    e = np.interp(pot_time[used] - shift, frame_time, strain)
+    u = e / np.abs(strain).max()
+    tau = (pot_time[used] - pot_time[0]) / np.ptp(pot_time)
+    basis = np.column_stack([u[:, None] ** np.arange(_STRAIN_DEGREE + 1), tau[:, None] ** np.arange(1, degree + 1)])
+    return basis, (1 + e) * conductance[used]
+
+
+def _standard_deviation(shift: float, frame_time: Array, strain: Array, pot_time: Array, conductance: Array,
+                        degree: int) -> float:
+    """Of the shift, by linearising: what a shift changes beyond what the polynomials can follow."""
+    h = 4 * float(np.median(np.diff(pot_time)))
+    basis, c = _regression(shift, frame_time, strain, pot_time, conductance, degree)
+    coefficients, *_ = np.linalg.lstsq(basis, c, rcond=None)
+    (later, _), (earlier, _) = (_regression(s, frame_time, strain, pot_time, conductance, degree)
+                                for s in (shift + h, shift - h))
+    n = min(len(later), len(earlier), len(basis))
+    slope = (later[:n] - earlier[:n]) @ coefficients / (2 * h)
+    beyond = slope - basis[:n] @ np.linalg.lstsq(basis[:n], slope, rcond=None)[0]
+    residual = c - basis @ coefficients
+    return float(np.sqrt(np.mean(residual**2) / np.sum(beyond**2)))
