@@ -60,6 +60,8 @@ class Fit:
     optimum: Optimum
     # every order tried
     orders: tuple[OrderRow, ...]
+    # law of one more term, which shows what the order hides; None where there are too few points for it
+    wider: Hyperfoam | None
     # mode -> law of that mode alone; empty with one mode
     alone: Mapping[str, Alone]
     # what was decided, one sentence each
@@ -68,24 +70,34 @@ class Fit:
     cpu_s: float
 
 
-def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str = 0.0, starts: int = 8) -> Fit:
+def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str = 0.0, starts: int = 8,
+        thorough: bool = True) -> Fit:
     """Long-term hyperfoam law with least weighted mean square residual over `curves`.
 
     order: number of terms, or "auto" (1 to 4 by BIC, orders with merged exponents last); poisson: one nu for all
-    terms, or "fit". Raises ValueError for another choice, for no curves, or for fewer points than parameters.
+    terms, or "fit"; thorough: also fit one more term, and each mode alone. Raises ValueError for another choice, for
+    no curves, or for fewer points than parameters.
     """
     start = time.process_time()
     curves = tuple(curves)
     orders = _orders(order, curves)
-    nu = _fitted_nu(curves, max(orders) if len(orders) == 1 else 3) if poisson == "fit" else _checked_nu(poisson)
-    tried = [_minimise(curves, n, nu, starts) for n in orders]
-    rows = tuple(_row(curves, optimum) for optimum in tried)
-    best = min(range(len(rows)), key=lambda k: (bool(rows[k].confluence), rows[k].bic))
-    law = _law(tried[best], nu, curves)
-    alone = _alone(curves, rows[best].order, nu, starts)
+    nu = _fitted_nu(curves, orders[0] if len(orders) == 1 else 3) if poisson == "fit" else _checked_nu(poisson)
+    tried = {n: _minimise(curves, n, nu, starts) for n in orders}
+    rows = tuple(_row(curves, optimum) for optimum in tried.values())
+    best = min(rows, key=lambda row: (bool(row.confluence), row.bic))
     decisions = (*_order_sentences(order, rows, best), *_mode_sentences(curves),
                  f"nu = {nu:.4g} for every term, {'fitted' if poisson == 'fit' else 'as given'}.")
-    return Fit(law, curves, tried[best], rows, alone, decisions, time.process_time() - start)
+    return Fit(_law(tried[best.order], nu, curves), curves, tried[best.order], rows,
+               _wider(curves, tried, best.order + 1, nu, starts) if thorough else None,
+               _alone(curves, best.order, nu, starts) if thorough else {}, decisions,
+               time.process_time() - start)
+
+
+def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam:
+    """The law alone, from fewer starts, three terms where the order is open: for the shape of a curve on the way."""
+    curves = tuple(curves)
+    terms = min(3, _orders("auto", curves)[-1]) if order == "auto" else _orders(order, curves)[0]
+    return _law(_minimise(curves, terms, nu, 3), nu, curves)
 
 
 def modelled(law: Hyperfoam, curve: Curve) -> Array:
@@ -143,12 +155,20 @@ def _minimise(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> 
                     alpha_bounds(curves), starts)
 
 
+def _wider(curves: tuple[Curve, ...], tried: Mapping[int, Optimum], order: int, nu: float,
+           starts: int) -> Hyperfoam | None:
+    if 2 * order >= sum(c.experiment.value.size for c in curves):
+        return None
+    optimum = tried.get(order) or _minimise(curves, order, nu, max(1, starts // 2))
+    return _law(optimum, nu, curves) if optimum.mu_Pa.sum() > 0 else None
+
+
 def _fitted_nu(curves: tuple[Curve, ...], order: int) -> float:
     if not {c.experiment.kind for c in curves} - {"shear"}:
         raise ValueError("poisson 'fit' needs another mode than shear, which does not depend on nu. Give a value.")
     found = minimize_scalar(lambda nu: _minimise(curves, order, float(nu), 2).cost, bounds=_NU_BOUNDS,
                             method="bounded", options={"xatol": 1e-4})
-    return float(found.x)
+    return float(found.x)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _row(curves: tuple[Curve, ...], optimum: Optimum) -> OrderRow:
@@ -187,9 +207,8 @@ def _rms_in(law: Hyperfoam, curves: tuple[Curve, ...], kind: str) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def _order_sentences(order: int | str, rows: tuple[OrderRow, ...], best: int) -> list[str]:
+def _order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderRow) -> list[str]:
     table = ", ".join(f"N = {r.order}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)
-    chosen = rows[best]
     out = [f"Order {chosen.order}, {'by BIC' if order == 'auto' else 'as given'} (weighted relative RMS {table})."]
     if chosen.confluence:
         out.append(f"At order {chosen.order} {chosen.confluence}: single mu and alpha are not measurable, read mu_0, "

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -147,9 +147,9 @@ def _starts(hold: _Hold, terms: int, least: float, most: float, count: int = 2) 
     """Best combinations of times on a grid, each with its non-negative shares."""
     grid = np.geomspace(1.5 * least, most / 3, 9)
     seen = hold.precision > 0
-    columns = [hold.push * (convolve(Prony([0.5], [tau]), hold.time_s, hold.instantaneous) - 0.5 * hold.instantaneous)
-               for tau in grid]
-    columns = np.stack([hold.push * hold.instantaneous * 0.5, *columns], axis=1)[seen]
+    halves = [convolve(Prony(np.array([0.5]), np.array([tau])), hold.time_s, hold.instantaneous) for tau in grid]
+    rest = 0.5 * hold.instantaneous
+    columns = np.stack([hold.push * c for c in (rest, *(half - rest for half in halves))], axis=1)[seen]
     sign = np.sign(columns[-1, 0] * hold.stress_Pa[-1])
     scaled = sign * columns * hold.precision[seen, None]
     target = (hold.precision * hold.stress_Pa)[seen]
@@ -165,7 +165,7 @@ def _starts(hold: _Hold, terms: int, least: float, most: float, count: int = 2) 
 
 def _covariance(experiments: Sequence[Experiment], holds: Sequence[_Hold], law: Hyperfoam | None,
                 vector: Array) -> Array:
-    """Gauss-Newton covariance of (g, tau): noise, widened for correlated residuals, and the contact point."""
+    """Gauss-Newton covariance of (g, tau): noise, widened for correlated residuals, contact point and load drift."""
     jacobian = _slopes(lambda v: _residual(holds, v), vector)
     residual = _residual(holds, vector)
     free = np.linalg.norm(jacobian, axis=0) > 0
@@ -173,19 +173,22 @@ def _covariance(experiments: Sequence[Experiment], holds: Sequence[_Hold], law: 
     inverse = np.linalg.pinv(jacobian[:, free])
     covariance = spread * inverse @ inverse.T
     for k, experiment in enumerate(experiments):
-        if shift := experiment.facts.get("strain_zero_sd", 0.0):
-            moved = [*holds[:k], _hold(_shifted(experiment, shift), law), *holds[k + 1:]]
-            effect = inverse @ (_residual(moved, vector) - residual)
+        for moved in _doubted(experiment):
+            shifted = [*holds[:k], _hold(moved, law), *holds[k + 1:]]
+            effect = inverse @ (_residual(shifted, vector) - residual)
             covariance = covariance + np.outer(effect, effect)
     turn = _slopes(lambda v: np.r_[_series(v).g, _series(v).tau_s], vector)[:, free]
     return turn @ covariance @ turn.T
 
 
-def _shifted(experiment: Experiment, shift: float) -> Experiment:
-    from dataclasses import replace
-
-    rest = np.where(experiment.strain == 0, 0.0, shift)
-    return replace(experiment, strain=experiment.strain + rest)
+def _doubted(experiment: Experiment) -> list[Experiment]:
+    """The experiment with its contact point, and with its load drift, one standard deviation elsewhere."""
+    facts, out = experiment.facts, []
+    if shift := facts.get("strain_zero_sd", 0.0):
+        out.append(replace(experiment, strain=np.where(experiment.strain == 0, 0.0, experiment.strain + shift)))
+    if (drift := facts.get("drift_sd_N_per_s", 0.0)) and experiment.time_s is not None:
+        out.append(replace(experiment, value=experiment.value + drift / (facts["area_mm2"] * 1e-6) * experiment.time_s))
+    return out
 
 
 def _slopes(function, vector: Array) -> Array:
@@ -205,7 +208,8 @@ def _sentences(holds: Sequence[_Hold], law: Hyperfoam | None, prony: Prony, cova
     shape = ("the fitted hyperfoam curve" if law is not None else
              "a stress proportional to strain (no stress-strain curve was given, so the true ramp of the stress is "
              "unknown and the fast terms are uncertain)")
-    out = [f"Prony series of {prony.g.size} terms on the hold, with the recorded ramp ({ramp}) convolved through {shape}."]
+    out = [f"Prony series of {prony.g.size} terms on the hold, with the recorded ramp ({ramp}) convolved through "
+           f"{shape}."]
     sd = np.sqrt(np.diag(covariance))[prony.g.size:]
     if np.any(loose := sd > 0.5 * prony.tau_s):
         out.append("Weakly determined times: " + ", ".join(f"{t:.3g} ± {s:.2g} s" for t, s in

@@ -39,10 +39,10 @@ def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
 
 
 def margin(law: Hyperfoam, criterion: str, mode: str, strain: ArrayLike) -> Array:
-    """Least eigenvalue over all increments (drucker) or directions (elliptic), Pa, (n,), at strains (n,); > 0 is stable."""
+    """Least eigenvalue, Pa, (n,), at strains (n,), over all increments (drucker) or directions (elliptic)."""
     x = log_stretches(law, mode, np.atleast_1d(strain))
     if criterion == "drucker":
-        return np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0]
+        return np.asarray(np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0], dtype=float)
     if criterion == "elliptic":
         return _acoustic_margin(law, x)
     raise ValueError(f"criterion '{criterion}' is unknown; known: {', '.join(CRITERIA)}.")
@@ -53,9 +53,16 @@ def unstable_ranges(margin_at: Callable[[Array], Array], strain: Array) -> list[
     value = margin_at(strain)
     inside = value <= 0
     edges = np.flatnonzero(inside[1:] != inside[:-1])
-    ends = [brentq(lambda e: float(margin_at(np.array([e]))[0]), strain[k], strain[k + 1], xtol=1e-7) for k in edges]
-    ends = [float(strain[0])] * bool(inside[0]) + ends + [float(strain[-1])] * bool(inside[-1])
+    ends = [float(strain[0])] * bool(inside[0])
+    ends += [_root(lambda e: float(margin_at(np.array([e]))[0]), strain[k], strain[k + 1]) for k in edges]
+    ends += [float(strain[-1])] * bool(inside[-1])
     return [[lo, hi] for lo, hi in zip(ends[::2], ends[1::2], strict=True)]
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    root = brentq(function, low, high, xtol=1e-7)
+    assert isinstance(root, float)
+    return root
 
 
 def _scan(law: Hyperfoam, criterion: str, mode: str) -> dict[str, object]:
@@ -92,7 +99,7 @@ def _least(normal: Array, shear: Array, cross: Array, squares: Array) -> Array:
     cosines = np.sqrt(squares)
     q = cross[:, None] * (cosines[..., :, None] * cosines[..., None, :])
     on_axis = normal[:, None] * squares + np.einsum("npi,nmp->nmi", shear, squares)
-    return np.linalg.eigvalsh(q + on_axis[..., None] * np.eye(3))[..., 0]
+    return np.asarray(np.linalg.eigvalsh(q + on_axis[..., None] * np.eye(3))[..., 0], dtype=float)
 
 
 def _triangle(parts: int) -> Array:

@@ -89,7 +89,7 @@ def _exponents(steps: Array, high: float) -> Array:
 
 def _starts(design: Design, target: Array, order: int, bounds: tuple[float, float], count: int) -> list[Array]:
     """The `count` combinations of grid exponents that fit best."""
-    grid = _GRID[(_GRID > bounds[0]) & (_GRID < bounds[1])]
+    grid = _GRID[(bounds[0] < _GRID) & (bounds[1] > _GRID)]
     matrix = design(grid)
     matrix = matrix / np.linalg.norm(matrix, axis=0)
     q, r = np.linalg.qr(matrix)

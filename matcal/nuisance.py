@@ -1,0 +1,212 @@
+"""What a stress-strain record is itself uncertain about: its contact point, its load zero, the series behind its rate.
+
+Each such number is written as a standard normal z_j with the change V_j of the stress that one standard deviation
+makes, so that it can be solved for together with the moduli under its own prior. The contact point is found from the
+noisy toe alone, the drift of the load zero from rests before and after the test or from other tests on the frame; the
+whole curve knows them better, and refines them here within their priors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.autocorrelation import inflation
+from matcal.curves import Curve, weighted_design, weighted_stress, with_history
+from matcal.experiment import Experiment
+from matcal.fit import Fit, alpha_bounds
+from matcal.prony import Prony
+from matcal.relaxation_fit import PronyFit
+from matcal.varpro import MIN_GAP
+
+Array = NDArray[np.float64]
+
+# facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
+MOVED = {"strain_zero_sd": "strain_zero_moved", "drift_sd_N_per_s": "drift_moved_N_per_s"}
+# standard deviations of a prior so wide that it only holds directions that no curve sees: exponents, moduli over mu_0
+PRIOR_ALPHA, PRIOR_MODULI = 10.0, 100.0
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Uncertain numbers z_j ~ N(mean_j, 1) of the record, and what they do."""
+
+    # (n, K) change of the weighted stress with each z_j
+    effect: Array
+    # (K,) prior means: minus what refinement has moved already
+    mean: Array
+    # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
+    series: Array | None
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Noise and misfit of the weighted residuals."""
+
+    # (n,) variance that an independent residual would need for the same effect on the fit
+    variance: Array
+    # independent points that all curves are worth together
+    points: float
+
+
+def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
+    """The experiments, those without a drift of their own given the rms of the drifts measured in the others."""
+    measured = [e.facts["drift_N_per_s"] for e in experiments if "drift_sd_N_per_s" in e.facts]
+    silent = [e for e in experiments if "area_mm2" in e.facts and "drift_sd_N_per_s" not in e.facts]
+    if not silent:
+        return tuple(experiments), ()
+    names = ", ".join(s for e in silent for s in e.source)
+    if not measured:
+        return tuple(experiments), (f"Drift of the load zero is not known for {names}; the intervals leave it out.",)
+    sd = float(np.sqrt(np.mean(np.square(measured))))
+    said = (f"Drift of the load zero could not be measured in {names}: 0 ± {sd * 1e3:.2g} mN/s is assumed, the size of "
+            "the drift measured in the other tests.")
+    quiet = {id(e) for e in silent}
+    return tuple(replace(e, facts={**e.facts, "drift_sd_N_per_s": sd}) if id(e) in quiet else e
+                 for e in experiments), (said,)
+
+
+def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
+    """Contact point and drift of every curve that states their standard deviation, then the series' directions."""
+    found = [(_record_effect(fit, k, fact), _record_mean(fit.curves[k], fact)) for k, fact in _uncertain(fit)]
+    directions = principal_directions(prony) if prony is not None else []
+    effect = [v for v, _ in found] + [_prony_effect(fit, prony.prony, d) for d in directions if prony is not None]
+    n = sum(c.experiment.value.size for c in fit.curves)
+    return Nuisance(np.stack(effect, axis=1) if effect else np.zeros((n, 0)),
+                    np.array([m for _, m in found] + [0.0] * len(directions)),
+                    np.stack(directions, axis=1) if directions else None)
+
+
+def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
+    """The curves with contact and drift where the whole curve wants them under their priors, and what was moved."""
+    known = nuisance(fit)
+    slopes = free_slopes(fit)
+    gain = joint_gain(slopes, known.effect, float(np.mean(spread_of(fit).variance)), prior_precision(fit))
+    miss = -weighted_residual(fit)
+    curves, said = list(fit.curves), []
+    for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:, :miss.size] @ miss, strict=True):
+        sd = curves[k].experiment.facts[fact]
+        curves[k] = replace(curves[k], experiment=_moved(curves[k].experiment, fact, float(z) * sd))
+        what, size = (("strain zero", f"{z * sd:+.2g}") if fact == "strain_zero_sd" else
+                      ("drift of the load zero", f"{z * sd * 1e3:+.2g} mN/s"))
+        said.append(f"{curves[k].label}: {what} moved by {size} ({z:+.1f} of its standard deviation) by the fit of the "
+                    "whole curve.")
+    return tuple(curves), tuple(said)
+
+
+def free_slopes(fit: Fit) -> Array:
+    """d(weighted stress) along the free directions of (mu, alpha), (n, K)."""
+    law, nu, step = fit.law, float(fit.law.nu[0]), 1e-5
+    high, low = (weighted_design(fit.curves, law.alpha + s, nu) for s in (step, -step))
+    return np.hstack([weighted_design(fit.curves, law.alpha, nu),
+                      law.mu_Pa * (high - low) / (2 * step)]) @ free_directions(fit)
+
+
+def free_directions(fit: Fit) -> Array:
+    """(2 N, K) directions in (mu, alpha) that the search was free to take: merged exponents move together."""
+    alpha, n = fit.law.alpha, fit.law.alpha.size
+    low, high = alpha_bounds(fit.curves)
+    loose = np.r_[alpha[0] > low + 1e-3, np.diff(alpha) > MIN_GAP + 1e-3]
+    if alpha[-1] > high - 1e-3 and loose.any():
+        loose[np.flatnonzero(loose)[-1]] = False
+    steps = np.tril(np.ones((n, n)))[:, loose]
+    return np.block([[np.eye(n), np.zeros((n, steps.shape[1]))], [np.zeros((n, n)), steps]])
+
+
+def spread_of(fit: Fit) -> Spread:
+    """Variance of the weighted residuals, widened by the autocorrelation time of each curve's own residuals."""
+    law, residual = fit.law, weighted_residual(fit)
+    sizes = [c.experiment.value.size for c in fit.curves]
+    lost = residual.size / max(residual.size - 2 * law.alpha.size, 1)
+    variance, points = [], 0.0
+    for curve, part in zip(fit.curves, np.split(residual, np.cumsum(sizes)[:-1]), strict=True):
+        noise = np.mean(((curve.experiment.noise or 0.0) / curve.scale_Pa) ** 2)
+        wider = inflation(part)
+        variance.append(np.full(part.size, max(lost * np.mean(part**2), noise) * wider))
+        points += part.size / wider
+    return Spread(np.concatenate(variance), points)
+
+
+def prior_precision(fit: Fit) -> Array:
+    """Precision of the wide prior along the free directions."""
+    law = fit.law
+    sd = np.r_[np.full(law.mu_Pa.size, PRIOR_MODULI * law.mu_0_Pa), np.full(law.alpha.size, PRIOR_ALPHA)]
+    free = free_directions(fit)
+    return free.T @ (free / sd[:, None] ** 2)
+
+
+def weighted_residual(fit: Fit) -> Array:
+    """(n,) law minus record over the scales of the curves."""
+    law = fit.law
+    return weighted_design(fit.curves, law.alpha, float(law.nu[0])) @ law.mu_Pa - weighted_stress(fit.curves)
+
+
+def joint_gain(slopes: Array, effect: Array, variance: float, hold: Array) -> Array:
+    """(K + J, n + J) least-squares gain of free parameters and nuisances on data and prior rows of one variance."""
+    columns, numbers = slopes.shape[1], effect.shape[1]
+    prior = np.hstack([np.zeros((numbers, columns)), np.sqrt(variance) * np.eye(numbers)])
+    rows = np.vstack([np.hstack([slopes, effect]), prior])
+    normal = rows.T @ rows
+    normal[:columns, :columns] += variance * hold
+    scale = np.sqrt(np.diag(normal))
+    return np.linalg.solve(normal / np.outer(scale, scale), rows.T / scale[:, None]) / scale[:, None]
+
+
+def principal_directions(prony: PronyFit) -> list[Array]:
+    """One standard deviation of (g, tau_s) along each principal direction of their relative covariance."""
+    size = np.r_[np.ones(prony.prony.g.size), prony.prony.tau_s]
+    variance, axes = np.linalg.eigh(prony.covariance / np.outer(size, size))
+    return [np.sqrt(v) * axis * size for v, axis in zip(variance, axes.T, strict=True) if v > 1e-12 * variance.max()]
+
+
+def _uncertain(fit: Fit) -> list[tuple[int, str]]:
+    return [(k, fact) for k, curve in enumerate(fit.curves) for fact in MOVED
+            if curve.experiment.facts.get(fact, 0.0) > 0 and (fact == "strain_zero_sd" or _clocked(curve.experiment))]
+
+
+def _clocked(experiment: Experiment) -> bool:
+    return experiment.time_s is not None and "area_mm2" in experiment.facts
+
+
+def _record_effect(fit: Fit, k: int, fact: str) -> Array:
+    """Change of the weighted stress expected in the record for one standard deviation of a correction of curve k."""
+    curve = fit.curves[k]
+    sd = curve.experiment.facts[fact]
+    if fact == "strain_zero_sd":
+        moved = replace(curve, experiment=_moved(curve.experiment, fact, sd))
+        return _effect(fit, [*fit.curves[:k], moved, *fit.curves[k + 1:]])
+    parts = [np.zeros(c.experiment.value.size) for c in fit.curves]
+    parts[k] = (curve.experiment.value - _moved(curve.experiment, fact, sd).value) / curve.scale_Pa
+    return np.concatenate(parts)
+
+
+def _record_mean(curve: Curve, fact: str) -> float:
+    return -curve.experiment.facts.get(MOVED[fact], 0.0) / curve.experiment.facts[fact]
+
+
+def _moved(experiment: Experiment, fact: str, by: float) -> Experiment:
+    """The experiment with its strain zero, or the drift taken off its load, moved; the state of rest stays."""
+    facts = {**experiment.facts, MOVED[fact]: experiment.facts.get(MOVED[fact], 0.0) + by}
+    if fact == "strain_zero_sd":
+        rest = 1.0 if experiment.kind == "volumetric" else 0.0
+        strain = np.where(experiment.strain == rest, rest, experiment.strain + by)
+        return replace(experiment, strain=strain, facts=facts)
+    assert experiment.time_s is not None
+    drift = by / (experiment.facts["area_mm2"] * 1e-6) * experiment.time_s
+    return replace(experiment, value=experiment.value - drift, facts=facts)
+
+
+def _prony_effect(fit: Fit, prony: Prony, direction: Array) -> Array:
+    terms = prony.g.size
+    share = 0.05 * min(1.0, float(np.min(prony.tau_s / np.maximum(np.abs(direction[terms:]), 1e-300))))
+    g = np.maximum(prony.g + share * direction[:terms], 0.0)
+    moved = Prony(g, prony.tau_s + share * direction[terms:])
+    return _effect(fit, [with_history(c, moved) for c in fit.curves]) / share
+
+
+def _effect(fit: Fit, curves: Sequence[Curve]) -> Array:
+    law, nu = fit.law, float(fit.law.nu[0])
+    return (weighted_design(curves, law.alpha, nu) - weighted_design(fit.curves, law.alpha, nu)) @ law.mu_Pa
