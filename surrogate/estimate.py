@@ -20,3 +20,5 @@ class Estimate:
     sd: Array
     # (n,) squared residual of the signal over what was expected; 1 for learners that do not model the signal
     misfit: Array
+    # (n,) whether the touch lies among the trained ones; True for learners that only map signals to outputs
+    inside: NDArray[np.bool_]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from surrogate import outputs
 from surrogate.metrics import NOISE_REFERENCES, Array, Score, noise_V, relative_dB, score
 from surrogate.model import Model, estimate, interval_scale
+from surrogate.ring import same_ring
 from surrogate.samples import Samples, content_hash, rms
 from surrogate.split import PARTS
 
@@ -26,10 +27,10 @@ def parts_of(model: Model, samples: Samples) -> NDArray[np.str_]:
 
 
 def check_sensor(model: Model, samples: Samples) -> None:
-    """ValueError where the data set is of a sensor with another number of readings."""
-    if samples.signal_V.shape[1] != len(model.baseline_V):
-        raise ValueError(f"the data set has {samples.signal_V.shape[1]} readings a touch, the model was trained on "
-                         f"{len(model.baseline_V)}. Evaluate it on a set of the same electrodes and drive.")
+    """ValueError where the data set is of another disc, other electrodes or another drive."""
+    if not same_ring(model.ring, samples.ring):
+        raise ValueError("the data set is of another sensor than the model: its disc, electrodes or drive differ. "
+                         "Evaluate it on a set of the same [body], [electrodes] and [drive].")
 
 
 @dataclass(frozen=True)

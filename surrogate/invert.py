@@ -27,6 +27,8 @@ BATCH = 256
 MIN_SLOPE = 0.05
 # How far beyond the training touches a solution may go: mm in radius, and in log d and log F.
 MARGIN_MM, MARGIN_LOG = 10.0, 0.3
+# Part of the span of the training touches by which one still counts as among them.
+SLACK = 0.02
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Inversion:
     covariance: Array
     # (n,) squared residual over what noise and the map's error explain, a degree of freedom
     misfit: Array
-    # (n,) whether the solution lies within the training touches
+    # (n,) whether the solution's radius, d and F lie among those of the training touches
     inside: NDArray[np.bool_]
 
 
@@ -75,8 +77,9 @@ def _finish(forward: ForwardMap, problem: _Problem, state: Array) -> Inversion:
     covariance = scaled * np.outer(forward.sd, forward.sd) * np.maximum(misfit, 1.0)[:, None, None]
     touch = to_touch(_unknown(forward, state))
     extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
-    lowest = np.r_[0.0, forward.bounds[0, 1:]]
-    inside = np.all((extent >= lowest) & (extent <= forward.bounds[1]), axis=1)
+    lowest, highest = np.r_[0.0, forward.bounds[0, 1:]], forward.bounds[1]
+    slack = SLACK * (highest - lowest)
+    inside = np.all((extent >= lowest - slack) & (extent <= highest + slack), axis=1)
     return Inversion(touch, covariance, misfit, inside)
 
 

@@ -13,6 +13,7 @@ from surrogate import outputs
 from surrogate.estimate import Estimate
 from surrogate.intervals import conformal_scale
 from surrogate.metrics import Array
+from surrogate.ring import Ring
 
 if TYPE_CHECKING:
     from surrogate.ridge import Ridge
@@ -63,6 +64,7 @@ class Model:
 
     # one of METHODS
     method: str
+    ring: Ring
     # names of the outputs, in the order of outputs.NAMES
     names: tuple[str, ...]
     learner: Networks | TouchInversion | Ridge

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from surrogate.estimate import Estimate
 from surrogate.frames import Frames
 from surrogate.model import Model, estimate, interval_scale
 
@@ -51,7 +52,7 @@ def predict_frames(model: Model, frames: Frames, reference: Untouched, noise_V: 
     if np.any(touched):
         found = estimate(model, signal[touched], noise_V)
         value[touched], half_width[touched] = found.value, found.sd * interval_scale(model, noise_V)
-        flags[touched] = _flags(model, found.value, found.misfit)
+        flags[touched] = _flags(model, found)
     table = pd.DataFrame({"line": frames.line})
     for k, (name, unit) in enumerate(zip(model.names, model.units, strict=True)):
         table[f"{name}_{unit}"] = value[:, k]
@@ -61,8 +62,9 @@ def predict_frames(model: Model, frames: Frames, reference: Untouched, noise_V: 
     return table
 
 
-def _flags(model: Model, value: Array, misfit: Array) -> list[str]:
+def _flags(model: Model, found: Estimate) -> list[str]:
     slack = SLACK * (model.trained.highest - model.trained.lowest)
-    beyond = (value < model.trained.lowest - slack) | (value > model.trained.highest + slack)
-    odd = misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0)
-    return ["; ".join([OUTSIDE] * bool(b.any()) + [MISFIT] * bool(o)) for b, o in zip(beyond, odd, strict=True)]
+    beyond = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
+    outside = beyond.any(axis=1) | ~found.inside
+    odd = found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0)
+    return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]

@@ -51,7 +51,7 @@ def estimate(ridge: Ridge, signal_V: Array, noise_V: float) -> Estimate:
     """Outputs of signals (n, readings) under white noise."""
     found = [_predict(line, signal_V, noise_V) for line in ridge.lines]
     return Estimate(np.column_stack([value for value, _ in found]), np.sqrt(np.column_stack([v for _, v in found])),
-                    np.ones(len(signal_V)))
+                    np.ones(len(signal_V)), np.ones(len(signal_V), bool))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,11 @@ class Ring:
     read: Index
     # (readings,) electrode that is 0 V
     ground: Index
+
+
+def same_ring(one: Ring, other: Ring) -> bool:
+    """Whether two rings give the same readings in the same order."""
+    return all(np.array_equal(getattr(one, field.name), getattr(other, field.name)) for field in fields(Ring))
 
 
 def ring_of(scene: Scene) -> Ring:

@@ -20,6 +20,7 @@ from matcal.card import write_json
 from matcal.errors import TestFileError
 from surrogate import outputs
 from surrogate.model import METHODS, Calibration, Model, Range, Rows
+from surrogate.ring import Ring
 
 SCHEMA = 1
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
@@ -31,7 +32,8 @@ def save(model: Model, folder: Path) -> None:
     """Write a model; model.json comes last, so a folder that has it is whole."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DESCRIPTION).unlink(missing_ok=True)
-    parts = {"learner": model.learner, "calibration": model.calibration, "rows": model.rows, "trained": model.trained}
+    parts = {"ring": model.ring, "learner": model.learner, "calibration": model.calibration, "rows": model.rows,
+             "trained": model.trained}
     arrays = {key: value for name, part in parts.items() for key, value in _flat(part, name)}
     temporary = folder / f".{ARRAYS}.part"
     with open(temporary, "wb") as file:
@@ -76,7 +78,8 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 def _assemble(text: dict[str, Any], arrays: Arrays) -> Model:
     own = ("schema", "method", "outputs", "seed", "fit_s")
     names = tuple(outputs.of(output["name"]).name for output in text["outputs"])
-    return Model(text["method"], names, _rebuilt(_learner_class(text["method"]), "learner", arrays),
+    return Model(text["method"], _rebuilt(Ring, "ring", arrays), names,
+                 _rebuilt(_learner_class(text["method"]), "learner", arrays),
                  _rebuilt(Calibration, "calibration", arrays), _rebuilt(Rows, "rows", arrays),
                  _rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
                  {key: value for key, value in text.items() if key not in own})

@@ -45,4 +45,4 @@ def estimate(learner: TouchInversion, signal_V: Array, noise_V: float) -> Estima
     if learner.response.processes:
         mechanical, doubt = response.respond(learner.response, found.touch, found.covariance[:, 2:, 2:])
         value, sd = np.column_stack([value, mechanical]), np.column_stack([sd, doubt])
-    return Estimate(value[:, learner.columns], sd[:, learner.columns], found.misfit)
+    return Estimate(value[:, learner.columns], sd[:, learner.columns], found.misfit, found.inside)

@@ -38,7 +38,7 @@ def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES,
     fit_s = time.process_time() - begun
     target = training.target[:, chosen]
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
-    model = Model(method, names, learner, Calibration(validation.signal_V, validation.target[:, chosen]),
+    model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.target[:, chosen]),
                   Rows(samples.row_hash, _codes(part)), span, samples.baseline_V.mean(0), seed, fit_s,
                   {**_provenance(samples, part), "training": record})
     worst = float(estimate(model, validation.signal_V).misfit.max())

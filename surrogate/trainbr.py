@@ -80,4 +80,4 @@ def estimate(networks: Networks, signal_V: Array, noise_V: float) -> Estimate:
         variance.append((evidence.output_variance(w, x, net.alpha, net.beta, at) + carried).numpy())
     half = networks.targets.half_span
     return Estimate(unscaled(networks.targets, np.column_stack(value)), np.sqrt(np.column_stack(variance)) * half,
-                    np.ones(len(signal_V)))
+                    np.ones(len(signal_V)), np.ones(len(signal_V), bool))

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from matcal.errors import TestFileError
 from surrogate import outputs, store
 from surrogate.evaluate import evaluate, parts_of
 from surrogate.model import METHODS, Model, estimate, interval_scale
+from surrogate.ring import ring_of_design
 from surrogate.samples import Samples, read_samples, take
 from surrogate.train import train
 
@@ -88,6 +90,15 @@ def test_rows_are_recognised(models: dict[str, Model], samples: Samples, make_da
     assert scores["all"]["rmse"] < 0.02
 
 
+def test_another_drive_is_another_sensor(models: dict[str, Model], samples: Samples) -> None:
+    opposite = replace(samples, ring=ring_of_design({"drive": {"pattern": "opposite"}}))
+    assert opposite.signal_V.shape == samples.signal_V.shape
+    with pytest.raises(ValueError, match="another sensor than the model"):
+        evaluate(models["ridge"], opposite)
+    with pytest.raises(ValueError, match=r"width_mm in \[electrodes\] varies"):
+        ring_of_design({"electrodes": {"width_mm": [5, 10]}})
+
+
 def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
     with pytest.raises(ValueError, match="'mlp' is not built yet; built: trainbr, forward, ridge"):
         train(samples, "mlp")
@@ -102,11 +113,11 @@ def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
 def test_degenerate_rows(samples: Samples) -> None:
     doubled = take(samples, np.repeat(np.arange(40), 2))
     assert np.all(np.isfinite(estimate(train(doubled, "forward", NAMES, 0), doubled.signal_V).value))
-    fixed = Samples(**{**samples.__dict__, "target": samples.target.copy()})
+    fixed = replace(samples, target=samples.target.copy())
     fixed.target[:, 2] = 14.0
     scores = evaluate(train(fixed, "ridge", ("d",), 0), fixed).scores["outputs"]["d"]["test"]
     assert scores["r2"] is None
-    silent = Samples(**{**samples.__dict__, "signal_V": samples.signal_V * (samples.scene != 17)[:, None]})
+    silent = replace(samples, signal_V=samples.signal_V * (samples.scene != 17)[:, None])
     with pytest.raises(ValueError, match="scene 17 has no signal"):
         train(silent, "ridge", NAMES, 1)
 
