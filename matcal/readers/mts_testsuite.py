@@ -54,7 +54,7 @@ def read_testsuite(text: str, path: Path) -> Recording:
 def sibling_parts(path: Path) -> list[Path]:
     """The files beside `path` whose names differ from it only in the number that TestSuite puts behind `(Timed)`."""
     found = re.fullmatch(r"(.*\(Timed\))\d*", path.stem)
-    if found is None:
+    if found is None or not path.exists():
         return [path]
     pattern = re.compile(re.escape(found[1]) + r"\d*" + re.escape(path.suffix))
     return sorted(other for other in path.parent.iterdir() if pattern.fullmatch(other.name))
