@@ -37,7 +37,7 @@ ERRORS = {
     "load_noise_N": 0.25, "load_step_N": 0.01, "crosshead_noise_mm": 0.0005, "crosshead_step_mm": 0.0005,
     "compliance_mm_per_N": 0.0006, "backlash_mm": 0.05, "toe_width_mm": 0.04,
     "current_noise_A": 8e-7, "current_step_A": 3e-8, "potential_noise_V": 1e-4, "potential_step_V": 3e-4,
-    "plain_noise_kPa": 0.03, "settling_fraction": 0.30, "settling_cycles": 2.0,
+    "plain_noise_kPa": 0.045, "settling_fraction": 0.30, "settling_cycles": 2.0,
 }
 # per file: crosshead reading at the start (mm), gap before contact (mm), load zero (N) and its drift (N/s)
 SETUP = {
