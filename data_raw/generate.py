@@ -254,8 +254,8 @@ def truth(histories):
 
 def build():
     """File name -> text."""
-    rngs = [np.random.default_rng([SEED, n]) for n in range(11)]
-    files = {f"{name}.csv": plain_text(strain, stress, rngs[9 + n])
+    rngs = [np.random.default_rng([SEED, n]) for n in range(9)]
+    files = {f"{name}.csv": plain_text(strain, stress, rngs[n])
              for n, (name, (strain, stress)) in enumerate(step_and_hold().items())}
     histories = {}
     for n, name in ((2, "uniaxial"), (3, "relaxation")):
