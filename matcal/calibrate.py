@@ -113,7 +113,7 @@ def _law(curves: tuple[Curve, ...], prony: PronyFit | None, choices: Choices) ->
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
     first = fit(curves, choices.order, choices.poisson, starts=3, thorough=False)
     curves, moved = refined_records(first)
-    found = replace(fit(curves, first.law.alpha.size, choices.poisson), orders=first.orders, decisions=first.decisions)
+    found = fit(curves, choices.order, choices.poisson, stable=choices.stable)
     return found, (_moduli_sentence(curves, prony.prony if prony else None), *moved, *found.decisions)
 
 

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 
-from matcal.terminal import application, numbers, print_json, run
+from matcal.errors import NotConverged
+from matcal.terminal import application, counter, numbers, print_json, run
 
 if TYPE_CHECKING:
     from matcal.calibrate import Calibration
     from matcal.card import MaterialCard
+    from matcal.draws import Draws
+    from matcal.posterior import Posterior
 
 app = application("Calibrate a foam and its conductive skin from test files into a material card.")
 
@@ -47,7 +51,7 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
         specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens (TOML).")] = None,
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 4, or auto (by BIC).")] = "auto",
         poisson: Annotated[str, typer.Option(help="One nu for all terms, or fit.")] = "0",
-        stable: Annotated[str | None, typer.Option(help="Hold the law drucker stable or elliptic.")] = None,
+        stable: Annotated[str | None, typer.Option(help="Hold the law drucker stable where it was fitted.")] = None,
         residual: Annotated[str, typer.Option(help="relative (to each curve's rms), absolute, or deviation (point by "
                                               "point).")] = "relative",
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of a kind.")] = None,
@@ -62,21 +66,36 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     """
     from matcal.calibrate import Choices, calibrate
     from matcal.protocols import reduce_tests
-    from matcal.record import folder_of, make_card, write_record
+    from matcal.record import make_card, write_record
 
     inputs = [_input(text) for text in files]
     choices = Choices(_order(order), _poisson(poisson), stable, residual, _weights(weight or []))
-    experiments = reduce_tests(inputs, specimen)
-    found = calibrate(experiments, choices)
+    found = calibrate(reduce_tests(inputs, specimen), choices)
+    draws, unfinished = _sampled(found, seed) if posterior else (None, None)
     used = [p for _, paths in inputs for p in paths] + ([specimen] if specimen else [])
-    card = make_card(found, out.stem, used, seed if posterior else None, folder_of(out).name)
-    write_record(card, found, out)
+    card = make_card(found, out, used, seed, draws)
+    write_record(card, found, out, draws)
     if as_json:
         print_json(_document(card, out))
     else:
         _print_fit(card, found, out)
+    if unfinished is not None:
+        raise unfinished
     if report is not None:
         _write_report(out, report, quiet=as_json)
+
+
+def _sampled(found: Calibration, seed: int) -> tuple[Posterior, NotConverged | None]:
+    """The posterior, and the error to raise once it has been saved where it did not converge."""
+    from matcal.posterior import MOST_STEPS, sample
+
+    if found.fit is None or found.uncertainty is None:
+        raise ValueError("--posterior needs a stress-strain curve: give a uniaxial or shear file as well.")
+    with counter(MOST_STEPS, "posterior") as advance:
+        try:
+            return sample(found.fit, found.uncertainty, found.prony, found.conductivity, seed, advance), None
+        except NotConverged as error:
+            return error.estimate, error
 
 
 @app.command()
@@ -172,18 +191,54 @@ def _asked(mode: str, strain: str | None, time: str | None) -> np.ndarray:
 
 
 def _prediction(card: MaterialCard, path: Path, mode: str, at: np.ndarray) -> dict[str, Any]:
+    """Columns of a prediction: where, the card's value, and the ends of the 95 % band where there are draws."""
     from matcal.card import require
+
+    if mode == "relaxation":
+        require(card, "prony", "a relaxation")
+        where, name, stem = "time_s", "normalised_stress", "normalised_stress{}"
+    elif mode == "conductivity":
+        require(card, "conductivity", "a conductivity")
+        where, name, stem = "strain", "conductivity_S_per_m", "conductivity{}_S_per_m"
+    else:
+        require(card, "hyperfoam", "a stress")
+        where, name, stem = "strain", "stress_Pa", "stress{}_Pa"
+    columns: dict[str, Any] = {where: at, name: _value(card, mode, at)}
+    draws = _draws(card, path)
+    if draws is not None:
+        from matcal.draws import card_of, quantiles
+
+        low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
+        columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
+    if card.hyperfoam is not None and name == "stress_Pa":
+        columns["moduli"] = card.hyperfoam.moduli
+    return columns
+
+
+def _value(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray:
     from matcal.conductivity import conductivity
     from matcal.modes import nominal_stress
     from matcal.prony import relaxation
 
-    if mode == "relaxation":
-        return {"time_s": at, "normalised_stress": relaxation(require(card, "prony", "a relaxation"), at)}
-    if mode == "conductivity":
-        law = require(card, "conductivity", "a conductivity")
-        return {"strain": at, "conductivity_S_per_m": conductivity(law, at)}
-    law = require(card, "hyperfoam", "a stress")
-    return {"strain": at, "stress_Pa": nominal_stress(law, mode, at), "moduli": law.moduli}
+    if mode == "relaxation" and card.prony is not None:
+        return relaxation(card.prony, at)
+    if mode == "conductivity" and card.conductivity is not None:
+        return conductivity(card.conductivity, at)
+    assert card.hyperfoam is not None
+    return nominal_stress(card.hyperfoam, mode, at)
+
+
+def _draws(card: MaterialCard, path: Path) -> Draws | None:
+    """The card's draws; None without a posterior, or, said on standard error, without its file."""
+    if not card.posterior:
+        return None
+    from matcal.draws import read_draws
+
+    try:
+        return read_draws(path)
+    except ValueError as error:
+        print(f"matcal: no band. {error}", file=sys.stderr)
+        return None
 
 
 def _document(card: MaterialCard, out: Path) -> dict[str, Any]:
@@ -230,11 +285,18 @@ def _print_fit(card: MaterialCard, found: Calibration, out: Path) -> None:
         table = Table("quantity", "value", "95 % interval", title="what the tests measure")
         for name, row in card.fit["derived"].items():
             table.add_row(name, f"{row['value']:.5g}", f"{row['lo']:.5g} to {row['hi']:.5g}")
+        for name, row in card.posterior.get("derived", {}).items():
+            table.add_row(f"{name} (posterior)", f"{row['median']:.5g}", f"{row['lo']:.5g} to {row['hi']:.5g}")
         console.print(table)
     console.print(_error_table(card))
     if "parameters" in card.fit:
         console.print(_parameter_table(card))
-    print(f"CPU: {found.cpu_s['all']:.2f} s.")
+    if card.posterior:
+        checks = card.posterior["checks"]
+        print(f"posterior: R-hat {checks['rhat']:.3f}, effective sample size {checks['ess']:.0f}, autocorrelation "
+              f"{checks['autocorrelation_steps']:.0f} of {checks['steps_kept']:.0f} steps. Prior: "
+              f"{card.posterior['prior']}")
+    print("CPU: " + ", ".join(f"{stage} {spent:.2f} s" for stage, spent in card.provenance["cpu_s"].items()) + ".")
     print(f"card: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]}), data: {out.with_suffix('.d')}")
 
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
 from scipy.special import ndtr, ndtri
 
 from matcal.autocorrelation import inflation
 from matcal.conductivity import Conductivity
+from matcal.constrained import nearest
 from matcal.experiment import Experiment
 
 Array = NDArray[np.float64]
@@ -64,11 +64,11 @@ def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
     order = np.argsort(e, kind="stable")
     freedom = e.size - 4
     spread = float(residual @ residual) / freedom * inflation(residual[order])
-    r = np.linalg.qr(basis / sd[:, None])[1]
-    inverse = np.linalg.inv(r)
-    covariance = inverse @ inverse.T * (max(1.0, spread) if known else spread)
+    gain = np.asarray(np.linalg.pinv(basis / sd[:, None]), dtype=float)
+    covariance = gain @ gain.T * (max(1.0, spread) if known else spread)
+    covariance += _zero_covariance(experiments, gain, sd, centre)
     positive = (powers(np.linspace(LOWEST_STRAIN, max(float(e.max()), 0.0), _GRID)).T, FLOOR * float(np.median(c)))
-    best = _nearest(r, centre, *positive)
+    best = nearest(basis / sd[:, None], centre, positive[0].T, positive[1])
     law = Conductivity(float(best[0]), best[1:] / best[0], (float(e.min()), float(e.max())))
     rms = tuple(float(np.sqrt(np.mean((powers(x.strain) @ best - x.value) ** 2) / np.mean(x.value**2)))
                 for x in experiments)
@@ -100,6 +100,19 @@ def conductivity_draws(fit: ConductivityFit, count: int, rng: np.random.Generato
     return out
 
 
+def _zero_covariance(experiments: Sequence[Experiment], gain: Array, sd: Array, centre: Array) -> Array:
+    """What the uncertain strain zero (clock, grips) of each test adds to the covariance."""
+    total, first = np.zeros((4, 4)), 0
+    for experiment in experiments:
+        e = experiment.strain
+        shift = experiment.facts.get("strain_zero_sd", 0.0) * (powers(e)[:, :3] @ (centre[1:] * [1, 2, 3]))
+        rows = slice(first, first + e.size)
+        effect = gain[:, rows] @ (shift / sd[rows])
+        total += np.outer(effect, effect)
+        first += e.size
+    return total
+
+
 def powers(strain: ArrayLike) -> Array:
     """(n, 4) powers 1, e, e^2, e^3."""
     return np.vander(np.asarray(strain, dtype=float), 4, increasing=True)
@@ -116,19 +129,6 @@ def _deviation(experiment: Experiment) -> Array:
     """(n,) standard deviation of each value, S/m."""
     count = np.ones(experiment.value.size) if experiment.samples is None else experiment.samples
     return float(experiment.noise or 0.0) / np.sqrt(count)
-
-
-def _nearest(r: Array, centre: Array, columns: Array, floor: float) -> Array:
-    """Coefficients nearest to `centre` in |r (b - centre)| with columns' b >= floor."""
-    short = floor - centre @ columns
-    if np.all(short <= 0):
-        return centre
-    rows = np.vstack([np.linalg.solve(r.T, columns), short])
-    size = np.linalg.norm(rows[:-1], axis=0)
-    rows = rows / size
-    share, _ = nnls(rows, np.r_[np.zeros(4), 1.0], maxiter=1000)
-    miss = rows @ share - np.r_[np.zeros(4), 1.0]
-    return centre + np.linalg.solve(r, -miss[:-1] / miss[-1])
 
 
 def _sentences(law: Conductivity, held: bool, chi_square: float | None, freedom: int) -> tuple[str, ...]:

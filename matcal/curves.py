@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.experiment import Experiment
-from matcal.modes import MODES, design, hereditary_kernel
+from matcal.modes import MODES, design, hereditary_kernel, push_forward
 from matcal.prony import Prony
 
 Array = NDArray[np.float64]
@@ -78,6 +78,14 @@ def with_history(curve: Curve, prony: Prony) -> Curve:
                          f"that starts at rest, this one starts at a strain of {curve.experiment.strain[0]:g}. "
                          "Add a first row without strain and stress, or leave the time column out.")
     return replace(curve, kernel=hereditary_kernel(prony, time) / prony.g_infinity)
+
+
+def weighted_operator(curve: Curve) -> Array:
+    """(n, n C) matrix from the second Piola-Kirchhoff history (n, C), flattened, to the curve's weighted stress."""
+    e = curve.experiment.strain
+    push = push_forward(curve.experiment.kind, e) / curve.scale_Pa[:, None]
+    kernel = np.eye(e.size) if curve.kernel is None else curve.kernel
+    return (push[:, None, :] * kernel[:, :, None]).reshape(e.size, -1)
 
 
 def weighted_design(curves: Sequence[Curve], alpha: Array, nu: float) -> Array:

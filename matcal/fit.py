@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from matcal.constrained import stable_moduli
 from matcal.curves import Curve, largest_log_stretch, weighted_design, weighted_stress
 from matcal.hyperfoam import Hyperfoam
-from matcal.varpro import MIN_GAP, Optimum, minimise
+from matcal.tabulated import Table, tabulate
+from matcal.varpro import MIN_GAP, Optimum, Solve, least_moduli, minimise
 
 Array = NDArray[np.float64]
 
@@ -71,24 +73,28 @@ class Fit:
 
 
 def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str = 0.0, starts: int = 8,
-        thorough: bool = True) -> Fit:
+        thorough: bool = True, stable: str | None = None) -> Fit:
     """Long-term hyperfoam law with least weighted mean square residual over `curves`.
 
-    order: number of terms, or "auto" (1 to 4 by BIC, orders with merged exponents last); poisson: one nu for all
-    terms, or "fit"; thorough: also fit one more term, and each mode alone. Raises ValueError for another choice, for
-    no curves, or for fewer points than parameters.
+    order: number of terms, or "auto" (1 to 4 by BIC, orders with merged exponents last unless `stable`); poisson: one nu for all
+    terms, or "fit"; thorough: also fit one more term, and each mode alone; stable: criterion that the law keeps
+    over the stretches of the curves (the single-mode laws and the wider one are left free). Raises ValueError for
+    another choice, for no curves, or for fewer points than parameters.
     """
     start = time.process_time()
     curves = tuple(curves)
     orders = _orders(order, curves)
     nu = _fitted_nu(curves, orders[0] if len(orders) == 1 else 3) if poisson == "fit" else _checked_nu(poisson)
-    tried = {n: _minimise(curves, n, nu, starts) for n in orders}
+    table = _table(curves, nu)
+    solve = stable_moduli(stable, curves, nu) if stable else least_moduli
+    tried = {n: _minimise(table, curves, n, nu, starts, solve) for n in orders}
     rows = tuple(_row(curves, optimum) for optimum in tried.values())
-    best = min(rows, key=lambda row: (bool(row.confluence), row.bic))
-    decisions = (*_order_sentences(order, rows, best), *_mode_sentences(curves),
+    best = min(rows, key=lambda row: (bool(row.confluence) and not stable, row.bic))
+    free = _minimise(table, curves, best.order, nu, starts) if stable else None
+    decisions = (*_order_sentences(order, rows, best), *_mode_sentences(curves), *_cost_sentences(stable, best, free),
                  f"nu = {nu:.4g} for every term, {'fitted' if poisson == 'fit' else 'as given'}.")
     return Fit(_law(tried[best.order], nu, curves), curves, tried[best.order], rows,
-               _wider(curves, tried, best.order + 1, nu, starts) if thorough else None,
+               _wider(table, curves, {} if stable else tried, best.order + 1, nu, starts) if thorough else None,
                _alone(curves, best.order, nu, starts) if thorough else {}, decisions,
                time.process_time() - start)
 
@@ -97,7 +103,7 @@ def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam
     """The law alone, from fewer starts, three terms where the order is open: for the shape of a curve on the way."""
     curves = tuple(curves)
     terms = min(3, _orders("auto", curves)[-1]) if order == "auto" else _orders(order, curves)[0]
-    return _law(_minimise(curves, terms, nu, 3), nu, curves)
+    return _law(_minimise(_table(curves, nu), curves, terms, nu, 3), nu, curves)
 
 
 def modelled(law: Hyperfoam, curve: Curve) -> Array:
@@ -150,24 +156,35 @@ def _checked_nu(poisson: float | str) -> float:
     return nu
 
 
-def _minimise(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> Optimum:
-    return minimise(lambda alpha: weighted_design(curves, alpha, nu), weighted_stress(curves), order,
-                    alpha_bounds(curves), starts)
+def _table(curves: tuple[Curve, ...], nu: float) -> Table:
+    return tabulate(curves, nu, alpha_bounds(curves))
 
 
-def _wider(curves: tuple[Curve, ...], tried: Mapping[int, Optimum], order: int, nu: float,
+def _minimise(table: Table, curves: tuple[Curve, ...], order: int, nu: float, starts: int,
+              solve: Solve = least_moduli) -> Optimum:
+    """Best of the starts, searched on the table and evaluated with the exact design."""
+    found = minimise(table.design, table.target, order, alpha_bounds(curves), starts, solve)
+    design, stress = weighted_design(curves, found.alpha, nu), weighted_stress(curves)
+    mu = solve(design, stress, found.alpha)
+    return replace(found, mu_Pa=mu, cost=float(np.sum((design @ mu - stress) ** 2)))
+
+
+def _wider(table: Table, curves: tuple[Curve, ...], tried: Mapping[int, Optimum], order: int, nu: float,
            starts: int) -> Hyperfoam | None:
     if 2 * order >= sum(c.experiment.value.size for c in curves):
         return None
-    optimum = tried.get(order) or _minimise(curves, order, nu, max(1, starts // 2))
+    optimum = tried.get(order) or _minimise(table, curves, order, nu, max(1, starts // 2))
     return _law(optimum, nu, curves) if optimum.mu_Pa.sum() > 0 else None
 
 
 def _fitted_nu(curves: tuple[Curve, ...], order: int) -> float:
     if not {c.experiment.kind for c in curves} - {"shear"}:
         raise ValueError("poisson 'fit' needs another mode than shear, which does not depend on nu. Give a value.")
-    found = minimize_scalar(lambda nu: _minimise(curves, order, float(nu), 2).cost, bounds=_NU_BOUNDS,
-                            method="bounded", options={"xatol": 1e-4})
+
+    def cost(nu: float) -> float:
+        return _minimise(_table(curves, nu), curves, order, nu, 2).cost
+
+    found = minimize_scalar(cost, bounds=_NU_BOUNDS, method="bounded", options={"xatol": 1e-4})
     return float(found.x)  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -195,7 +212,7 @@ def _alone(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> dic
     out: dict[str, Alone] = {}
     for kind in kinds if len(kinds) > 1 else []:
         own = tuple(c for c in curves if c.experiment.kind == kind)
-        optimum = _minimise(own, order, nu, starts)
+        optimum = _minimise(_table(own, nu), own, order, nu, starts)
         if optimum.mu_Pa.sum() > 0:
             law = _law(optimum, nu, own)
             out[kind] = Alone(law, {k: _rms_in(law, curves, k) for k in kinds})
@@ -216,6 +233,13 @@ def _order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: Order
     out += [f"Order {r.order} was passed over: {r.confluence}." for r in rows
             if r is not chosen and r.confluence and r.bic < chosen.bic]
     return out
+
+
+def _cost_sentences(stable: str | None, chosen: OrderRow, free: Optimum | None) -> list[str]:
+    if stable is None or free is None:
+        return []
+    return [f"The law is held {stable} stable over the stretches of the curves: weighted relative RMS {chosen.rms:.3%} "
+            f"instead of {np.sqrt(free.cost):.3%} without that."]
 
 
 def _mode_sentences(curves: tuple[Curve, ...]) -> list[str]:

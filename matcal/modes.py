@@ -51,11 +51,17 @@ def design(mode: str, strain: ArrayLike, alpha: ArrayLike, nu: float = 0.0, kern
     `kernel` (n, n) maps an instantaneous history of second Piola-Kirchhoff stress to the relaxed one.
     """
     e = _checked(mode, strain)
-    x = _shared_nu_stretches(mode, e, nu)
-    unit = _components(mode, e, x, kirchhoff_per_modulus(alpha, nu / (1 - 2 * nu), x))
+    unit = second_piola_per_modulus(mode, e, alpha, nu)
     if kernel is not None:
         unit = kernel @ unit
     return np.sum(push_forward(mode, e) * unit, axis=-1).T
+
+
+def second_piola_per_modulus(mode: str, strain: ArrayLike, alpha: ArrayLike, nu: float = 0.0) -> Array:
+    """d S_c/d mu_i, (N, n, C), of single terms with exponents alpha (N,) and one nu, at strains (n,)."""
+    e = _checked(mode, strain)
+    x = _shared_nu_stretches(mode, e, nu)
+    return _components(mode, e, x, kirchhoff_per_modulus(alpha, nu / (1 - 2 * nu), x))
 
 
 def hereditary_kernel(prony: Prony, time_s: ArrayLike) -> Array:

@@ -2,7 +2,7 @@
 
 The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where
 the test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law
-without rate effects; and decisions.json, label -> sentences.
+without rate effects; decisions.json, label -> sentences; and posterior.nc where a posterior was sampled.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -24,30 +24,38 @@ from matcal.calibrate import Calibration, is_curve, labels
 from matcal.card import MaterialCard, write_card, write_json
 from matcal.conductivity import conductivity
 from matcal.curves import Curve
+from matcal.draws import FILE, law_of, write_draws
 from matcal.experiment import Experiment
 from matcal.fit import modelled, relative_rms
 from matcal.modes import nominal_stress
 from matcal.stability import stability
 from matcal.standard_errors import standard_errors
+from matcal.uncertainty import derived_quantities
+
+if TYPE_CHECKING:
+    from matcal.posterior import Posterior
 
 _PACKAGES = ("touchcal", "numpy", "scipy", "lmfit", "emcee", "arviz")
 
 
-def make_card(found: Calibration, name: str, files: Sequence[Path], seed: int | None, data: str) -> MaterialCard:
-    """The card of a calibration; `data` is the name of its folder."""
+def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
+              posterior: Posterior | None = None) -> MaterialCard:
+    """The card of a calibration from `files`, to be written to `out`."""
     law = found.fit.law if found.fit else None
     decisions = [s for label, e in zip(labels(found.experiments), found.experiments, strict=True)
                  for s in (f"{label}: {d}" for d in e.decisions)]
+    spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
     provenance = {"files": [{"name": p.name, "sha256": hashlib.sha256(p.read_bytes()).hexdigest()} for p in files],
                   "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
                   "seed": seed, "date": datetime.now(UTC).isoformat(timespec="seconds"),
-                  "decisions": [*decisions, *found.decisions], "cpu_s": dict(found.cpu_s)}
-    return MaterialCard(name, law, found.prony.prony if found.prony else None,
+                  "decisions": [*decisions, *found.decisions], "cpu_s": spent}
+    return MaterialCard(out.stem, law, found.prony.prony if found.prony else None,
                         found.conductivity.law if found.conductivity else None, fit=_fit_part(found),
-                        stability=stability(law) if law else {}, provenance=provenance, data=data)
+                        stability=stability(law) if law else {}, provenance=provenance, data=folder_of(out).name,
+                        posterior=_posterior_part(posterior, folder_of(out).name) if posterior else {})
 
 
-def write_record(card: MaterialCard, found: Calibration, out: Path) -> Path:
+def write_record(card: MaterialCard, found: Calibration, out: Path, posterior: Posterior | None = None) -> Path:
     """Write the card to `out` and its folder beside it, the card last; what stood there before is replaced whole."""
     folder = folder_of(out)
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -57,6 +65,8 @@ def write_record(card: MaterialCard, found: Calibration, out: Path) -> Path:
             _table(found, label, experiment).to_parquet(fresh / f"{label}.parquet", index=False)
         write_json({label: list(e.decisions) for label, e in
                     zip(labels(found.experiments), found.experiments, strict=True)}, fresh / "decisions.json")
+        if posterior is not None:
+            write_draws(posterior.draws, fresh / FILE)
         fresh.chmod(0o755)
         if folder.exists():
             shutil.rmtree(folder)
@@ -120,6 +130,18 @@ def _fit_part(found: Calibration) -> dict[str, Any]:
         out["conductivity"] = {"chi_square": c.chi_square, "freedom": c.freedom,
                                "coefficient_sd_S_per_m": np.sqrt(np.diag(c.covariance))}
     return out
+
+
+def _posterior_part(posterior: Posterior, folder: str) -> dict[str, Any]:
+    draws = posterior.draws
+    values = [derived_quantities(law_of(draws, k)) for k in range(len(draws))]
+    derived = {}
+    for name in values[0]:
+        column = np.array([v[name] for v in values])
+        lo, middle, hi = np.quantile(column, [0.025, 0.5, 0.975])
+        derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi}
+    return {"file": f"{folder}/{FILE}", "n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
+            "derived": derived}
 
 
 def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[str, Any]:

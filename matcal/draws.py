@@ -1,0 +1,110 @@
+"""Draws of whole parameter sets: the file beside the card, cards made from them, bands of what they predict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from matcal.card import MaterialCard, read_card
+from matcal.conductivity import Conductivity
+from matcal.errors import TestFileError
+from matcal.hyperfoam import Hyperfoam
+from matcal.modes import nominal_stress
+from matcal.prony import Prony
+
+Array = NDArray[np.float64]
+
+FILE = "posterior.nc"
+_NAMES = ("mu_Pa", "alpha", "prony_g", "prony_tau_s", "conductivity_S_per_m")
+
+
+@dataclass(frozen=True)
+class Draws:
+    """D parameter sets; row k of every array belongs to one and the same material."""
+
+    # (D, N) long-term moduli, Pa
+    mu_Pa: Array
+    # (D, N) exponents
+    alpha: Array
+    # one nu for all terms and draws
+    nu: float
+    # (D, M) relaxing fractions and times, s; None without a relaxation test
+    g: Array | None = None
+    tau_s: Array | None = None
+    # (D, 4) coefficients c_0 (1, a_1, a_2, a_3), S/m; None without a conductivity test
+    conductivity_S_per_m: Array | None = None
+
+    def __len__(self) -> int:
+        return self.mu_Pa.shape[0]
+
+
+def read_draws(card_path: Path | str) -> Draws:
+    """The draws of a card; ValueError where it has none, TestFileError where their file is missing or broken."""
+    path = Path(card_path)
+    card = read_card(path)
+    if not card.posterior:
+        raise ValueError(f"{path}: the card has no posterior. Fit it again with --posterior.")
+    file = path.parent / str(card.posterior["file"])
+    if not file.exists():
+        raise TestFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} beside "
+                                  "the card, or fit it again with --posterior.")
+    with h5netcdf.File(file) as stored:
+        held = stored.groups["posterior"].variables
+        found = {name: np.array(held[name]).reshape(-1, held[name].shape[-1]) for name in _NAMES if name in held}
+        nu = float(np.ravel(held["nu"])[0])
+    return Draws(found["mu_Pa"], found["alpha"], nu, found.get("prony_g"), found.get("prony_tau_s"),
+                 found.get("conductivity_S_per_m"))
+
+
+def card_of(draws: Draws, card: MaterialCard, k: int) -> MaterialCard:
+    """The card with the parameters of draw k; parts that were not drawn stay as they are."""
+    law = card.hyperfoam
+    if law is not None:
+        law = Hyperfoam(draws.mu_Pa[k], draws.alpha[k], np.full(draws.alpha.shape[1], draws.nu), law.moduli,
+                        law.strain_range)
+    prony = card.prony if draws.g is None or draws.tau_s is None else Prony(draws.g[k], draws.tau_s[k])
+    skin = card.conductivity
+    if skin is not None and draws.conductivity_S_per_m is not None:
+        c = draws.conductivity_S_per_m[k]
+        skin = Conductivity(float(c[0]), c[1:] / c[0], skin.strain_range)
+    return replace(card, hyperfoam=law, prony=prony, conductivity=skin)
+
+
+def law_of(draws: Draws, k: int) -> Hyperfoam:
+    """The long-term law of draw k."""
+    return Hyperfoam(draws.mu_Pa[k], draws.alpha[k], np.full(draws.alpha.shape[1], draws.nu))
+
+
+def stress_band(draws: Draws, mode: str, strain: ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
+    """Pointwise quantiles of nominal stress at strains (n,), Pa: ((n,), (n,))."""
+    return quantiles(lambda k: nominal_stress(law_of(draws, k), mode, strain), len(draws), level)
+
+
+def quantiles(value: Callable[[int], ArrayLike], count: int, level: float = 0.95) -> tuple[Array, Array]:
+    """Pointwise quantiles over draws 0 ... count - 1 of value(k), an array of one shape."""
+    values = np.stack([np.asarray(value(k), dtype=float) for k in range(count)])
+    low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return low, high
+
+
+def write_draws(draws: Draws, path: Path) -> None:
+    """Store draws as an arviz NetCDF group `posterior`, (1, D, ...) arrays thinned from all chains, with what follows
+    from them (mu_0_Pa, E_0_Pa, plateau_Pa)."""
+    import arviz
+
+    from matcal.uncertainty import derived_quantities
+
+    derived = [derived_quantities(law_of(draws, k)) for k in range(len(draws))]
+    values: dict[str, Array] = {name: np.array([d[name] for d in derived]) for name in derived[0]}
+    values |= {"mu_Pa": draws.mu_Pa, "alpha": draws.alpha, "nu": np.full(len(draws), draws.nu)}
+    for name, array in (("prony_g", draws.g), ("prony_tau_s", draws.tau_s),
+                        ("conductivity_S_per_m", draws.conductivity_S_per_m)):
+        if array is not None:
+            values[name] = array
+    stored = arviz.from_dict(posterior={name: array[None] for name, array in values.items()})
+    stored.to_netcdf(str(path), engine="h5netcdf")
