@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 # fewer samples than this before contact do not make a zero
 _ENOUGH = 20
+# a loading that ends below is no test of foam
+_LEAST_STRAIN = 0.03
 _SIGNS = {"compression": -1.0, "tension": 1.0}
 _DIRECTION_WORDS = {"compression": r"compress", "tension": r"tension|tensile|stretch"}
 
@@ -46,36 +48,44 @@ class Loading:
 def correct(kind: str, recording: Recording, block: Block) -> Loading:
     """Strain and stress of a block from displacement, force and time; TestFileError where a column is missing,
     nothing moves, or nothing tells compression from tension."""
-    path, columns = recording.paths[0], recording.columns
-    if missing := [q for q in ("displacement", "force") if q not in columns]:
-        raise TestFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}.")
-    try:
-        stroke = find_stroke(columns["displacement"])
-    except ValueError as error:
-        raise TestFileError(path, f"{error}, so there is no test in it.") from None
-    force = columns["force"]
+    stroke = _stroke(recording)
+    force, time = recording.columns["force"], recording.columns.get("time")
     noise = sample_noise(force)
     load_sign = 1.0 if force[stroke.end] > np.median(force[:max(stroke.start, 1)]) else -1.0
-    notes = [_start_sentence(recording, stroke)]
-    load, drift, drift_sd = _without_drift(stroke, load_sign * force, columns.get("time"), block, noise, notes)
-    contact, moved = _contact(stroke, load, block, noise, notes)
     sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
-    first = int(np.argmax(moved >= contact.travel_m))
-    facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
-             "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
-             "strain_zero_sd": contact.sd_m / block.length_m,
-             "compliance_mm_per_N": block.compliance_m_per_N * 1e3, "area_mm2": block.area_m2 * 1e6}
-    if drift_sd is not None:
-        facts["drift_sd_N_per_s"] = drift_sd
-    if why:
-        notes.append(why)
+    notes = [*recording.notes, *why, _start_sentence(recording, stroke)]
+    load, drift, drift_sd = _without_drift(stroke, load_sign * force, time, block, noise, notes)
+    contact, moved = _contact(stroke, load, block, noise, notes)
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
-    time = columns.get("time")
+    first = int(np.argmax(moved >= contact.travel_m))
+    _check_size(recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
+    facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
+             "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
+             "strain_zero_sd": contact.sd_m / block.length_m, "area_mm2": block.area_m2 * 1e6,
+             "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
+    if drift_sd is not None:
+        facts["drift_sd_N_per_s"] = drift_sd
     return Loading(time_s=None if time is None else time[first:] - _contact_time(time, moved, first, contact.travel_m),
                    strain=sign * (moved[first:] - contact.travel_m) / block.length_m,
                    stress_Pa=sign * (load[first:] - contact.zero_N) / block.area_m2, end=stroke.end - first,
-                   noise_Pa=noise / block.area_m2, decisions=(*recording.notes, *notes), facts=facts)
+                   noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts)
+
+
+def _stroke(recording: Recording) -> Stroke:
+    path = recording.paths[0]
+    if missing := [q for q in ("displacement", "force") if q not in recording.columns]:
+        raise TestFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}.")
+    try:
+        return find_stroke(recording.columns["displacement"])
+    except ValueError as error:
+        raise TestFileError(path, f"{error}, so there is no test in it.") from None
+
+
+def _check_size(recording: Recording, strain: float) -> None:
+    if strain <= -1 or abs(strain) < _LEAST_STRAIN:
+        raise TestFileError(recording.paths[0], f"the loading ends at a strain of {strain:.3g}. Check the sizes of the "
+                                                "specimen and the unit of the displacement.")
 
 
 def _start_sentence(recording: Recording, stroke: Stroke) -> str:
@@ -111,10 +121,10 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
     moving = slice(stroke.start, stroke.end + 1)
     size = int(np.clip((stroke.end - stroke.start) // 50, 1, 20))
     if block.preload_N > 0:
-        at = _first_crossing(moved[moving], load[moving] - rest, block.preload_N, size)
+        at = float(moved[moving][_first_above(load[moving] - rest, block.preload_N, size)].mean())
         notes.append(f"Contact where the load reaches the preload {block.preload_N:g} N, as the height was measured.")
         return Contact(at, 0.0, rest), moved
-    latest = _first_crossing(moved[moving], load[moving] - rest, 6 * noise / np.sqrt(size), size)
+    latest = float(moved[moving][_first_above(load[moving] - rest, 6 * noise / np.sqrt(size), size)].max())
     contact = find_contact(moved[:stroke.end + 1], load[:stroke.end + 1], stroke.start, block.length_m, latest)
     before = stroke.start + np.count_nonzero(moved[moving] < contact.travel_m)
     if before < _ENOUGH:
@@ -126,12 +136,12 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
     return contact, moved
 
 
-def _first_crossing(travel: Array, load: Array, level: float, size: int) -> float:
-    """Travel at which the mean load of `size` samples first passes `level`."""
+def _first_above(load: Array, level: float, size: int) -> slice:
+    """The first `size` neighbouring samples whose mean passes `level`, the last ones where none does."""
     edges = np.arange(0, load.size + 1, size)
-    mean, where = block_means(load, edges), block_means(travel, edges)
-    above = np.flatnonzero(mean > level)
-    return float(where[above[0]]) if above.size else float(where[-1])
+    above = np.flatnonzero(block_means(load, edges) > level)
+    first = int(edges[above[0] if above.size else -2])
+    return slice(first, first + size)
 
 
 def _contact_time(time: Array, moved: Array, first: int, at: float) -> float:
@@ -142,17 +152,18 @@ def _contact_time(time: Array, moved: Array, first: int, at: float) -> float:
     return float(time[first - 1] + share * (time[first] - time[first - 1]))
 
 
-def _direction(kind: str, recording: Recording, block: Block, sign: float, load_sign: float) -> tuple[float, str]:
-    """-1 for compression, 1 for tension and shear, and the sentence that says why."""
+def _direction(kind: str, recording: Recording, block: Block, sign: float,
+               load_sign: float) -> tuple[float, tuple[str, ...]]:
+    """-1 for compression, 1 for tension and shear, and what it was told from."""
     if kind == "shear":
-        return 1.0, ""
+        return 1.0, ()
     text = " ".join([recording.metadata.get("Test", ""), recording.paths[0].stem]).lower()
     named = [d for d, words in _DIRECTION_WORDS.items() if re.search(words, text)]
     if block.direction is not None:
-        return _SIGNS[block.direction], f"{block.direction.capitalize()}, as the specimen says."
+        return _SIGNS[block.direction], (f"{block.direction.capitalize()}, as the specimen says.",)
     if len(named) == 1:
-        return _SIGNS[named[0]], f"{named[0].capitalize()}, from the test's own name."
+        return _SIGNS[named[0]], (f"{named[0].capitalize()}, from the test's own name.",)
     if sign < 0 and load_sign < 0:
-        return -1.0, "Displacement and load both fall: taken as compression."
+        return -1.0, ("Displacement and load both fall: taken as compression.",)
     raise TestFileError(recording.paths[0], "nothing tells whether this is compression or tension. Write direction = "
                                             f"\"compression\" or \"tension\" in [{kind}] of the specimen file.")

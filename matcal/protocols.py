@@ -62,7 +62,7 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
 
 
 def _is_reduced(recording: Recording) -> bool:
-    return bool({"stress", "conductivity"} & set(recording.columns))
+    return not {"displacement", "current"} & set(recording.columns)
 
 
 def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip) -> Experiment:

@@ -41,6 +41,6 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
     said = (f"Ramp of {ramp_s:.3f} s kept sample by sample from a strain of {_TOE_STRAIN:.0%}, hold of "
             f"{facts['hold_s']:.1f} s thinned to {t.size - 1 - (record.end - toe)} means equal in log time, the state "
             f"of rest put first; the hold strain is {facts['hold_strain']:.4f} and changes by "
-            f"{facts['hold_strain_change']:.1g} as the frame springs back.",)
+            f"{facts['hold_strain_change']:.1g} over the hold.",)
     return Experiment(kind="relaxation", strain=e, value=p, time_s=t, samples=samples, noise=record.noise_Pa,
                       source=tuple(p.name for p in recording.paths), decisions=record.decisions + said, facts=facts)

@@ -10,9 +10,9 @@ Edges = NDArray[np.intp]
 
 
 def sample_noise(values: Array) -> float:
-    """Standard deviation of white noise on a slowly varying record (n,), from its first differences, robustly."""
-    step = np.diff(values)
-    return float(1.4826 * np.median(np.abs(step - np.median(step))) / np.sqrt(2)) if step.size else 0.0
+    """Standard deviation of white noise on a record (n,) of straight pieces, from its second differences, robustly."""
+    bend = np.diff(values, 2)
+    return float(1.4826 * np.median(np.abs(bend)) / np.sqrt(6)) if bend.size else 0.0
 
 
 def equal_blocks(n: int, points: int) -> Edges:

@@ -88,7 +88,7 @@ def column_numbers(lines: Sequence[str], first_line: int, layout: Layout, column
     """
     kept = [(n, line) for n, line in enumerate(lines, first_line) if line.strip()]
     if not kept:
-        raise TestFileError(path, "no numbers stand below the column names. Export the test again.", line=first_line - 1)
+        raise TestFileError(path, "no numbers stand below the names. Export the test again.", line=first_line - 1)
     text = "\n".join(line.replace('"', "") for _, line in kept)
     try:
         out = np.loadtxt(io.StringIO(text.replace(",", ".") if layout.decimal == "," else text), comments=None,

@@ -52,7 +52,7 @@ def test_overloads_are_dropped_and_counted(tmp_path: Path) -> None:
     (HEAD.replace("Current (A)", "Current (V)") + ROWS, "no unit of current", 1),
     (HEAD + ROWS.replace("9E-5", "NaN"), "'NaN' is not a finite number", 4),
     (HEAD + ROWS.replace("1132.5", "1130"), "time runs backwards", None),
-    (HEAD, "no numbers stand below", 1),
+    (HEAD, "no numbers stand below the names", 1),
     ('"Z60W Data File: Version 1.1"\n""\n10,0,1\n', "impedance spectrum", None),
     ("Index;Frequency (Hz);Z' (Ω);-Z'' (Ω);Z (Ω)\n1;1000;1;2;3\n", "impedance spectrum", None),
 ])

@@ -122,8 +122,8 @@ def test_names_and_units_of_header_cells(cell: str, name: str, unit: str | None)
 
 @pytest.mark.parametrize(("unit", "quantity", "factor"), [
     ("mm", "displacement", 1e-3), ("kN", "force", 1e3), ("sec", "time", 1.0), ("min", "time", 60.0),
-    ("%", "strain", 0.01), ("µA", "current", 1e-6), ("μA", "current", 1e-6), ("N/mm^2", "stress", 1e6), ("MPa", "stress", 1e6),
-    ("-", "strain", 1.0), ("", "stress", None), ("kPa", "force", None), ("1", "time", None),
+    ("%", "strain", 0.01), ("µA", "current", 1e-6), ("μA", "current", 1e-6), ("N/mm^2", "stress", 1e6),
+    ("MPa", "stress", 1e6), ("-", "strain", 1.0), ("", "stress", None), ("kPa", "force", None), ("1", "time", None),
     ("S/cm", "conductivity", 100)])
 def test_units(unit: str, quantity: str, factor: float | None) -> None:
     assert si_factor(unit, quantity) == (None if factor is None else pytest.approx(factor, rel=1e-12))
