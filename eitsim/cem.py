@@ -97,7 +97,16 @@ def system(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: fl
 
 def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, *,
               pattern: Sparsity | None = None, refinements: int = 1) -> Array:
-    """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero.
+    """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero."""
+    electrodes = potentials(mesh, conductance_S, contact_impedance_Ohm_m, pattern=pattern,
+                            refinements=refinements)[len(mesh.nodes_m):]
+    return electrodes - electrodes.mean(axis=0)
+
+
+def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, *,
+               pattern: Sparsity | None = None, refinements: int = 1) -> Array:
+    """Potentials (nodes + count, count), Ohm, of nodes, then electrodes, the last one earthed; column k is for 1 A into
+    electrode k and 1/count A out of every one.
 
     One factorisation, count - 1 right-hand sides. Each refinement takes the residual as sum_j a_ij (x_i - x_j), which
     keeps all digits where the matrix has none left (rows of the CEM sum to zero).
@@ -111,10 +120,17 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m:
     potential = solve(currents)
     for _ in range(refinements):
         potential += solve(currents - _applied(pattern, values, potential))
-    earthed = np.zeros((mesh.count, mesh.count))
-    earthed[:-1, :-1] = potential[len(mesh.nodes_m):]
-    centre = np.eye(mesh.count) - 1 / mesh.count
-    return centre @ earthed @ centre
+    earthed = np.zeros((pattern.size, mesh.count))
+    earthed[:-1, :-1] = potential
+    return earthed - earthed.mean(axis=1, keepdims=True)
+
+
+def gradients(mesh: SkinMesh, potential: Array) -> tuple[Array, Array]:
+    """Gradients (cells, q, 2, k) of nodal potentials (n, k) at the quadrature points, and their areas (cells, q)."""
+    _, gradient, weights, _ = _reference(mesh.element)
+    jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[mesh.cells], gradient)
+    local = np.einsum("qkb,ekp->eqbp", gradient, potential[mesh.cells])
+    return np.linalg.inv(jacobian).swapaxes(-1, -2) @ local, weights * np.abs(np.linalg.det(jacobian))
 
 
 def _applied(pattern: Sparsity, values: Array, potential: Array) -> Array:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.beyond import first_order_change
 from eitsim.cem import impedance, quadrature_points, sparsity
 from eitsim.drive import read_out
 from eitsim.multipole import impedance_change, scattering
@@ -25,8 +26,6 @@ Array = NDArray[np.float64]
 METHODS = ("auto", "multipole", "mesh")
 # Harmonics about the punch, and the parts that the gaps between the touch's samples are cut into, until it suffices.
 ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
-# Part of the way from the punch's axis to the nearest rim that the rings cover, and the smaller one of the estimate.
-REACH, LESS_REACH = 0.95, 0.85
 # Refinements of the mesh, until it suffices.
 LEVELS = (1, 2, 4)
 
@@ -59,13 +58,14 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     """Readings of a touched skin; the relative error of dV, 2-norm, is at most `signal` where that can be reached.
 
     The untouched skin is solved on its rim alone (`solve_rim`, once a sensor). "multipole" adds what the touch, a
-    stack of rings about the punch, scatters; it neglects the strain beyond a circle that just fits in the disc.
-    "mesh" takes dV from two solutions on one mesh that follows the touch, strain up to the rim included. "auto" takes
-    the first where it meets `signal`, else the better of both.
+    stack of rings about the punch, scatters; the strain beyond the largest circle about the punch that fits in the
+    disc counts to first order. "mesh" takes dV from two solutions on one mesh that follows the touch. "auto" takes the
+    first where it meets `signal`, else the better of both.
 
     signal_error adds, for "multipole", the change by half as many rings over 3 (second order), by three quarters of
-    the harmonics, and twice the change by a circle smaller by a tenth; for "mesh", the change by the coarser mesh
-    over 3. It does not hold what interpolation between the touch's own samples costs.
+    the harmonics, and the first-order part times four times the scattering of the first harmonic (the touch turns the
+    field there by that much, twice over by the rim, for both electrodes); for "mesh" it is the change by the coarser
+    mesh over 3. It does not hold what interpolation between the touch's own samples costs.
 
     ValueError for several touches, patch electrodes, an unknown method, a conducting punch on a mesh, and where the
     conductivity is not positive.
@@ -98,7 +98,7 @@ def _changes(sensor: _Sensor, punch: Punch, touch: Touch, signal: float, method:
 
 
 def _by_multipole(sensor: _Sensor, punch: Punch, touch: Touch, signal: float) -> _Change:
-    """Rings are cut until they no longer matter; then the circle and the harmonics are varied once."""
+    """Rings are cut until they no longer matter; then the harmonics are varied once."""
     body, electrodes, sheet = sensor.body, sensor.electrodes, sensor.conductance_S
     room = body.radius_m - math.hypot(punch.x_m, punch.y_m)
     if room <= touch.contact_radius_m:
@@ -106,22 +106,23 @@ def _by_multipole(sensor: _Sensor, punch: Punch, touch: Touch, signal: float) ->
                          "disc; move the punch inwards.")
     rim = solve_rim(body, electrodes, sheet)
 
-    def changed(parts: int, share: float = REACH, kept: float = 1.0) -> Array:
-        reach = min(share * room, float(touch.radius_m[-1]))
-        tau = scattering(punch, touch, sensor.skin, sensor.law, reach, round(kept * ORDERS), parts)
-        return impedance_change(rim, body, electrodes, sheet, punch, reach, tau, round(kept * HARMONICS))
+    def tau(parts: int) -> Array:
+        return scattering(punch, touch, sensor.skin, sensor.law, room, ORDERS, parts)
 
-    previous, parts, rings = changed(PARTS[0]), PARTS[0], math.inf
-    fine = previous
-    for parts in PARTS[1:]:
-        fine = changed(parts)
-        rings = _difference(sensor, fine, previous) / 3
-        if rings <= signal / 4:
+    def scattered(tau: Array, harmonics: int = HARMONICS) -> Array:
+        return impedance_change(rim, body, electrodes, sheet, punch, room, tau, harmonics)
+
+    coarse, fine = tau(PARTS[0]), tau(PARTS[1])
+    for parts in PARTS[2:]:
+        if _difference(sensor, scattered(fine), scattered(coarse)) <= 3 * signal / 4:
             break
-        previous = fine
-    error = rings + _difference(sensor, fine, changed(parts, kept=0.75))
-    error += 2 * _difference(sensor, fine, changed(parts, LESS_REACH))
-    return _Change(fine, error, 2 * ORDERS, "multipole")
+        coarse, fine = fine, tau(parts)
+    near = scattered(fine)
+    beyond = first_order_change(body, electrodes, sheet, punch, touch, sensor.skin, sensor.law, room)
+    error = _difference(sensor, near, scattered(coarse)) / 3
+    error += _difference(sensor, near, scattered(fine[:3 * ORDERS // 4], 3 * HARMONICS // 4))
+    error += 4 * abs(fine[0]) * _difference(sensor, near + beyond, near)
+    return _Change(near + beyond, error, 2 * ORDERS, "multipole")
 
 
 def _by_mesh(sensor: _Sensor, punch: Punch, touch: Touch, signal: float) -> _Change:

@@ -18,6 +18,15 @@ from matcal.conductivity import Conductivity
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
+# Part of their reach over which the rings carry the whole change of conductance.
+FULL = 0.9
+
+
+def ring_share(radius_m: Array, reach_m: float) -> Array:
+    """Part of the change of conductance that the rings carry: 1, falling smoothly to 0 at their reach."""
+    t = np.clip((radius_m / reach_m - FULL) / (1 - FULL), 0, 1)
+    return 1 - t**3 * (10 - 15 * t + 6 * t**2)
+
 
 def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float, orders: int,
                parts: int) -> Array:
@@ -27,11 +36,12 @@ def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_
     k^2 = s_m (m^2 s_h + g rho^2), h = tanh(k ln(rho'/rho)/s_m) and g the conductance to a floating punch per area;
     the rings are the gaps of the touch's samples, each cut in `parts`.
     """
-    stops = np.append(touch.radius_m[touch.radius_m < reach_m], reach_m)
+    stops = np.unique(np.concatenate([[0.0], touch.radius_m[touch.radius_m < reach_m], [reach_m]]))
     radii = np.interp(np.arange(parts * (len(stops) - 1) + 1) / parts, np.arange(len(stops)), stops)
     middle = (radii[1:] + radii[:-1]) / 2
     along, across, normal = stretches(touch, middle)
-    meridian, hoop = principal_conductances(law, skin, along, across, normal)
+    free, share = untouched_conductance(law, skin), ring_share(middle, reach_m)
+    meridian, hoop = (free + share * (s - free) for s in principal_conductances(law, skin, along, across, normal))
     m = np.arange(1, orders + 1)[:, None]
     k = np.sqrt(meridian * (m**2 * hoop + _shunt(punch, touch, middle, along * across) * middle**2))
     h = np.tanh(k[:, 1:] / meridian[1:] * np.log(radii[2:] / radii[1:-1]))
@@ -39,8 +49,7 @@ def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_
     for ring in range(h.shape[1]):
         kr, hr = k[:, ring + 1], h[:, ring]
         admittance = kr * (admittance + kr * hr) / (kr + admittance * hr)
-    free = untouched_conductance(law, skin) * m[:, 0]
-    return (free - admittance) / (free + admittance)
+    return (free * m[:, 0] - admittance) / (free * m[:, 0] + admittance)
 
 
 def impedance_change(rim: Rim, body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, reach_m: float,

@@ -62,13 +62,13 @@ def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
         current = body.radius_m * (weight @ inflow)
         to_field = _field(waves[:, alike], weight, orders[alike], body.radius_m / conductance_S) * count
         floating = inflow[:, :1] * (current[1:] / current[0]) - inflow[:, 1:]
-        scattered[np.ix_(alike, alike)] = (to_field @ floating).real
+        scattered[np.ix_(alike, alike)] = np.real(to_field @ floating)
         if mode:
             impedance[mode] = 1 / current[0]
             driven[alike] = to_field @ inflow[:, 0] / (current[0] * count)
     apart = np.subtract.outer(np.arange(count), np.arange(count))
     column = np.real(np.fft.ifft(impedance))
-    return Rim(column[apart % count], 2 * driven[harmonics:].real, scattered[harmonics:, harmonics:],
+    return Rim(column[apart % count], 2 * np.real(driven[harmonics:]), scattered[harmonics:, harmonics:],
                scattered[harmonics:, :harmonics])
 
 

@@ -59,9 +59,9 @@ def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, l
 
 def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:
     """Stretches (meridian, hoop, normal) at any radii: monotone cubics between the samples, so that an edge neither
-    overshoots nor turns negative; 1 beyond the last sample."""
+    overshoots nor turns negative; the first sample's towards the axis, 1 beyond the last."""
     samples = np.column_stack([touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal])
-    values = PchipInterpolator(touch.radius_m, samples)(np.minimum(radius_m, touch.radius_m[-1]))
+    values = PchipInterpolator(touch.radius_m, samples)(np.clip(radius_m, *touch.radius_m[[0, -1]]))
     values = np.where(np.asarray(radius_m)[..., None] > touch.radius_m[-1], 1.0, values)
     return values[..., 0], values[..., 1], values[..., 2]
 

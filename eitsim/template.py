@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 # Edges along the rim under an electrode and between two of them, on level 1.
-_UNDER, _BETWEEN = 1, 2
+_UNDER, _BETWEEN = 1, 3
 # Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
 _CENTRED = 0.5
 # Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
 # and how much wider they get per unit of distance from there.
-_AT_CONTACT, _AT_RIM, _GROWTH = 0.8, 0.2, 1.0
+_AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
 # Lines of the contact closer than this share of the fillet radius are one line.
 _SAME_LINE = 0.2
 
