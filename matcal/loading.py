@@ -54,7 +54,10 @@ def correct(kind: str, recording: Recording, block: Block) -> Loading:
     load_sign = 1.0 if force[stroke.end] > np.median(force[:max(stroke.start, 1)]) else -1.0
     sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
     notes = [*recording.notes, *why, _start_sentence(recording, stroke)]
-    load, drift, drift_sd = _without_drift(stroke, load_sign * force, time, block, noise, notes)
+    load, drift, drift_sd = _without_drift(stroke, load_sign * force, time, block, noise)
+    if drift_sd is not None:
+        notes.append(f"Load drift of {load_sign * drift * 1e3:.3g} ± {drift_sd * 1e3:.1g} mN/s between the rests before "
+                     "and after the test, both clear of the specimen, taken off.")
     contact, moved = _contact(stroke, load, block, noise, notes)
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
@@ -95,8 +98,8 @@ def _start_sentence(recording: Recording, stroke: Stroke) -> str:
             f"{'grows' if stroke.sign > 0 else 'falls'}{more}.")
 
 
-def _without_drift(stroke: Stroke, load: Array, time: Array | None, block: Block, noise: float,
-                   notes: list[str]) -> tuple[Array, float, float | None]:
+def _without_drift(stroke: Stroke, load: Array, time: Array | None, block: Block,
+                   noise: float) -> tuple[Array, float, float | None]:
     """Load without the drift between the rests before and after the test, where the specimen is clear in both; the
     drift and its standard deviation (None where it could not be measured), N/s."""
     if time is None or stroke.start < _ENOUGH:
@@ -109,8 +112,6 @@ def _without_drift(stroke: Stroke, load: Array, time: Array | None, block: Block
     before = slice(0, stroke.start)
     rate = (load[after].mean() - load[before].mean()) / (time[after].mean() - time[before].mean())
     sd = noise * np.hypot(after.size**-0.5, stroke.start**-0.5) / (time[after].mean() - time[before].mean())
-    notes.append(f"Load drift of {rate * 1e3:.3g} ± {sd * 1e3:.1g} mN/s between the rests before and after the test, "
-                 "both clear of the specimen, taken off.")
     return load - rate * (time - time[0]), float(rate), float(sd)
 
 
