@@ -56,8 +56,8 @@ def correct(kind: str, recording: Recording, block: Block) -> Loading:
     notes = [*recording.notes, *why, _start_sentence(recording, stroke)]
     load, drift, drift_sd = _without_drift(stroke, load_sign * force, time, block, noise)
     if drift_sd is not None:
-        notes.append(f"Load drift of {load_sign * drift * 1e3:.3g} ± {drift_sd * 1e3:.1g} mN/s between the rests before "
-                     "and after the test, both clear of the specimen, taken off.")
+        notes.append(f"Load drift of {load_sign * drift * 1e3:.3g} ± {drift_sd * 1e3:.1g} mN/s between the rests "
+                     "before and after the test, both clear of the specimen, taken off.")
     contact, moved = _contact(stroke, load, block, noise, notes)
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
