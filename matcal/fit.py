@@ -23,6 +23,8 @@ ORDERS = (1, 2, 3, 4)
 ALPHA_BOUNDS, _LARGEST_POWER = (-15.0, 25.0), 40.0
 # single moduli beyond this many times mu_0 count as exploding
 EXPLODING = 50.0
+# share of the rms of a lower order to which a term that merges with another must bring it to be worth having
+WORTH = 0.9
 _NU_BOUNDS = (0.0, 0.45)
 
 
@@ -76,10 +78,10 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str
         thorough: bool = True, stable: str | None = None) -> Fit:
     """Long-term hyperfoam law with least weighted mean square residual over `curves`.
 
-    order: number of terms, or "auto" (1 to 4 by BIC, orders with merged exponents last unless `stable`); poisson: one nu for all
-    terms, or "fit"; thorough: also fit one more term, and each mode alone; stable: criterion that the law keeps
-    over the stretches of the curves (the single-mode laws and the wider one are left free). Raises ValueError for
-    another choice, for no curves, or for fewer points than parameters.
+    order: number of terms, or "auto" (1 to 4 by BIC, see `chosen_order`); poisson: one nu for all terms, or "fit";
+    thorough: also fit one more term, and each mode alone; stable: criterion that the law keeps over the stretches of
+    the curves (the single-mode laws and the wider one are left free). Raises ValueError for another choice, for no
+    curves, or for fewer points than parameters.
     """
     start = time.process_time()
     curves = tuple(curves)
@@ -89,7 +91,7 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str
     solve = stable_moduli(stable, curves, nu) if stable else least_moduli
     tried = {n: _minimise(table, curves, n, nu, starts, solve) for n in orders}
     rows = tuple(_row(curves, optimum) for optimum in tried.values())
-    best = min(rows, key=lambda row: (bool(row.confluence) and not stable, row.bic))
+    best = chosen_order(rows)
     free = _minimise(table, curves, best.order, nu, starts) if stable else None
     decisions = (*_order_sentences(order, rows, best), *_mode_sentences(curves), *_cost_sentences(stable, best, free),
                  f"nu = {nu:.4g} for every term, {'fitted' if poisson == 'fit' else 'as given'}.")
@@ -122,6 +124,15 @@ def alpha_bounds(curves: Sequence[Curve]) -> tuple[float, float]:
     largest = _LARGEST_POWER / max(largest_log_stretch(curves), 1e-3)
     lowest = 0.05 if {c.experiment.kind for c in curves} == {"shear"} else max(ALPHA_BOUNDS[0], -largest)
     return lowest, min(ALPHA_BOUNDS[1], largest)
+
+
+def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
+    """The order of least BIC; where its parameters merge, the best lower order of nearly the same rms (WORTH)."""
+    best = min(rows, key=lambda row: row.bic)
+    if not best.confluence:
+        return best
+    clear = [r for r in rows if r.order < best.order and not r.confluence and r.rms < best.rms / WORTH]
+    return min(clear, key=lambda row: row.bic, default=best)
 
 
 def confluence(mu_Pa: Array, alpha: Array) -> str:
@@ -230,8 +241,8 @@ def _order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: Order
     if chosen.confluence:
         out.append(f"At order {chosen.order} {chosen.confluence}: single mu and alpha are not measurable, read mu_0, "
                    "E_0 and the stress bands.")
-    out += [f"Order {r.order} was passed over: {r.confluence}." for r in rows
-            if r is not chosen and r.confluence and r.bic < chosen.bic]
+    out += [f"Order {r.order} was passed over: it lowers the residual by less than a tenth and {r.confluence}."
+            for r in rows if r is not chosen and r.confluence and r.bic < chosen.bic]
     return out
 
 

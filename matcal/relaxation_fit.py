@@ -87,12 +87,13 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
                     time.process_time() - start)
 
 
-def _hold(experiment: Experiment, law: Hyperfoam | None) -> _Hold:
+def _hold(experiment: Experiment, law: Hyperfoam | None, held: NDArray[np.bool_] | None = None) -> _Hold:
+    """The test through the law's curve; `held` (n,) marks the hold where it is known already."""
     where = f"relaxation ({', '.join(experiment.source) or 'no file'})"
     e, t = experiment.strain, experiment.time_s
     if t is None:
         raise ValueError(f"{where}: a relaxation test needs a time column.")
-    held = np.maximum.accumulate(np.abs(e)) >= _HELD * np.abs(e).max()
+    held = np.maximum.accumulate(np.abs(e)) >= _HELD * np.abs(e).max() if held is None else held
     if np.count_nonzero(held) < 2 * TERMS + 3 or not np.any(e):
         raise ValueError(f"{where}: {np.count_nonzero(held)} points lie in the hold; a fit needs {2 * TERMS + 3}.")
     count = np.ones(t.size) if experiment.samples is None else experiment.samples
@@ -174,7 +175,7 @@ def _covariance(experiments: Sequence[Experiment], holds: Sequence[_Hold], law: 
     covariance = spread * inverse @ inverse.T
     for k, experiment in enumerate(experiments):
         for moved in _doubted(experiment):
-            shifted = [*holds[:k], _hold(moved, law), *holds[k + 1:]]
+            shifted = [*holds[:k], _hold(moved, law, holds[k].precision > 0), *holds[k + 1:]]
             effect = inverse @ (_residual(shifted, vector) - residual)
             covariance = covariance + np.outer(effect, effect)
     turn = _slopes(lambda v: np.r_[_series(v).g, _series(v).tau_s], vector)[:, free]
