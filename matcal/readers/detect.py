@@ -19,11 +19,15 @@ def read(path: Path | str) -> Recording:
     the mend.
     """
     path = Path(path)
+    files = files_of(path)
+    return _read_parts(path, files) if path.is_dir() or len(files) > 1 else _read_file(path)
+
+
+def files_of(path: Path) -> list[Path]:
+    """Every file that `read(path)` opens: those of a folder, or a file and the further parts of its test."""
     if path.is_dir():
-        return _read_parts(path, sorted(p for p in path.iterdir() if p.suffix.lower() == ".txt"))
-    if len(parts := sibling_parts(path)) > 1:
-        return _read_parts(path, parts)
-    return _read_file(path)
+        return sorted(p for p in path.iterdir() if p.suffix.lower() == ".txt")
+    return sibling_parts(path)
 
 
 def _read_file(path: Path) -> Recording:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from matcal.errors import TestFileError
-from matcal.readers.detect import read
+from matcal.readers.detect import files_of, read
 
 REAL = Path(__file__).parents[3] / "shared" / "rawsamples" / "mts_testsuite"
 DATA = Path(__file__).parents[2] / "data_raw"
@@ -46,6 +46,7 @@ def test_parts_out_of_order_with_an_empty_one_equal_the_whole(tmp_path: Path) ->
         for quantity, values in whole.columns.items():
             np.testing.assert_array_equal(got.columns[quantity], values)
         assert [p.name for p in got.paths] == [files[1].name, files[2].name, files[0].name]
+        assert files_of(given) == sorted([*files, empty])
         assert any("3 parts joined" in note for note in got.notes)
         assert any("(Timed)2.txt holds nothing" in note for note in got.notes)
 
