@@ -35,8 +35,20 @@ def percent(fraction: float, digits: int = 2) -> str:
 
 
 def interval(lo: float, hi: float, digits: int = 3) -> str:
-    """Two ends of an interval."""
-    return f"{number(lo, digits)} to {number(hi, digits)}"
+    """Two ends of an interval; an end below 1e-4 of the other is printed as 0."""
+    ends = [0.0 if abs(end) < 1e-4 * max(abs(lo), abs(hi)) else end for end in (lo, hi)]
+    return f"{number(ends[0], digits)} to {number(ends[1], digits)}"
+
+
+def plus_minus(value: float, error: float) -> str:
+    """A value and its standard error, both to the second significant digit of the error."""
+    if not (math.isfinite(value) and math.isfinite(error) and error > 0):
+        return f"{number(value, 4)} ± {number(error, 2)}"
+    power = math.floor(math.log10(error))
+    if power >= 5 or power < -8:
+        return f"{number(value, 4)} ± {number(error, 2)}"
+    decimals = max(1 - power, 0)
+    return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
 
 
 def counted(count: int, noun: str, plural: str | None = None) -> str:

@@ -120,7 +120,7 @@ def test_the_house_style_leaves_no_trace() -> None:
 
 
 def test_reports_leave_pyplot_alone() -> None:
-    code = ("import sys, reports.simulation; "
+    code = ("import sys, reports.simulation, reports.calibration, reports.surrogates; "
             "sys.exit(any(m in sys.modules for m in ('matplotlib.pyplot', 'torch', 'emcee', 'arviz', 'skfem')))")
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 

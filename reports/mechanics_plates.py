@@ -1,0 +1,145 @@
+"""Figures of stress: each mode with its fits and residuals (paper, figures 3b and 4b), and the relaxation (5b)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from matcal.hyperfoam import Hyperfoam
+from matcal.modes import hereditary_stress, nominal_stress
+from matcal.prony import Prony, relaxation
+from reports import style
+from reports.card_record import Array, Test
+from reports.numerals import number, percent
+from reports.page import Plate
+
+STRAIN = {"shear": "Shear strain γ (–)", "volumetric": "Volume ratio J (–)"}
+# (n,) strains -> lower and upper end of the 95 % band of the long-term stress, Pa
+Band = tuple[Array, Array, Array]
+
+
+def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
+    """Stress of a long-term law along a test's own history, Pa: relaxing where there is a series and a clock."""
+    if prony is None or test.time_s is None:
+        return nominal_stress(law, test.kind, test.strain)
+    fast = Hyperfoam(law.mu_Pa / prony.g_infinity, law.alpha, law.nu, "instantaneous")
+    return hereditary_stress(fast, prony, test.kind, test.time_s, test.strain)
+
+
+def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapping[str, Hyperfoam],
+         errors: Mapping[str, float], band: Band | None) -> Plate:
+    """One mode: data, the law of all modes with its band, the laws of single modes, residuals.
+
+    `law` and `alone` (mode -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode.
+    """
+    kind = tests[0].kind
+    sign = -1.0 if all(test.compressed for test in tests) else 1.0
+    figure = style.sheet(88)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
+    data = _draw_tests(upper, lower, tests, sign, "fitted to all modes" if alone else "fitted")
+    for k, (name, other) in enumerate(alone.items()):
+        for i, test in enumerate(tests):
+            stress = along_history(other, prony, test)
+            upper.plot(sign * test.strain, sign * stress / 1e3, color=style.SERIES[k + 1], ls=style.DASHES[k + 1],
+                       label=f"fitted to {name} alone" if i == 0 else None)
+            data[test.label][f"{name}_alone_stress_Pa"] = stress
+    _draw_longterm(upper, kind, law, tests, sign, band)
+    _frame_data(upper, [sign * test.value / 1e3 for test in tests])
+    what = "compressive" if sign < 0 else "nominal"
+    style.label(upper, "", f"{what.capitalize()} stress (kPa)")
+    style.label(lower, STRAIN.get(kind, f"{what.capitalize()} strain (–)"), "Residual (Pa)")
+    upper.legend(loc="upper left")
+    return Plate(kind, figure, _mode_caption(kind, tests, errors, prony, band), data)
+
+
+def _draw_tests(upper: Axes, lower: Axes, tests: Sequence[Test], sign: float, title: str) -> dict[str, pd.DataFrame]:
+    data = {}
+    for i, test in enumerate(tests):
+        upper.plot(sign * test.strain, sign * test.value / 1e3, "o", color=style.INK, ms=2, mew=0,
+                   label="measured" if i == 0 else None)
+        data[test.label] = pd.DataFrame({"strain": test.strain, "stress_Pa": test.value})
+        if test.fitted is None:
+            continue
+        upper.plot(sign * test.strain, sign * test.fitted / 1e3, color=style.ACCENT,
+                   label=title if i == 0 else None)
+        lower.plot(sign * test.strain, sign * (test.value - test.fitted), "o", color=style.ACCENT, ms=1.6, mew=0)
+        data[test.label]["fit_stress_Pa"] = test.fitted
+    lower.axhline(0, color=style.GREY, lw=0.6)
+    return data
+
+
+def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test], sign: float,
+                   band: Band | None) -> None:
+    strain = np.linspace(min(t.strain.min() for t in tests), max(t.strain.max() for t in tests), 200)
+    if band is not None:
+        at, lo, hi = band
+        axes.fill_between(sign * at, sign * lo / 1e3, sign * hi / 1e3, color=style.ACCENT, alpha=0.2, lw=0,
+                          label="95 % band of the long-term law")
+    axes.plot(sign * strain, sign * nominal_stress(law, kind, strain) / 1e3, color=style.ACCENT, lw=0.8, ls="-.",
+              label="long-term law")
+
+
+def _frame_data(axes: Axes, values: Sequence[Array]) -> None:
+    """Limits that hold the data; a law that runs away leaves the frame."""
+    low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+    margin = 0.08 * (high - low)
+    axes.set_ylim(low - margin, high + 2.5 * margin)
+
+
+def _mode_caption(kind: str, tests: Sequence[Test], errors: Mapping[str, float], prony: Prony | None,
+                  band: Band | None) -> str:
+    others = {name: error for name, error in errors.items() if name != "all"}
+    to_all = " fitted to all modes" if others else ""
+    said = [f"{kind.capitalize()}: the law{to_all} misses these data by {percent(errors['all'], 3)} (relative RMS)"]
+    said += [f"fitted to {name} alone it misses them by {percent(error, 3)}" for name, error in others.items()]
+    caption = "; ".join(said) + "."
+    if prony is not None and all(test.time_s is not None for test in tests):
+        caption += (" The fits follow the test's own rate through the Prony series; the long-term law is what is left "
+                    "when everything has relaxed.")
+    if band is None:
+        return caption + " No band is drawn: there is no posterior."
+    _, lo, hi = band
+    width = float(np.max(hi - lo)) / float(np.max(np.abs(lo + hi)))
+    return caption + f" The 95 % band is at most ± {percent(width)} of the largest stress."
+
+
+def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> Plate:
+    """Stress over the stress of an ideal step, measured and fitted with the recorded ramp, against time."""
+    figure = style.sheet(84)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
+    data, ramps = {}, []
+    for i, test in enumerate(tests):
+        time, stress, model = test.history()
+        unit, ramp = _step_stress(test, prony)
+        ramps.append(ramp)
+        seen = time > 0.02 * ramp
+        time, value, fitted = time[seen], stress[seen] / unit, model[seen] / unit
+        upper.plot(time, value, "o", color=style.INK, ms=2, mew=0, label="measured" if i == 0 else None)
+        upper.plot(time, fitted, color=style.ACCENT, label="fitted with the recorded ramp" if i == 0 else None)
+        hold = time >= ramp
+        lower.plot(time[hold], 100 * (value - fitted)[hold], "o", color=style.ACCENT, ms=1.6, mew=0)
+        data[test.label] = pd.DataFrame({"time_s": time, "normalised_stress": value, "fit_normalised_stress": fitted})
+    last = max(float(test.history()[0][-1]) for test in tests)
+    time = np.geomspace(0.02 * min(ramps), last, 300)
+    upper.plot(time, relaxation(prony, time), color=style.SECOND, ls="--", label="G(t)/G$_0$ after an ideal step")
+    lower.axhline(0, color=style.GREY, lw=0.6)
+    upper.set_xscale("log")
+    upper.legend(loc="lower right")
+    style.label(upper, "", "Normalised stress (–)")
+    style.label(lower, "Time from the start of loading (s)", "Residual (%)")
+    peak = max(float(np.max(data[test.label]["normalised_stress"])) for test in tests)
+    caption = (f"Relaxation: the series misses the hold by {percent(max(errors))} (relative RMS). After a ramp of "
+               f"{', '.join(number(r) for r in ramps)} s the stress peaks at {number(peak)} of that after an ideal "
+               f"step, and {number(prony.g_infinity)} of it stays for good. Stress is normalised where fit and ideal "
+               "step meet, at the end of the hold.")
+    return Plate("relaxation", figure, caption, data)
+
+
+def _step_stress(test: Test, prony: Prony) -> tuple[float, float]:
+    """Stress right after an ideal step, Pa, that would relax to the fit's last value; and the ramp time, s."""
+    time, _, model = test.history()
+    ramp = float(time[np.argmax(np.abs(test.strain) >= 0.999 * np.abs(test.strain).max())])
+    return float(model[-1] / relaxation(prony, time[-1] - ramp / 2)), ramp
