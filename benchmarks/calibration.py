@@ -1,0 +1,85 @@
+"""Error against run time of one hyperfoam fit: number of starts, and lmfit's own least squares on the same curves.
+
+Run by `make bench`, which pins threads; writes results/calibration.csv beside this file. The curves are the synthetic
+plain files, whose truth is known.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import lmfit
+import numpy as np
+import pandas as pd
+
+from matcal.curves import Curve, weigh
+from matcal.fit import fit, modelled, relative_rms
+from matcal.hyperfoam import Hyperfoam
+from matcal.protocols import reduce_tests
+
+HERE = Path(__file__).parent
+RAW = HERE.parent / "data_raw"
+REPEATS = 5
+
+
+def curves() -> tuple[Curve, ...]:
+    inputs = [("uniaxial", (RAW / "uniaxial.csv",)), ("shear", (RAW / "shear.csv",))]
+    return weigh(reduce_tests(inputs))
+
+
+def by_variable_projection(data: tuple[Curve, ...], starts: int) -> Hyperfoam:
+    return fit(data, order=3, starts=starts, thorough=False).law
+
+
+def by_lmfit(data: tuple[Curve, ...], start: Hyperfoam) -> Hyperfoam:
+    """All six parameters at once by Levenberg-Marquardt from one start, as a hand-written script would do it."""
+    parameters = lmfit.Parameters()
+    for i, (mu, alpha) in enumerate(zip(start.mu_Pa, start.alpha, strict=True)):
+        parameters.add(f"mu_{i}", mu)
+        parameters.add(f"alpha_{i}", alpha, min=-25, max=25)
+
+    def law(p: lmfit.Parameters) -> Hyperfoam:
+        return Hyperfoam([p[f"mu_{i}"].value for i in range(3)], [p[f"alpha_{i}"].value for i in range(3)], [0, 0, 0])
+
+    def residual(p: lmfit.Parameters) -> np.ndarray:
+        try:
+            model = law(p)
+        except ValueError:  # mu_0 <= 0 on the way: a large residual sends the search back
+            return np.concatenate([np.full(c.experiment.value.size, 1e3) for c in data])
+        return np.concatenate([(c.experiment.value - modelled(model, c)) / c.scale_Pa * c.weight**0.5 for c in data])
+
+    return law(lmfit.minimize(residual, parameters, method="leastsq").params)
+
+
+def row(method: str, setting: str, run: Callable[[], Hyperfoam], data: tuple[Curve, ...], truth: float) -> dict:
+    seconds = []
+    for _ in range(REPEATS):
+        begun = time.process_time()
+        law = run()
+        seconds.append(time.process_time() - begun)
+    return {"method": method, "setting": setting, "relative_rms_uniaxial": relative_rms(law, data[0]),
+            "relative_rms_shear": relative_rms(law, data[1]), "mu_0_error": law.mu_0_Pa / truth - 1,
+            "cpu_s": float(np.median(seconds))}
+
+
+def main() -> None:
+    data = curves()
+    truth = 1e3 * json.loads((RAW / "truth.json").read_text())["longterm"]["mu_0_kPa"]
+    rows = [row("variable projection", f"{n} starts", lambda n=n: by_variable_projection(data, n), data, truth)
+            for n in (1, 3, 8, 20)]
+    starts = {"alpha 1, 4, 8": Hyperfoam([5e3, 5e3, 5e3], [1.0, 4.0, 8.0], [0, 0, 0]),
+              "alpha -2, 2, 6": Hyperfoam([5e3, 5e3, 5e3], [-2.0, 2.0, 6.0], [0, 0, 0]),
+              "Table 1": Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])}
+    rows += [row("lmfit leastsq", name, lambda s=start: by_lmfit(data, s), data, truth)
+             for name, start in starts.items()]
+    table = pd.DataFrame(rows)
+    (HERE / "results").mkdir(exist_ok=True)
+    table.to_csv(HERE / "results" / "calibration.csv", index=False, float_format="%.6g")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
