@@ -1,0 +1,111 @@
+"""From stretches to the sheet's conductance."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from eitsim.cem import SkinMesh, impedance, quadrature_points
+from eitsim.results import Touch
+from eitsim.scene import Body, Punch, Skin
+from eitsim.skin import (
+    driving_strain,
+    extrapolated_fraction,
+    principal_conductances,
+    sheet_conductance,
+    untouched_conductance,
+)
+from matcal.conductivity import Conductivity, conductivity, strip_conductivity
+
+LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
+
+
+def touch(radius, meridian, hoop, normal) -> Touch:
+    """Synthetic surface stretches; what the mechanics adds is left at nought."""
+    r = np.asarray(radius, dtype=float)
+    fields = [np.broadcast_to(np.asarray(f, dtype=float), r.shape) for f in (meridian, hoop, normal)]
+    return Touch(r, 0 * r, 0 * r, *fields, 0 * r, 7e-3, *[0.0] * 9, 0, (), 0.0)
+
+
+def strip(length: float, width: float, cells: int = 6) -> SkinMesh:
+    """Quadrilaterals of a strip with an electrode on either end."""
+    x, y = np.meshgrid(np.linspace(0, length, 2 * cells + 1), np.linspace(0, width, 5), indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    corners = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+    cells_ = np.column_stack([number[i: i + 2 * cells - 1: 2, j: j + 3: 2].ravel() for i, j in corners])
+    ends = np.concatenate([np.column_stack([n[:-1:2], n[2::2], n[1::2]]) for n in (number[0], number[-1])])
+    return SkinMesh(np.column_stack([x.ravel(), y.ravel()]), cells_, ends, np.array([0, 0, 1, 1]), 2, "Q2")
+
+
+@pytest.mark.parametrize("strain", ["principal", "areal"])
+@pytest.mark.parametrize("e", [0.0, 0.1, 0.35])
+def test_a_stretched_strip_has_the_resistance_that_calibration_read(strain, e):
+    """Uniaxial tension without contraction, length L_0 and width w at rest, contacts taken off the reading."""
+    length, width, thickness, contact = 0.075, 0.025, 20e-6, 0.5
+    mesh = strip(length, width)
+    along, across = principal_conductances(LAW, Skin(thickness_m=thickness, strain=strain), 1 + e, 1.0, 1.0)
+    tensor = np.broadcast_to(np.diag([float(along), float(across)]), (*quadrature_points(mesh).shape[:2], 2, 2))
+    z = impedance(mesh, tensor, contact)
+    resistance = z[0, 0] + z[1, 1] - z[0, 1] - z[1, 0] - 2 * contact / width
+    read = float(strip_conductivity(resistance, e, length, width * thickness))
+    assert read == pytest.approx(float(conductivity(LAW, e)), rel=1e-10)
+
+
+def test_the_determinant_of_the_conductance_knows_no_stretch():
+    along, across = principal_conductances(LAW, Skin(), 1.7, 0.6, 0.5)
+    assert along * across == pytest.approx((float(conductivity(LAW, -0.5)) * 20e-6) ** 2, rel=1e-14)
+    assert along / across == pytest.approx((0.6 / 1.7) ** 2, rel=1e-14)
+
+
+def test_the_tensor_turns_with_the_direction_from_the_punch():
+    pressed = touch([0.0, 0.05], 1.5, 0.9, 0.8)
+    punch = Punch(x_m=0.01, y_m=-0.02)
+    along, across = principal_conductances(LAW, Skin(), 1.5, 0.9, 0.8)
+    for angle in (0.0, 0.7, 2.5):
+        direction = np.array([math.cos(angle), math.sin(angle)])
+        tensor = sheet_conductance(np.array([0.01, -0.02]) + 0.02 * direction, punch, pressed, Skin(), LAW)
+        np.testing.assert_allclose(tensor, tensor.T)
+        np.testing.assert_allclose(tensor @ direction, along * direction, rtol=1e-13)
+        assert np.trace(tensor) == pytest.approx(float(along + across))
+
+
+def test_interpolation_keeps_the_kink_of_an_edge_and_ends_at_rest():
+    r = np.array([0.0, 2e-3, 6e-3, 7e-3, 7.2e-3, 9e-3])
+    normal = np.array([0.6, 0.6, 0.5, 0.3, 1.0, 1.0])
+    points = np.column_stack([np.linspace(0, 0.012, 500), np.zeros(500)])
+    tensor = sheet_conductance(points, Punch(), touch(r, 1.0, 1.0, normal), Skin(), LAW)
+    low, high = (float(conductivity(LAW, e)) * 20e-6 for e in (0.0, -0.7))
+    assert tensor[..., 0, 0].min() >= low * (1 - 1e-14)
+    assert tensor[..., 0, 0].max() <= high * (1 + 1e-14)
+    np.testing.assert_allclose(tensor[points[:, 0] >= 7.2e-3] / low - np.eye(2), 0, atol=1e-14)
+    np.testing.assert_allclose(tensor[points[:, 0] <= 2e-3, 0, 0], float(conductivity(LAW, -0.4)) * 20e-6, rtol=1e-14)
+
+
+def test_the_strain_is_a_choice():
+    assert driving_strain("normal", 1.2, 0.9, 0.7) == pytest.approx(-0.3)
+    assert driving_strain("principal", 1.2, 0.9, 0.7) == pytest.approx(0.2)
+    assert driving_strain("areal", 1.2, 0.9, 0.7) == pytest.approx(0.08)
+    with pytest.raises(ValueError, match="known: normal, principal, areal"):
+        driving_strain("hoop", 1.0, 1.0, 1.0)
+
+
+def test_a_conductivity_that_is_not_positive_is_refused():
+    with pytest.raises(ValueError, match="not positive"):
+        principal_conductances(Conductivity(30.0, np.array([2.0, 0.0, 0.0])), Skin(), 1.0, 1.0, 0.4)
+
+
+@pytest.mark.parametrize("x_m", [0.0, 0.06])
+def test_the_extrapolated_area_is_that_of_the_compressed_disc(x_m):
+    r = np.array([0.0, 0.01, 0.0100001, 0.09])
+    pressed = touch(r, 1.0, 1.0, np.array([0.7, 0.7, 1.0 - 1e-6, 1.0]))
+    fraction = extrapolated_fraction(Body(), Punch(x_m=x_m), pressed, Skin(), LAW)
+    assert fraction == pytest.approx(0.01, rel=3e-3)
+    assert extrapolated_fraction(Body(), Punch(x_m=x_m), pressed, Skin(strain="areal"), LAW) == 0
+    assert untouched_conductance(LAW, Skin()) == pytest.approx(6e-4)
+
+
+def test_an_area_beyond_the_rim_does_not_count():
+    pressed = touch([0.0, 0.3], 1.0, 1.0, 0.7)
+    assert extrapolated_fraction(Body(), Punch(x_m=0.05), pressed, Skin(), LAW) == pytest.approx(1.0, abs=1e-3)
