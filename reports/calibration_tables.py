@@ -10,7 +10,7 @@ import numpy as np
 from matcal.card import MaterialCard
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import nominal_stress
-from reports.numerals import counted, interval, number, percent, plus_minus
+from reports.numerals import counted, interval, number, percent, plus_minus, r_squared
 from reports.page import Table
 from reports.stability_plates import NAMES
 
@@ -122,7 +122,7 @@ def goodness(card: MaterialCard) -> Table:
     for label, row in tests.items():
         unit = row.get("unit", "")
         rows.append([label, ", ".join(row.get("source", [])), str(row["n"]), number(row["weight"]),
-                     f"{number(row['rms'])} {unit}", percent(row["relative_rms"]), number(row["r2"], 6)])
+                     f"{number(row['rms'])} {unit}", percent(row["relative_rms"]), r_squared(row["r2"])])
     worst = max(tests, key=lambda label: tests[label]["relative_rms"])
     caption = (f"Errors of fit: the largest relative RMS is {percent(tests[worst]['relative_rms'])}, of {worst}."
                " Relative RMS is rms(residual)/rms(measured), of a relaxation over its hold.")

@@ -51,6 +51,14 @@ def plus_minus(value: float, error: float) -> str:
     return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
 
 
+def r_squared(value: float) -> str:
+    """R² to four digits, or, close to 1, to the second digit of what it lacks."""
+    lack = 1 - value
+    if not 0 < lack < 1e-3:
+        return number(value, 4)
+    return f"{value:.{min(1 - math.floor(math.log10(lack)), 12)}f}"
+
+
 def counted(count: int, noun: str, plural: str | None = None) -> str:
     """ "1 scene", "2 scenes"."""
     return f"{count} {noun if count == 1 else plural or noun + 's'}"

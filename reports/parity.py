@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from reports import style
-from reports.numerals import counted, number, percent
+from reports.numerals import counted, number, percent, r_squared
 from reports.page import Plate
 
 NAMES = {"x0": "Position x", "y0": "Position y", "d": "Punch diameter", "F": "Force", "sigma_max": "Peak pressure",
@@ -65,7 +65,7 @@ def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) 
     told = []
     for part in shown:
         score = parts[part]
-        r2 = "" if score["r2"] is None else f", R² {number(score['r2'], 4)}"
+        r2 = "" if score["r2"] is None else f", R² {r_squared(score['r2'])}"
         told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
     last = parts[shown[-1]]
     return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals (bars) hold "

@@ -22,7 +22,7 @@ Ranges = Mapping[str, tuple[float, float]]
 def ranges(stability: Mapping[str, Any], fitted: Ranges) -> Plate:
     """Scanned strains as grey bars, unstable ones on top, fitted ones as a line; `stability` as the card holds it."""
     rows = [(mode, criterion) for mode in next(iter(stability.values())) for criterion in stability]
-    figure = style.sheet(20 + 4.6 * len(rows))
+    figure = style.sheet(18 + 3.6 * len(rows))
     axes = figure.subplots()
     told = []
     for y, (mode, criterion) in enumerate(rows):

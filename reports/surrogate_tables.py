@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from reports import parity
-from reports.numerals import counted, number, percent
+from reports.numerals import counted, number, percent, r_squared
 from reports.page import Table
 
 
 def scores(by_output: Mapping[str, Any]) -> Table:
     """One row an output and part of the rows."""
     rows = [[parity.label(name), parity.unit(parts), parity.TITLES.get(part, part), str(s["n"]), number(s["mse"]),
-             number(s["rmse"]), number(s["mae"]), "–" if s["r2"] is None else number(s["r2"], 4),
+             number(s["rmse"]), number(s["mae"]), "–" if s["r2"] is None else r_squared(s["r2"]),
              percent(s["coverage_90"])] for name, parts in by_output.items() for part, s in parts.items()]
     head = ["output", "unit", "rows", "n", "MSE", "RMSE", "MAE", "R²", "in 90 %"]
     return Table(_scores_caption(by_output), head, rows, "wllrrrrrr")
@@ -25,8 +25,8 @@ def _scores_caption(by_output: Mapping[str, Any]) -> str:
     if not known:
         return "Scores; MSE is in the unit squared. R² is undefined: no target varies."
     best, worst = max(known, key=known.__getitem__), min(known, key=known.__getitem__)
-    return (f"Scores; MSE is in the unit squared. On unseen rows R² lies between {number(known[worst], 4)} "
-            f"({parity.label(worst).lower()}) and {number(known[best], 4)} ({parity.label(best).lower()}).")
+    return (f"Scores; MSE is in the unit squared. On unseen rows R² lies between {r_squared(known[worst])} "
+            f"({parity.label(worst).lower()}) and {r_squared(known[best])} ({parity.label(best).lower()}).")
 
 
 def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]]) -> Table:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from matcal.errors import TestFileError
 from reports import parity, provenance, surrogate_tables
-from reports.numerals import counted, number, percent
+from reports.numerals import counted, number, percent, r_squared
 from reports.page import Report, write_pdf
 from reports.style import house
 
@@ -76,7 +76,7 @@ def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[s
     for name, parts in evaluation["outputs"].items():
         part = parity.unseen(parts)
         score = parts[part]
-        r2 = "undefined, the targets do not vary" if score["r2"] is None else number(score["r2"], 4)
+        r2 = "undefined, the targets do not vary" if score["r2"] is None else r_squared(score["r2"])
         found.append(f"{parity.label(name)}: RMSE {number(score['rmse'])} {parity.unit(parts)} on {score['n']} "
                      f"{parity.TITLES[part]} (R² {r2}); {percent(score['coverage_90'])} lie in their 90 % interval.")
     found.append(f"Training took {number(model['fit_s'])} s of CPU, a frame takes "

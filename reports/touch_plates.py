@@ -69,8 +69,8 @@ def profile(block: Mapping[str, Sequence[float]], index: int, count: int) -> Pla
     for (name, text), colour, dash in zip(stretches.items(), style.SERIES, style.DASHES, strict=False):
         down.plot(r, fields[name], color=colour, ls=dash, label=text)
     style.label(down, "Radius from the punch axis, undeformed (mm)", "Stretch (–)")
-    up.legend(loc="center right", ncols=2)
-    down.legend(loc="upper right", ncols=3)
+    up.legend(loc="lower right", ncols=2)
+    down.legend(loc="lower right")
     reach = _reach(r, fields["u_z_mm"])
     down.set_xlim(0, reach)
     name = "profile" if count == 1 else f"profile_{index + 1}"

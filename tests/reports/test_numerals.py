@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from reports.numerals import counted, interval, number, percent, volts
+from reports.numerals import counted, interval, number, percent, plus_minus, r_squared, volts
 
 
 @pytest.mark.parametrize(("value", "digits", "text"), [
@@ -22,9 +22,22 @@ def test_a_number_that_is_not_finite_never_reaches_a_page(value: float) -> None:
         number(value)
 
 
+@pytest.mark.parametrize(("value", "text"), [(0.5, "0.5000"), (-3.25, "−3.250"), (0.9991, "0.99910"), (1.0, "1.000"),
+                                             (0.99999832, "0.9999983")])
+def test_r_squared_near_one_shows_what_it_lacks(value: float, text: str) -> None:
+    assert r_squared(value) == text
+
+
+@pytest.mark.parametrize(("value", "error", "text"), [(9.5123, 4.6, "9.5 ± 4.6"), (-17.0, 0.0123, "−17.000 ± 0.012"),
+                                                      (1234.5, 120.0, "1234 ± 120"), (2.0, 0.0, "2.000 ± 0")])
+def test_a_value_ends_where_its_error_does(value: float, error: float, text: str) -> None:
+    assert plus_minus(value, error) == text
+
+
 def test_words_around_numbers() -> None:
     assert percent(0.0123) == "1.2 %"
     assert interval(9.4, 9.66) == "9.40 to 9.66"
+    assert interval(-5.6e-7, 0.398) == "0 to 0.398"
     assert [counted(n, "touch", "touches") for n in (0, 1, 2)] == ["0 touches", "1 touch", "2 touches"]
     assert counted(2, "scene") == "2 scenes"
 
