@@ -310,7 +310,7 @@ def _error_table(card: MaterialCard) -> Any:
             alone = cross.get(row["kind"], {}).get("relative_rms", {})
             table.add_row(label, str(row["n"]), f"{row['rms']:.4g} {row['unit']}", f"{row['relative_rms']:.3%}",
                           f"{row['r2']:.6f}", f"{row['weight']:.2f}",
-                          ", ".join(f"{mode} {value:.2%}" for mode, value in alone.items()))
+                          ", ".join(f"{m} {v:.2%}" if v < 10 else f"{m} over 1000%" for m, v in alone.items()))
     return table
 
 

@@ -14,13 +14,15 @@ from matcal.constrained import stable_moduli
 from matcal.curves import Curve, largest_log_stretch, weighted_design, weighted_stress
 from matcal.hyperfoam import Hyperfoam
 from matcal.tabulated import Table, tabulate
-from matcal.varpro import MIN_GAP, Optimum, Solve, least_moduli, minimise
+from matcal.varpro import Exponents, Optimum, Solve, least_moduli, minimise
 
 Array = NDArray[np.float64]
 
 ORDERS = (1, 2, 3, 4)
 # exponents searched, and the largest |alpha ln lambda| that a column may reach
-ALPHA_BOUNDS, _LARGEST_POWER = (-15.0, 25.0), 40.0
+_LOWEST, _HIGHEST, _LARGEST_POWER = -15.0, 25.0, 40.0
+# |ln lambda| times the least distance of two exponents: nearer ones look alike over the curves
+_LEAST_POWER_GAP = 0.3
 # single moduli beyond this many times mu_0 count as exploding
 EXPLODING = 50.0
 # share of the rms of a lower order to which a term that merges with another must bring it to be worth having
@@ -90,11 +92,13 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str
     table = _table(curves, nu)
     solve = stable_moduli(stable, curves, nu) if stable else least_moduli
     tried = {n: _minimise(table, curves, n, nu, starts, solve) for n in orders}
+    left_out = [n for n, o in tried.items() if o.mu_Pa.sum() <= 0]
+    tried = {n: o for n, o in tried.items() if n not in left_out} or tried
     rows = tuple(_row(curves, optimum) for optimum in tried.values())
     best = chosen_order(rows)
     free = _minimise(table, curves, best.order, nu, starts) if stable else None
     decisions = (*_order_sentences(order, rows, best), *_mode_sentences(curves), *_cost_sentences(stable, best, free),
-                 f"nu = {nu:.4g} for every term, {'fitted' if poisson == 'fit' else 'as given'}.")
+                 _nu_sentence(nu, poisson), *(f"Order {n} was left out: its mu_0 is not positive." for n in left_out))
     return Fit(_law(tried[best.order], nu, curves), curves, tried[best.order], rows,
                _wider(table, curves, {} if stable else tried, best.order + 1, nu, starts) if thorough else None,
                _alone(curves, best.order, nu, starts) if thorough else {}, decisions,
@@ -119,11 +123,13 @@ def relative_rms(law: Hyperfoam, curve: Curve) -> float:
     return float(np.sqrt(np.mean((stress - modelled(law, curve))**2) / np.mean(stress**2)))
 
 
-def alpha_bounds(curves: Sequence[Curve]) -> tuple[float, float]:
-    """Exponents searched: wide, but no column beyond e^40; positive for shear alone, which is even in each exponent."""
-    largest = _LARGEST_POWER / max(largest_log_stretch(curves), 1e-3)
-    lowest = 0.05 if {c.experiment.kind for c in curves} == {"shear"} else max(ALPHA_BOUNDS[0], -largest)
-    return lowest, min(ALPHA_BOUNDS[1], largest)
+def allowed_exponents(curves: Sequence[Curve]) -> Exponents:
+    """Exponents searched: wide, but no column beyond e^40, and no two that look alike over the stretches reached;
+    positive for shear alone, which is even in each exponent."""
+    reach = max(largest_log_stretch(curves), 1e-3)
+    low = 0.05 if {c.experiment.kind for c in curves} == {"shear"} else max(_LOWEST, -_LARGEST_POWER / reach)
+    high = min(_HIGHEST, _LARGEST_POWER / reach)
+    return Exponents(low, high, min(_LEAST_POWER_GAP / reach, (high - low) / 8))
 
 
 def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
@@ -135,12 +141,12 @@ def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
     return min(clear, key=lambda row: row.bic, default=best)
 
 
-def confluence(mu_Pa: Array, alpha: Array) -> str:
+def confluence(mu_Pa: Array, alpha: Array, least: float) -> str:
     """Why single parameters are not to be read, or "" where they may be."""
     gap = np.diff(alpha)
-    if gap.size and gap.min() < 1.01 * MIN_GAP:
+    if gap.size and gap.min() < 1.01 * least:
         k = int(np.argmin(gap))
-        return f"exponents {k + 1} and {k + 2} have merged to the least distance of {MIN_GAP:g} that is allowed"
+        return f"exponents {k + 1} and {k + 2} have merged to the least distance of {least:.2g} that is allowed"
     if np.abs(mu_Pa).max() > EXPLODING * abs(mu_Pa.sum()):
         return f"single moduli reach {np.abs(mu_Pa).max() / abs(mu_Pa.sum()):.0f} times their sum"
     return ""
@@ -168,13 +174,14 @@ def _checked_nu(poisson: float | str) -> float:
 
 
 def _table(curves: tuple[Curve, ...], nu: float) -> Table:
-    return tabulate(curves, nu, alpha_bounds(curves))
+    allowed = allowed_exponents(curves)
+    return tabulate(curves, nu, (allowed.low, allowed.high))
 
 
 def _minimise(table: Table, curves: tuple[Curve, ...], order: int, nu: float, starts: int,
               solve: Solve = least_moduli) -> Optimum:
     """Best of the starts, searched on the table and evaluated with the exact design."""
-    found = minimise(table.design, table.target, order, alpha_bounds(curves), starts, solve)
+    found = minimise(table.design, table.target, order, allowed_exponents(curves), starts, solve)
     design, stress = weighted_design(curves, found.alpha, nu), weighted_stress(curves)
     mu = solve(design, stress, found.alpha)
     return replace(found, mu_Pa=mu, cost=float(np.sum((design @ mu - stress) ** 2)))
@@ -202,14 +209,16 @@ def _fitted_nu(curves: tuple[Curve, ...], order: int) -> float:
 def _row(curves: tuple[Curve, ...], optimum: Optimum) -> OrderRow:
     n = sum(c.experiment.value.size for c in curves)
     order = optimum.alpha.size
+    merged = confluence(optimum.mu_Pa, optimum.alpha, allowed_exponents(curves).gap)
     bic = n * np.log(optimum.cost) + 2 * order * np.log(n)
-    return OrderRow(order, float(np.sqrt(optimum.cost)), float(bic), confluence(optimum.mu_Pa, optimum.alpha))
+    return OrderRow(order, float(np.sqrt(optimum.cost)), float(bic), merged)
 
 
 def _law(optimum: Optimum, nu: float, curves: tuple[Curve, ...]) -> Hyperfoam:
     if optimum.mu_Pa.sum() <= 0:
-        raise ValueError(f"the best law has mu_0 = {optimum.mu_Pa.sum():.4g} Pa, which is no material. Check signs and "
-                         f"units of {', '.join(s for c in curves for s in c.experiment.source)}, or lower the order.")
+        names = ", ".join(s for c in curves for s in c.experiment.source)
+        raise ValueError(f"the best law of order {optimum.mu_Pa.size} has mu_0 = {optimum.mu_Pa.sum():.4g} Pa, which "
+                         f"is no material: {names} may begin with a toe. Cut the toe off, or lower the order.")
     ranges: dict[str, tuple[float, float]] = {}
     for curve in curves:
         e, kind = curve.experiment.strain, curve.experiment.kind
@@ -251,6 +260,13 @@ def _cost_sentences(stable: str | None, chosen: OrderRow, free: Optimum | None) 
         return []
     return [f"The law is held {stable} stable over the stretches of the curves: weighted relative RMS {chosen.rms:.3%} "
             f"instead of {np.sqrt(free.cost):.3%} without that."]
+
+
+def _nu_sentence(nu: float, poisson: float | str) -> str:
+    if poisson != "fit":
+        return f"nu = {nu:.4g} for every term, as given."
+    bound = min(abs(nu - end) for end in _NU_BOUNDS) < 1e-3
+    return f"nu = {nu:.4g} for every term, fitted" + (", at the bound of its search: do not read it." if bound else ".")
 
 
 def _mode_sentences(curves: tuple[Curve, ...]) -> list[str]:

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from matcal.autocorrelation import inflation
 from matcal.curves import Curve, weighted_design, weighted_stress, with_history
 from matcal.experiment import Experiment
-from matcal.fit import Fit, alpha_bounds
+from matcal.fit import Fit, allowed_exponents
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit
-from matcal.varpro import MIN_GAP
 
 Array = NDArray[np.float64]
 
@@ -108,9 +107,9 @@ def free_slopes(fit: Fit) -> Array:
 def free_directions(fit: Fit) -> Array:
     """(2 N, K) directions in (mu, alpha) that the search was free to take: merged exponents move together."""
     alpha, n = fit.law.alpha, fit.law.alpha.size
-    low, high = alpha_bounds(fit.curves)
-    loose = np.r_[alpha[0] > low + 1e-3, np.diff(alpha) > MIN_GAP + 1e-3]
-    if alpha[-1] > high - 1e-3 and loose.any():
+    allowed = allowed_exponents(fit.curves)
+    loose = np.r_[alpha[0] > allowed.low + 1e-3, np.diff(alpha) > allowed.gap + 1e-3]
+    if alpha[-1] > allowed.high - 1e-3 and loose.any():
         loose[np.flatnonzero(loose)[-1]] = False
     steps = np.tril(np.ones((n, n)))[:, loose]
     return np.block([[np.eye(n), np.zeros((n, steps.shape[1]))], [np.zeros((n, n)), steps]])

@@ -3,7 +3,7 @@
 For given exponents alpha and noise sigma the weighted stress is linear in the moduli and in the nuisances z (contact
 points, load drifts, Prony series): y = A(alpha) mu + V z + noise, mu ~ N(0, (100 mu_0)^2), z ~ N(mean, 1). Both
 integrate in closed form, which leaves N + 1 numbers to sample instead of 2 N + J, and none of them is nearly dependent
-on another. Exponents are uniform within bounds, ordered, at least MIN_GAP apart; ln sigma is flat.
+on another. Exponents are uniform within bounds, ordered, at least a gap apart; ln sigma is flat.
 
 The likelihood counts as many points as the fit's residuals are worth: misfit leaves correlated residuals, and taking
 those for independent noise would make intervals too short. What the order of the law hides is not in here; it is in
@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from matcal.conductivity_fit import ConductivityFit, conductivity_draws
 from matcal.draws import Draws
 from matcal.errors import NotConverged
-from matcal.fit import Fit, alpha_bounds
+from matcal.fit import Fit, allowed_exponents
 from matcal.nuisance import PRIOR_MODULI, Nuisance, nuisance
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit
 from matcal.tabulated import Table, tabulate
 from matcal.uncertainty import Uncertainty
-from matcal.varpro import MIN_GAP
+from matcal.varpro import Exponents
 
 Array = NDArray[np.float64]
 
@@ -64,8 +64,8 @@ class _Problem:
     effect: Array
     # (J,) prior means of the nuisances
     mean: Array
-    # lowest and highest exponent
-    bounds: tuple[float, float]
+    # exponents within the prior
+    allowed: Exponents
     # number of exponents
     order: int
     # unit of the moduli, Pa
@@ -103,17 +103,17 @@ def sample(fit: Fit, uncertainty: Uncertainty, prony: PronyFit | None, skin: Con
 
 
 def _problem(fit: Fit, known: Nuisance, points: float) -> _Problem:
-    bounds = alpha_bounds(fit.curves)
-    table = tabulate(fit.curves, float(fit.law.nu[0]), bounds, known.effect)
-    return _Problem(table, table.basis.T @ known.effect, known.mean, bounds, fit.law.alpha.size, fit.law.mu_0_Pa,
+    allowed = allowed_exponents(fit.curves)
+    table = tabulate(fit.curves, float(fit.law.nu[0]), (allowed.low, allowed.high), known.effect)
+    return _Problem(table, table.basis.T @ known.effect, known.mean, allowed, fit.law.alpha.size, fit.law.mu_0_Pa,
                     points)
 
 
 def _log_probability(problem: _Problem, points: Array) -> Array:
     """Log posterior density, (W,), at (alpha..., ln sigma) (W, N + 1), moduli and nuisances integrated out."""
     alpha = points[:, :-1]
-    inside = (alpha[:, 0] > problem.bounds[0]) & (alpha[:, -1] < problem.bounds[1])
-    inside &= np.all(np.diff(alpha, axis=1) >= MIN_GAP, axis=1) & (np.abs(points[:, -1]) < 20)
+    inside = (alpha[:, 0] > problem.allowed.low) & (alpha[:, -1] < problem.allowed.high)
+    inside &= np.all(np.diff(alpha, axis=1) >= problem.allowed.gap, axis=1) & (np.abs(points[:, -1]) < 20)
     out = np.full(points.shape[0], -np.inf)
     if inside.any():
         r = np.abs(np.einsum("wkk->wk", _triangles(problem, points[inside])))
@@ -216,7 +216,7 @@ def series_of(prony: Prony, g_step: Array, tau_step: Array) -> tuple[Array, Arra
 
 
 def _prior_words(problem: _Problem) -> str:
-    lo, hi = problem.bounds
-    return (f"alpha uniform between {lo:.3g} and {hi:.3g}, in order, {MIN_GAP:g} apart; mu_i normal about 0 with "
-            f"{PRIOR_MODULI:g} mu_0; ln sigma flat; contact points, drifts and series normal with their own errors; "
-            f"{problem.points:.0f} effective points.")
+    allowed = problem.allowed
+    return (f"alpha uniform between {allowed.low:.3g} and {allowed.high:.3g}, in order, {allowed.gap:.2g} apart; mu_i "
+            f"normal about 0 with {PRIOR_MODULI:g} mu_0; ln sigma flat; contact points, drifts and series normal with "
+            f"their own errors; {problem.points:.0f} effective points.")

@@ -93,7 +93,8 @@ def _hold(experiment: Experiment, law: Hyperfoam | None, held: NDArray[np.bool_]
     e, t = experiment.strain, experiment.time_s
     if t is None:
         raise ValueError(f"{where}: a relaxation test needs a time column.")
-    held = np.maximum.accumulate(np.abs(e)) >= _HELD * np.abs(e).max() if held is None else held
+    if held is None:
+        held = np.asarray(np.maximum.accumulate(np.abs(e)) >= _HELD * np.abs(e).max())
     if np.count_nonzero(held) < 2 * TERMS + 3 or not np.any(e):
         raise ValueError(f"{where}: {np.count_nonzero(held)} points lie in the hold; a fit needs {2 * TERMS + 3}.")
     count = np.ones(t.size) if experiment.samples is None else experiment.samples
