@@ -148,6 +148,6 @@ def _on_mesh(sensor: _Sensor, punch: Punch, touch: Touch, level: int) -> tuple[A
 
 
 def _difference(sensor: _Sensor, change: Array, other: Array) -> float:
-    """Relative difference of the readings of two changes, 2-norm."""
-    signal = read_out(sensor.drive, change)
-    return float(np.linalg.norm(read_out(sensor.drive, other) - signal) / np.linalg.norm(signal))
+    """Relative difference of the readings of two changes, 2-norm; 0 where neither changes anything."""
+    signal, gap = (np.linalg.norm(read_out(sensor.drive, z)) for z in (change, other - change))
+    return float(gap / signal) if gap > 0 else 0.0
