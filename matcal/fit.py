@@ -46,7 +46,8 @@ class OrderRow:
 
 @dataclass(frozen=True)
 class Alone:
-    """The law fitted to one mode only, and how it predicts the others."""
+    """The law fitted to one mode only, and how it predicts the others; of a lower order where that needs no negative
+    mu_0."""
 
     # fitted law
     law: Hyperfoam
@@ -232,8 +233,9 @@ def _alone(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> dic
     out: dict[str, Alone] = {}
     for kind in kinds if len(kinds) > 1 else []:
         own = tuple(c for c in curves if c.experiment.kind == kind)
-        optimum = _minimise(_table(own, nu), own, order, nu, starts)
-        if optimum.mu_Pa.sum() > 0:
+        table = _table(own, nu)
+        tried = (_minimise(table, own, n, nu, starts) for n in range(order, 0, -1))
+        if (optimum := next((o for o in tried if o.mu_Pa.sum() > 0), None)) is not None:
             law = _law(optimum, nu, own)
             out[kind] = Alone(law, {k: _rms_in(law, curves, k) for k in kinds})
     return out

@@ -1,0 +1,70 @@
+"""Prony fit: the ramp is modelled, the shape of the curve matters, its covariance covers, bad tests are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from matcal.experiment import Experiment
+from matcal.hyperfoam import Hyperfoam
+from matcal.modes import hereditary_stress
+from matcal.prony import Prony
+from matcal.relaxation_fit import fit_prony
+
+TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])
+SERIES = Prony([0.1505, 0.1696, 0.0604], [0.2936, 5.85, 81.672])
+TIME = np.r_[np.linspace(0, 1, 101), 1 + np.geomspace(0.01, 180, 110)]
+
+
+def hold(noise_Pa: float = 0.0, seed: int = 0, scale: float = 1.0, deepest: float = -0.8) -> Experiment:
+    law = replace(TABLE_1, mu_Pa=scale * TABLE_1.mu_Pa, moduli="instantaneous")
+    strain = deepest * np.minimum(TIME, 1.0)
+    samples = np.maximum(1, np.gradient(TIME) / 0.01)
+    noise = noise_Pa * np.random.default_rng(seed).normal(size=TIME.size) / np.sqrt(samples)
+    return Experiment("relaxation", strain, hereditary_stress(law, SERIES, "uniaxial", TIME, strain) + noise, TIME,
+                      ("relaxation.txt",), noise_Pa or 1.0, samples)
+
+
+def test_exact_hold_gives_back_the_series_and_the_stiffness() -> None:
+    found = fit_prony([hold(scale=1.3)], TABLE_1)
+    np.testing.assert_allclose(found.prony.g, SERIES.g, rtol=1e-4)
+    np.testing.assert_allclose(found.prony.tau_s, SERIES.tau_s, rtol=1e-4)
+    assert found.amplitude[0] == pytest.approx(1.3, rel=1e-4)
+    assert found.relative_rms[0] < 1e-6
+
+
+def test_errors_of_noisy_holds_follow_their_covariance() -> None:
+    truth = np.r_[SERIES.g, SERIES.tau_s]
+    found = [fit_prony([hold(130.0, seed)], TABLE_1) for seed in range(12)]
+    scores = np.array([(np.r_[f.prony.g, f.prony.tau_s] - truth) / np.sqrt(np.diag(f.covariance)) for f in found])
+    assert np.abs(scores).max() < 4
+    assert 0.6 < np.sqrt(np.mean(scores**2)) < 1.5
+
+
+def test_a_ramp_taken_for_proportional_misses_the_fast_term() -> None:
+    blind = fit_prony([hold()], None)
+    assert blind.prony.g[0] > 1.5 * SERIES.g[0]
+    assert "proportional to strain" in blind.decisions[0]
+
+
+def test_replicates_share_one_series() -> None:
+    one, two = fit_prony([hold(130.0, 1)], TABLE_1), fit_prony([hold(130.0, 1), hold(130.0, 2, 1.2, -0.6)], TABLE_1)
+    assert len(two.amplitude) == 2
+    assert two.amplitude[1] == pytest.approx(1.2, rel=0.02)
+    assert np.all(np.diag(two.covariance) < np.diag(one.covariance))
+
+
+def test_uncertain_contact_and_drift_widen_the_covariance() -> None:
+    plain = hold(130.0)
+    doubted = replace(plain, facts={"strain_zero_sd": 0.005, "drift_sd_N_per_s": 1e-3, "area_mm2": 1963.0})
+    sure, unsure = fit_prony([plain], TABLE_1), fit_prony([doubted], TABLE_1)
+    assert unsure.covariance[2, 2] > 2 * sure.covariance[2, 2]
+    np.testing.assert_allclose(unsure.prony.g, sure.prony.g)
+
+
+@pytest.mark.parametrize(("change", "word"), [(dict(time_s=None), "time column"), (dict(strain=np.zeros(211)), "hold")])
+def test_tests_without_clock_or_hold_are_refused(change: dict, word: str) -> None:
+    with pytest.raises(ValueError, match=word):
+        fit_prony([replace(hold(), **change)], TABLE_1)
