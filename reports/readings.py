@@ -38,9 +38,9 @@ def curves(touched_V: Array, baseline_V: Array) -> Plate:
     figure = style.sheet(88)
     upper, lower = figure.subplots(2, 1, sharex=True)
     factor, unit = volts(touched_V)
-    at = np.arange(touched_V.size)
-    upper.plot(at, baseline_V.ravel() * factor, color=style.SECOND, ls="--", lw=0.9, label="untouched")
-    upper.plot(at, touched_V.ravel() * factor, color=style.ACCENT, lw=0.9, label="touched")
+    at = _parted(np.arange(float(touched_V.size)).reshape(touched_V.shape))
+    upper.plot(at, _parted(touched_V) * factor, color=style.ACCENT, lw=0.9, label="touched")
+    upper.plot(at, _parted(baseline_V) * factor, color=style.SECOND, ls="--", lw=0.9, label="untouched")
     upper.legend(loc="lower right", ncols=2, bbox_to_anchor=(1, 0.98), borderaxespad=0)
     style.label(upper, "", f"Voltage V ({unit})")
     fine, fine_unit = volts(signal)
@@ -53,6 +53,11 @@ def curves(touched_V: Array, baseline_V: Array) -> Plate:
                f"{reading}. The largest voltage of the baseline is {number(np.abs(baseline_V).max() * factor)} {unit}. "
                "Vertical lines part the drive patterns.")
     return Plate("readings", figure, caption, {"readings": _table(touched_V, baseline_V)})
+
+
+def _parted(values: Array) -> Array:
+    """(patterns, readings) values in a row, with a gap after each pattern."""
+    return np.column_stack([values, np.full(len(values), np.nan)]).ravel()
 
 
 def _bars(axes: Axes, values: Array) -> None:

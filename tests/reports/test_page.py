@@ -80,6 +80,17 @@ def test_footer_carries_hash_seed_commit_and_machine_on_every_page(tmp_path: Pat
         assert "core" in line
 
 
+def test_a_long_file_name_wraps_inside_its_cell(tmp_path: Path, read_pdf: Reader) -> None:
+    name, digest = "_".join(["very", "long"] * 12) + ".txt", "ab" * 32
+    table = Table("Files.", ["file", "sha256"], [[name, digest], ["short_name.txt", digest]], "wl")
+    render(make_report(tmp_path, tables={"plan": table}), tmp_path / "a.pdf")
+    text = read_pdf(tmp_path / "a.pdf").whole
+    assert name not in text
+    assert name in text.replace(" ", "")
+    assert "short_name.txt" in text
+    assert text.count(digest) == 2
+
+
 def test_what_is_absent_is_said(tmp_path: Path, read_pdf: Reader) -> None:
     render(make_report(tmp_path), tmp_path / "a.pdf")
     assert "No voltages here." in read_pdf(tmp_path / "a.pdf").whole
