@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate import gaussian_process, multipole
 from surrogate.gaussian_process import GaussianProcess
+from surrogate.loading import force, light_pressure, to_unknown
 from surrogate.ring import Ring
 
 Array = NDArray[np.float64]
@@ -19,33 +20,35 @@ MIN_ROWS = 14
 MIN_FLOOR = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ForwardMap:
-    """Multipole series whose strengths are Gaussian processes of (log d, log F, |z0|^2)."""
+    """Multipole series whose strengths are Gaussian processes of (log d, load g, |z0|^2)."""
 
     ring: Ring
     # (modes,) harmonic coefficients of one electrode's field
     field: Array
     # sign of the dipole strength: -1 or 1
     sign: float
-    # log |p_1 / V|, then p_n / p_1 for n = 2 ...
+    # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
     strengths: tuple[GaussianProcess, ...]
+    # pressure p0 of the load g, N/mm^2
+    p0: float
     # standard deviation of what the series leaves, a reading, over the norm of the signal
     floor: float
-    # (4,) mean and standard deviation of the training touches in (x, y, log d, log F), mm and N
+    # (4,) mean and standard deviation of the training touches in (x, y, log d, g), mm and N
     mean: Array
     sd: Array
-    # (4,) bounds of the training touches in (radius, d, F): mm, mm, N; rows lowest and highest
+    # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
     bounds: Array
 
 
 @dataclass(frozen=True)
 class Linearised:
-    """The map and its derivatives at touches given as (x, y, log d, log F)."""
+    """The map and its derivatives at touches given as (x, y, log d, g)."""
 
     # (n, readings) signal, V
     signal_V: Array
-    # (n, readings, 4) derivative, V per mm, per mm, per 1, per 1
+    # (n, readings, 4) derivative, V per unit of each
     jacobian: Array
     # (n, readings, orders) derivative along each strength times that strength's standard deviation, V
     doubt: Array
@@ -67,52 +70,45 @@ def learn(ring: Ring, touch: Array, signal_V: Array) -> ForwardMap:
     if not np.all(first * sign > 0):
         raise ValueError(f"{np.sum(first * sign <= 0)} of {len(first)} training rows change the skin's conductance the "
                          "other way, and the forward map needs one sign. Use --method ridge or trainbr.")
-    unknown = to_unknown(touch)
+    p0 = light_pressure(touch)
+    unknown = to_unknown(touch, p0)
     inputs = _inputs(ring, unknown)
-    processes = [gaussian_process.fit(inputs, np.log(np.abs(first)))]
+    processes = [gaussian_process.fit(inputs, np.log(np.abs(first) / touch[:, 3]))]
     processes += [gaussian_process.fit(inputs, found.value[:, n] / first, found.variance[:, n] / first**2)
                   for n in range(1, multipole.ORDERS)]
     freedom = signal_V.shape[1] - multipole.ORDERS
     floor = np.sqrt(np.mean(np.sum(found.residual**2, axis=1) / np.sum(signal_V**2, axis=1)) / freedom)
+    return ForwardMap(ring, field, sign, tuple(processes), p0, max(float(floor), MIN_FLOOR), unknown.mean(0),
+                      np.maximum(unknown.std(0), 1e-6), _bounds(touch))
+
+
+def _bounds(touch: Array) -> Array:
+    """Lowest and highest (radius, d, F), widened twice as far as n uniform draws end inside their range, span / n."""
     extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
-    return ForwardMap(ring, field, sign, tuple(processes), max(float(floor), MIN_FLOOR), unknown.mean(0),
-                      np.maximum(unknown.std(0), 1e-6), np.array([extent.min(0), extent.max(0)]))
-
-
-def to_unknown(touch: Array) -> Array:
-    """(x, y, d, F) -> (x, y, log d, log F)."""
-    return np.column_stack([touch[:, :2], np.log(touch[:, 2:])])
-
-
-def to_touch(unknown: Array) -> Array:
-    """(x, y, log d, log F) -> (x, y, d, F)."""
-    return np.column_stack([unknown[:, :2], np.exp(unknown[:, 2:])])
+    lowest, highest = extent.min(axis=0), extent.max(axis=0)
+    gap = 2 * (highest - lowest) / len(touch)
+    return np.array([np.maximum(lowest - gap, lowest / 2), highest + gap])
 
 
 def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
-    """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, log F)."""
-    ring, orders = forward.ring, multipole.ORDERS
-    drive, read = multipole.patterns(ring, forward.field, _place(ring, unknown), orders + 1)
-    base = multipole.basis(drive[:-1], read[:-1])
-    along = drive[1:] * read[:-1].conj()
-    against = drive[:-1] * read[1:].conj()
-    in_x = np.moveaxis((along + against).real, 0, -1) / ring.radius_mm
-    in_y = np.moveaxis((1j * (along - against)).real, 0, -1) / ring.radius_mm
+    """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, g)."""
+    base, by_x, by_y = multipole.basis_and_slopes(forward.ring, forward.field, _place(forward.ring, unknown))
     value, slope, sd = _strengths(forward, unknown)
-    jacobian = np.einsum("nkp,npq->nkq", base, slope)
-    jacobian[..., 0] += np.einsum("nkp,np->nk", in_x, value)
-    jacobian[..., 1] += np.einsum("nkp,np->nk", in_y, value)
-    signal = np.einsum("nkp,np->nk", base, value)
+    jacobian = base @ slope
+    jacobian[..., 0] += multipole.combined(by_x, value) / forward.ring.radius_mm
+    jacobian[..., 1] += multipole.combined(by_y, value) / forward.ring.radius_mm
+    signal = multipole.combined(base, value)
     doubt = base * (value[:, :1] * sd)[:, None, :]
     doubt[..., 0] = signal * sd[:, :1]
     return Linearised(signal, jacobian, doubt)
 
 
-def log_dipole(forward: ForwardMap, unknown: Array) -> tuple[Array, Array]:
-    """log |p_1 / V| (n,) and its derivative (n, 4) at touches (n, 4) given as (x, y, log d, log F)."""
+def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
+    """(n, orders) log |p_1 / V| and the ratios p_n / p_1 of touches (n, 4) given as (x, y, log d, g)."""
     inputs = _inputs(forward.ring, unknown)
-    value, gradient = gaussian_process.mean(forward.strengths[0], inputs)
-    return value, _by_unknown(forward.ring, unknown, gradient)
+    out = np.column_stack([gaussian_process.mean(process, inputs)[0] for process in forward.strengths])
+    out[:, 0] += np.log(force(unknown[:, 2], unknown[:, 3], forward.p0))
+    return out
 
 
 def _place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
@@ -124,7 +120,7 @@ def _inputs(ring: Ring, unknown: Array) -> Array:
 
 
 def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
-    """Derivatives by (x, y, log d, log F) from those by (log d, log F, |z0|^2), last axis."""
+    """Derivatives by (x, y, log d, g) from those by (log d, g, |z0|^2), last axis."""
     radial = 2 * unknown[..., :2] / ring.radius_mm**2
     return np.concatenate([by_input[..., 2:] * radial, by_input[..., :2]], axis=-1)
 
@@ -137,10 +133,13 @@ def _strengths(forward: ForwardMap, unknown: Array) -> tuple[Array, Array, Array
     """
     inputs = _inputs(forward.ring, unknown)
     found = [gaussian_process.predict(process, inputs) for process in forward.strengths]
-    first = forward.sign * np.exp(found[0][0])
+    first = forward.sign * force(unknown[:, 2], unknown[:, 3], forward.p0) * np.exp(found[0][0])
     ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _, _ in found[1:]])
     value = first[:, None] * ratio
-    by_input = value[..., None] * found[0][1][:, None, :]
+    by_first = found[0][1].copy()
+    by_first[:, 0] += 2.0
+    by_first[:, 1] += 1 / np.tanh(unknown[:, 3])
+    by_input = value[..., None] * by_first[:, None, :]
     for n, (_, gradient, _) in enumerate(found[1:], start=1):
         by_input[:, n] += first[:, None] * gradient
     slope = _by_unknown(forward.ring, unknown[:, None], by_input)

@@ -56,6 +56,19 @@ def basis(drive: Complex, read: Complex) -> Array:
     return np.moveaxis((drive * read.conj()).real, 0, -1)
 
 
+def basis_and_slopes(ring: Ring, q: Array, z: Complex) -> tuple[Array, Array, Array]:
+    """The basis at z (n,), and its derivatives by x and y over the radius; each (n, readings, ORDERS)."""
+    drive, read = patterns(ring, q, z, ORDERS + 1)
+    along, against = drive[1:] * read[:-1].conj(), drive[:-1] * read[1:].conj()
+    by_x, by_y = (along + against).real, (1j * (along - against)).real
+    return basis(drive[:-1], read[:-1]), np.moveaxis(by_x, 0, -1), np.moveaxis(by_y, 0, -1)
+
+
+def combined(design: Array, strength: Array) -> Array:
+    """(n, readings) sum over the orders of a basis (n, readings, orders) times strengths (n, orders)."""
+    return (design @ strength[..., None])[..., 0]
+
+
 def strengths(ring: Ring, q: Array, z: Complex, signal_V: Array) -> Strengths:
     """Strengths of touches at z (n,) with signals (n, readings), each row by itself."""
     return _strengths(basis(*patterns(ring, q, z)), signal_V)
@@ -96,7 +109,7 @@ def _step(ring: Ring, q: Array, z: Complex, fit: Strengths) -> Array:
     for m in range(1, len(q)):
         d_drive, d_read = patterns(ring, np.eye(len(q))[m], z)
         change = basis(d_drive, read) + basis(drive, d_read)
-        moved = np.einsum("nkp,np->nk", change, fit.value)
+        moved = combined(change, fit.value)
         columns.append((moved - np.einsum("nkp,njp,nj->nk", onto, onto, moved, optimize=True)).ravel())
     jacobian = np.array(columns)
     prior = np.mean(fit.residual**2) / PRIOR_SD**2 + np.finfo(float).tiny
@@ -109,7 +122,7 @@ def _strengths(design: Array, signal_V: Array) -> Strengths:
     along = np.einsum("nkp,nk->np", onto, signal_V)
     inverse = np.linalg.inv(triangle)
     value = np.einsum("npq,nq->np", inverse, along)
-    residual = signal_V - np.einsum("nkp,np->nk", onto, along)
+    residual = signal_V - combined(onto, along)
     return Strengths(value, np.sum(inverse**2, axis=2) * np.sum(signal_V**2, axis=1, keepdims=True), residual)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +11,18 @@ from numpy.typing import NDArray
 from surrogate import forward_map, outputs, response
 from surrogate.estimate import Estimate
 from surrogate.forward_map import ForwardMap
-from surrogate.invert import invert
+from surrogate.invert import Inversion, invert
+from surrogate.punches import make_table, moments
 from surrogate.response import Response
 from surrogate.ring import Ring
 
 Array = NDArray[np.float64]
 
+# Frames solved together, to bound the memory.
+BATCH = 256
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class TouchInversion:
     """A forward map and the response of the wanted mechanical outputs, if any."""
 
@@ -38,11 +43,30 @@ def learn(ring: Ring, signal_V: Array, target: Array, names: tuple[str, ...]) ->
 
 def estimate(learner: TouchInversion, signal_V: Array, noise_V: float) -> Estimate:
     """The wanted outputs of signals (n, readings) under white noise."""
-    found = invert(learner.forward, signal_V, noise_V)
-    sd = np.sqrt(np.einsum("npp->np", found.covariance))
-    sd[:, 2:] *= found.touch[:, 2:]
-    value = found.touch
+    parts = [_estimate(learner, signal_V[i:i + BATCH], noise_V) for i in range(0, len(signal_V), BATCH)]
+    return Estimate(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Estimate)))
+
+
+def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
+    found = invert(learner.forward, signal, noise_V)
+    value, sd = found.touch, np.sqrt(np.einsum("npp->np", found.covariance))
     if learner.response.processes:
-        mechanical, doubt = response.respond(learner.response, found.touch, found.covariance[:, 2:, 2:])
+        mechanical, doubt = _response(learner, found)
         value, sd = np.column_stack([value, mechanical]), np.column_stack([sd, doubt])
     return Estimate(value[:, learner.columns], sd[:, learner.columns], found.misfit, found.inside)
+
+
+def _response(learner: TouchInversion, found: Inversion) -> tuple[Array, Array]:
+    """Mechanical outputs and their standard deviations; over the whole posterior where that is broad."""
+    value, sd = response.respond(learner.response, found.touch, found.covariance[:, 2:, 2:])
+    of_table, doubt = _table_response(learner)
+    mean, covariance = moments(found.punches, of_table)
+    spread = np.sqrt(np.einsum("npp->np", covariance).clip(min=0) + found.punches.weight @ doubt**2)
+    broad = found.broad[:, None]
+    return np.where(broad, mean, value), np.where(broad, spread, sd)
+
+
+@lru_cache(maxsize=8)
+def _table_response(learner: TouchInversion) -> tuple[Array, Array]:
+    touch = make_table(learner.forward).touch
+    return response.respond(learner.response, touch, np.zeros((len(touch), 2, 2)))

@@ -153,7 +153,7 @@ def test_odd_frames_are_flagged(call: Call, forward: Path, synthetic: Synthetic,
     odd = signal[0].copy()
     odd[40] += 0.5 * np.abs(signal[0]).max()
     strong = 40 * signal[1]
-    frames = write_frames(tmp_path / "f.csv", untouched_V + np.vstack([signal[2], odd, strong]))
+    frames = write_frames(tmp_path / "f.csv", untouched_V + np.vstack([signal[0], odd, strong]))
     base = write_frames(tmp_path / "b.csv", untouched_V[None])
     table = pd.read_csv(io.StringIO(call("predict", forward, frames, "--baseline", base, "--noise-V", "1e-6")[1]))
     flags = table["flag"].fillna("").tolist()
