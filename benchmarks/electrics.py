@@ -28,7 +28,7 @@ from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
 
 HERE = Path(__file__).parent
-FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])
+FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
 PUNCHES = (Punch(), Punch(0.05, 0.01, 0.010, 2.0), Punch(0.06, -0.02, 0.018, 0.5), Punch(-0.05, 0.065))
