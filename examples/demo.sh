@@ -27,7 +27,8 @@ step "$out/sweep/" eitsim sweep examples/design.toml --card "$out/card.json" --s
 step "$out/sweep.pdf" eitsim report "$out/sweep" --out "$out/sweep.pdf"
 step "$out/forward/" surrogate train "$out/sweep" --out "$out/forward" --method forward --seed 1
 step "$out/trainbr/" surrogate train "$out/sweep" --out "$out/trainbr" --method trainbr --outputs x0,y0,d,F --seed 1
-step "the table above" surrogate evaluate "$out/forward" "$out/sweep"
-step "the table above" surrogate evaluate "$out/trainbr" "$out/sweep"
+step "the tables above" surrogate evaluate "$out/forward" "$out/sweep" --noise-db 90,80
+step "$out/forward.pdf" surrogate report "$out/forward" --out "$out/forward.pdf"
+step "$out/trainbr.pdf" surrogate report "$out/trainbr" --out "$out/trainbr.pdf"
 printf '\ndemo: %d s in all; the PDFs:\n' "$((SECONDS - began))"
 ls "$out"/*.pdf

@@ -1,0 +1,52 @@
+"""The README's own commands run as they stand, on a smaller sweep, and the demo runs the same ones."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SCENES = "30"
+
+
+def commands(text: str) -> list[list[str]]:
+    """Commands of a shell text, continuation lines joined."""
+    joined = text.replace("\\\n", " ")
+    return [shlex.split(line) for line in joined.splitlines() if line.strip()]
+
+
+def readme_commands() -> list[list[str]]:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```sh\n(.*?)```", readme, flags=re.DOTALL)
+    return commands(block)
+
+
+def skeleton(command: list[str]) -> list[str]:
+    """A command without the folders and numbers that the demo sets itself."""
+    return [Path(word).name for word in command if not word.isdigit() and "$" not in word or "/" in word]
+
+
+def test_readme_chain_runs(tmp_path: Path) -> None:
+    for name in ("data_raw", "examples"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    for command in readme_commands():
+        small = [SCENES if word == "200" else word for word in command]
+        done = subprocess.run(small, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, f"{shlex.join(small)}: {done.stderr}"
+    for name in ("calibration.pdf", "touch.pdf", "sweep.pdf", "forward.pdf", "trainbr.pdf"):
+        assert (tmp_path / name).read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("command", readme_commands(), ids=lambda c: " ".join(c[:2]))
+def test_demo_runs_the_same_commands(command: list[str]) -> None:
+    if command[:2] == ["eitsim", "plan"]:
+        return  # prints what `eitsim run` prints too
+    demo = (ROOT / "examples" / "demo.sh").read_text(encoding="utf-8")
+    assert skeleton(command) in [skeleton(step[2:]) for step in commands(demo) if step[0] == "step"]
