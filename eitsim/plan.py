@@ -52,8 +52,6 @@ def _refusal(scene: Scene) -> str:
     for key, (given, known) in built.items():
         if given != known:
             return f"{key} = \"{given}\" is not built; built is \"{known}\"."
-    if punch.conductor:
-        return "conductor = true (a punch that shunts the skin) is not built; built is an insulated punch."
     return _rim_refusal(scene, punch)
 
 
@@ -100,8 +98,11 @@ def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
                    f"its thickness is {scene.skin.thickness_m / sharpest:.2f} of the punch's fillet, the shortest "
                    "length over which it changes; the cost is of second order in that",
                    (scene.skin.thickness_m / sharpest) ** 2)
-    yield Decision(f"one factorisation serves all {scene.electrodes.count} patterns",
-                   "every pattern is a linear read-out of one impedance matrix", 0.0)
+    yield Decision("the untouched skin is solved on its rim, the touch by what its rings scatter",
+                   "the strain is axisymmetric about the punch; where its estimate misses the wanted error, a mesh "
+                   "that follows the touch takes over; the estimate counts in the result's own error", 0.0)
+    yield Decision(f"one impedance matrix serves all {scene.electrodes.count} patterns",
+                   "every pattern is a linear read-out of it", 0.0)
 
 
 def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:

@@ -85,7 +85,7 @@ def as_json(result: Result, scene: Scene) -> dict[str, Any]:
     return out | (blocks[0] if len(blocks) == 1 else mechanics) | {
         "readings_V": result.readings.touched_V.tolist(), "baseline_V": result.readings.baseline_V.tolist(),
         "impedance_Ohm": result.readings.impedance_Ohm.tolist(),
-        "error_estimate": dict(result.error_estimate),
+        "error_estimate": dict(result.error_estimate), "electrics_method": result.readings.method,
         "stability": {"elliptic": all(t.fraction_non_elliptic == 0 for t in result.touches),
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
                       "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated},
