@@ -17,6 +17,7 @@ from matcal.modes import MODES
 from matcal.nuisance import refined_records, with_drift
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit, fit_prony
+from matcal.stability import margin, unstable_ranges
 from matcal.uncertainty import Uncertainty, linearised
 
 # turns of (series, law) at most, and the change of g below which they have settled
@@ -79,7 +80,8 @@ def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None)
     stretched = [e for e in experiments if e.kind == "conductivity"]
     skin = fit_conductivity(stretched) if stretched else None
     total = time.process_time() - started
-    decisions = (*said, *(prony.decisions if prony else ()), *how, *(skin.decisions if skin else ()))
+    checks = (*_stiffness_sentences(prony), *_drucker_sentences(law)) if law else ()
+    decisions = (*said, *(prony.decisions if prony else ()), *how, *checks, *(skin.decisions if skin else ()))
     return Calibration(tuple(experiments), law, uncertainty, prony, skin, decisions,
                        {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total})
 
@@ -125,6 +127,37 @@ def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:
     said = (f"Moduli are long-term, corrected for rate: each test's own history is convolved with the Prony series on "
             f"its second Piola-Kirchhoff stress, then mu_longterm = {prony.g_infinity:.4f} mu_instantaneous.")
     return said + (f" No time column, taken as long-term: {', '.join(without)}." if without else "")
+
+
+def _stiffness_sentences(prony: PronyFit | None) -> list[str]:
+    if prony is None:
+        return []
+    ratios = ", ".join(f"{a * prony.prony.g_infinity:.3f}" for a in prony.amplitude)
+    return [f"Held stress over what the law gives there: {ratios}; only the shape of the hold was fitted, so this "
+            "compares one specimen with another."]
+
+
+def _drucker_sentences(found: Fit) -> list[str]:
+    """Where the law loses Drucker stability in the compression that was tested, and whether the record itself does."""
+    lowest = found.law.strain_range.get("uniaxial", (0.0, 0.0))[0]
+    if lowest > -0.02:
+        return []
+    ranges = unstable_ranges(lambda e: margin(found.law, "drucker", "uniaxial", e), np.linspace(lowest, 0.0, 161))
+    if not ranges:
+        return []
+    said = [f"The law is not Drucker stable in compression for strains {lo:.3f} to {hi:.3f}." for lo, hi in ranges]
+    e, stress = _compression(found)
+    falls = [abs((1 + hi) * np.interp(hi, e, stress)) > abs((1 + lo) * np.interp(lo, e, stress)) for lo, hi in ranges]
+    if any(falls) and not np.any(found.law.nu):
+        said.append("In the record itself |lambda P| falls there, so no law with nu = 0 that follows it can be "
+                    "Drucker stable; --stable drucker shows what stability costs.")
+    return said
+
+
+def _compression(found: Fit) -> tuple[np.ndarray, np.ndarray]:
+    curve = min((c.experiment for c in found.curves if c.experiment.kind == "uniaxial"), key=lambda x: x.strain.min())
+    order = np.argsort(curve.strain)
+    return curve.strain[order], curve.value[order]
 
 
 def labels(experiments: Sequence[Experiment]) -> list[str]:

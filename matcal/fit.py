@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 from matcal.constrained import stable_moduli
 from matcal.curves import Curve, largest_log_stretch, weighted_design, weighted_stress
 from matcal.hyperfoam import Hyperfoam
+from matcal.orders import OrderRow, chosen_order, confluence, order_sentences
 from matcal.tabulated import Table, tabulate
 from matcal.varpro import Exponents, Optimum, Solve, least_moduli, minimise
 
@@ -23,25 +24,7 @@ ORDERS = (1, 2, 3, 4)
 _LOWEST, _HIGHEST, _LARGEST_POWER = -15.0, 25.0, 40.0
 # |ln lambda| times the least distance of two exponents: nearer ones look alike over the curves
 _LEAST_POWER_GAP = 0.3
-# single moduli beyond this many times mu_0 count as exploding
-EXPLODING = 50.0
-# share of the rms of a lower order to which a term that merges with another must bring it to be worth having
-WORTH = 0.9
 _NU_BOUNDS = (0.0, 0.45)
-
-
-@dataclass(frozen=True)
-class OrderRow:
-    """One order tried."""
-
-    # number of terms
-    order: int
-    # root of the weighted mean square residual (the relative RMS of all curves under the default weights)
-    rms: float
-    # Bayesian information criterion n ln(rms^2) + (number of parameters) ln n
-    bic: float
-    # what makes its single parameters meaningless, or ""
-    confluence: str
 
 
 @dataclass(frozen=True)
@@ -98,7 +81,7 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str
     rows = tuple(_row(curves, optimum) for optimum in tried.values())
     best = chosen_order(rows)
     free = _minimise(table, curves, best.order, nu, starts) if stable else None
-    decisions = (*_order_sentences(order, rows, best), *_mode_sentences(curves), *_cost_sentences(stable, best, free),
+    decisions = (*order_sentences(order, rows, best), *_mode_sentences(curves), *_cost_sentences(stable, best, free),
                  _nu_sentence(nu, poisson), *(f"Order {n} was left out: its mu_0 is not positive." for n in left_out))
     return Fit(_law(tried[best.order], nu, curves), curves, tried[best.order], rows,
                _wider(table, curves, {} if stable else tried, best.order + 1, nu, starts) if thorough else None,
@@ -131,26 +114,6 @@ def allowed_exponents(curves: Sequence[Curve]) -> Exponents:
     low = 0.05 if {c.experiment.kind for c in curves} == {"shear"} else max(_LOWEST, -_LARGEST_POWER / reach)
     high = min(_HIGHEST, _LARGEST_POWER / reach)
     return Exponents(low, high, min(_LEAST_POWER_GAP / reach, (high - low) / 8))
-
-
-def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
-    """The order of least BIC; where its parameters merge, the best lower order of nearly the same rms (WORTH)."""
-    best = min(rows, key=lambda row: row.bic)
-    if not best.confluence:
-        return best
-    clear = [r for r in rows if r.order < best.order and not r.confluence and r.rms < best.rms / WORTH]
-    return min(clear, key=lambda row: row.bic, default=best)
-
-
-def confluence(mu_Pa: Array, alpha: Array, least: float) -> str:
-    """Why single parameters are not to be read, or "" where they may be."""
-    gap = np.diff(alpha)
-    if gap.size and gap.min() < 1.01 * least:
-        k = int(np.argmin(gap))
-        return f"exponents {k + 1} and {k + 2} have merged to the least distance of {least:.2g} that is allowed"
-    if np.abs(mu_Pa).max() > EXPLODING * abs(mu_Pa.sum()):
-        return f"single moduli reach {np.abs(mu_Pa).max() / abs(mu_Pa.sum()):.0f} times their sum"
-    return ""
 
 
 def _orders(order: int | str, curves: tuple[Curve, ...]) -> tuple[int, ...]:
@@ -244,17 +207,6 @@ def _alone(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> dic
 def _rms_in(law: Hyperfoam, curves: tuple[Curve, ...], kind: str) -> float:
     squares = [relative_rms(law, c) ** 2 for c in curves if c.experiment.kind == kind]
     return float(np.sqrt(np.mean(squares)))
-
-
-def _order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderRow) -> list[str]:
-    table = ", ".join(f"N = {r.order}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)
-    out = [f"Order {chosen.order}, {'by BIC' if order == 'auto' else 'as given'} (weighted relative RMS {table})."]
-    if chosen.confluence:
-        out.append(f"At order {chosen.order} {chosen.confluence}: single mu and alpha are not measurable, read mu_0, "
-                   "E_0 and the stress bands.")
-    out += [f"Order {r.order} was passed over: it lowers the residual by less than a tenth and {r.confluence}."
-            for r in rows if r is not chosen and r.confluence and r.bic < chosen.bic]
-    return out
 
 
 def _cost_sentences(stable: str | None, chosen: OrderRow, free: Optimum | None) -> list[str]:

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from matcal.autocorrelation import inflation
-from matcal.curves import Curve, weighted_design, weighted_stress, with_history
+from matcal.curves import Curve, weighted_design, with_history
 from matcal.experiment import Experiment
-from matcal.fit import Fit, allowed_exponents
+from matcal.fit import Fit
+from matcal.linear_response import free_slopes, joint_gain, prior_precision, spread_of, weighted_residual
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit
 
@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 # facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
 MOVED = {"strain_zero_sd": "strain_zero_moved", "drift_sd_N_per_s": "drift_moved_N_per_s"}
-# standard deviations of a prior so wide that it only holds directions that no curve sees: exponents, moduli over mu_0
-PRIOR_ALPHA, PRIOR_MODULI = 10.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -39,16 +37,6 @@ class Nuisance:
     mean: Array
     # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
     series: Array | None
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Noise and misfit of the weighted residuals."""
-
-    # (n,) variance that an independent residual would need for the same effect on the fit
-    variance: Array
-    # independent points that all curves are worth together
-    points: float
 
 
 def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
@@ -71,7 +59,7 @@ def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...
 def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
     """Contact point and drift of every curve that states their standard deviation, then the series' directions."""
     found = [(_record_effect(fit, k, fact), _record_mean(fit.curves[k], fact)) for k, fact in _uncertain(fit)]
-    directions = principal_directions(prony) if prony is not None else []
+    directions = _principal_directions(prony) if prony is not None else []
     effect = [v for v, _ in found] + [_prony_effect(fit, prony.prony, d) for d in directions if prony is not None]
     n = sum(c.experiment.value.size for c in fit.curves)
     return Nuisance(np.stack(effect, axis=1) if effect else np.zeros((n, 0)),
@@ -96,65 +84,7 @@ def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     return tuple(curves), tuple(said)
 
 
-def free_slopes(fit: Fit) -> Array:
-    """d(weighted stress) along the free directions of (mu, alpha), (n, K)."""
-    law, nu, step = fit.law, float(fit.law.nu[0]), 1e-5
-    high, low = (weighted_design(fit.curves, law.alpha + s, nu) for s in (step, -step))
-    return np.hstack([weighted_design(fit.curves, law.alpha, nu),
-                      law.mu_Pa * (high - low) / (2 * step)]) @ free_directions(fit)
-
-
-def free_directions(fit: Fit) -> Array:
-    """(2 N, K) directions in (mu, alpha) that the search was free to take: merged exponents move together."""
-    alpha, n = fit.law.alpha, fit.law.alpha.size
-    allowed = allowed_exponents(fit.curves)
-    loose = np.r_[alpha[0] > allowed.low + 1e-3, np.diff(alpha) > allowed.gap + 1e-3]
-    if alpha[-1] > allowed.high - 1e-3 and loose.any():
-        loose[np.flatnonzero(loose)[-1]] = False
-    steps = np.tril(np.ones((n, n)))[:, loose]
-    return np.block([[np.eye(n), np.zeros((n, steps.shape[1]))], [np.zeros((n, n)), steps]])
-
-
-def spread_of(fit: Fit) -> Spread:
-    """Variance of the weighted residuals, widened by the autocorrelation time of each curve's own residuals."""
-    law, residual = fit.law, weighted_residual(fit)
-    sizes = [c.experiment.value.size for c in fit.curves]
-    lost = residual.size / max(residual.size - 2 * law.alpha.size, 1)
-    variance, points = [], 0.0
-    for curve, part in zip(fit.curves, np.split(residual, np.cumsum(sizes)[:-1]), strict=True):
-        noise = np.mean(((curve.experiment.noise or 0.0) / curve.scale_Pa) ** 2)
-        wider = inflation(part)
-        variance.append(np.full(part.size, max(lost * np.mean(part**2), noise) * wider))
-        points += part.size / wider
-    return Spread(np.concatenate(variance), points)
-
-
-def prior_precision(fit: Fit) -> Array:
-    """Precision of the wide prior along the free directions."""
-    law = fit.law
-    sd = np.r_[np.full(law.mu_Pa.size, PRIOR_MODULI * law.mu_0_Pa), np.full(law.alpha.size, PRIOR_ALPHA)]
-    free = free_directions(fit)
-    return free.T @ (free / sd[:, None] ** 2)
-
-
-def weighted_residual(fit: Fit) -> Array:
-    """(n,) law minus record over the scales of the curves."""
-    law = fit.law
-    return weighted_design(fit.curves, law.alpha, float(law.nu[0])) @ law.mu_Pa - weighted_stress(fit.curves)
-
-
-def joint_gain(slopes: Array, effect: Array, variance: float, hold: Array) -> Array:
-    """(K + J, n + J) least-squares gain of free parameters and nuisances on data and prior rows of one variance."""
-    columns, numbers = slopes.shape[1], effect.shape[1]
-    prior = np.hstack([np.zeros((numbers, columns)), np.sqrt(variance) * np.eye(numbers)])
-    rows = np.vstack([np.hstack([slopes, effect]), prior])
-    normal = rows.T @ rows
-    normal[:columns, :columns] += variance * hold
-    scale = np.sqrt(np.diag(normal))
-    return np.linalg.solve(normal / np.outer(scale, scale), rows.T / scale[:, None]) / scale[:, None]
-
-
-def principal_directions(prony: PronyFit) -> list[Array]:
+def _principal_directions(prony: PronyFit) -> list[Array]:
     """One standard deviation of (g, tau_s) along each principal direction of their relative covariance."""
     size = np.r_[np.ones(prony.prony.g.size), prony.prony.tau_s]
     variance, axes = np.linalg.eigh(prony.covariance / np.outer(size, size))

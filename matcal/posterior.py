@@ -25,7 +25,8 @@ from matcal.conductivity_fit import ConductivityFit, conductivity_draws
 from matcal.draws import Draws
 from matcal.errors import NotConverged
 from matcal.fit import Fit, allowed_exponents
-from matcal.nuisance import PRIOR_MODULI, Nuisance, nuisance
+from matcal.linear_response import PRIOR_MODULI
+from matcal.nuisance import Nuisance, nuisance
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit
 from matcal.tabulated import Table, tabulate

@@ -56,30 +56,36 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
 
 
 def write_record(card: MaterialCard, found: Calibration, out: Path, posterior: Posterior | None = None) -> Path:
-    """Write the card to `out` and its folder beside it, the card last; what stood there before is replaced whole."""
+    """Write the card to `out` and its folder beside it; what stood there before stays whole until both are ready."""
     folder = folder_of(out)
     out.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=out.parent, prefix=folder.name, suffix=".part"))
     try:
-        for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
-            _table(found, label, experiment).to_parquet(fresh / f"{label}.parquet", index=False)
-        write_json({label: list(e.decisions) for label, e in
-                    zip(labels(found.experiments), found.experiments, strict=True)}, fresh / "decisions.json")
-        if posterior is not None:
-            write_draws(posterior.draws, fresh / FILE)
-        fresh.chmod(0o755)
+        write_card(card, fresh / out.name)
+        (fresh / "data").mkdir()
+        _write_folder(found, posterior, fresh / "data")
         if folder.exists():
             shutil.rmtree(folder)
-        fresh.rename(folder)
-    except BaseException:
+        (fresh / "data").rename(folder)
+        (fresh / out.name).replace(out)
+    finally:
         shutil.rmtree(fresh, ignore_errors=True)
-        raise
-    write_card(card, out)
     return folder
 
 
+def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path) -> None:
+    tests = list(zip(labels(found.experiments), found.experiments, strict=True))
+    for label, experiment in tests:
+        _table(found, label, experiment).to_parquet(folder / f"{label}.parquet", index=False)
+    write_json({label: list(e.decisions) for label, e in tests}, folder / "decisions.json")
+    if posterior is not None:
+        write_draws(posterior.draws, folder / FILE)
+
+
 def folder_of(card: Path) -> Path:
-    """card.json -> card.d."""
+    """card.json -> card.d; ValueError for a card that would be called like its folder."""
+    if card.suffix == ".d":
+        raise ValueError(f"{card}: the ending .d is that of the folder beside a card. Call the card {card.stem}.json.")
     return card.with_suffix(".d")
 
 
@@ -161,10 +167,10 @@ def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[st
     return row
 
 
-def _errors(value: np.ndarray, relative: float) -> dict[str, float]:
-    square = float(np.mean(value**2))
+def _errors(value: np.ndarray, relative: float) -> dict[str, float | None]:
+    square, variance = float(np.mean(value**2)), float(np.var(value))
     return {"rms": relative * np.sqrt(square), "relative_rms": relative,
-            "r2": 1 - relative**2 * square / float(np.var(value))}
+            "r2": 1 - relative**2 * square / variance if variance > 0 else None}
 
 
 def _range(experiment: Experiment) -> list[float]:

@@ -17,8 +17,9 @@ from scipy.stats import t as student
 
 from matcal.fit import Fit
 from matcal.hyperfoam import Hyperfoam
+from matcal.linear_response import free_directions, free_slopes, joint_gain, prior_precision, spread_of
 from matcal.modes import nominal_stress
-from matcal.nuisance import free_directions, free_slopes, joint_gain, nuisance, prior_precision, spread_of
+from matcal.nuisance import nuisance
 from matcal.relaxation_fit import PronyFit
 
 Array = NDArray[np.float64]

@@ -9,9 +9,10 @@ import pytest
 
 from matcal.curves import weigh, weighted_design, with_history
 from matcal.experiment import Experiment
-from matcal.fit import allowed_exponents, confluence, fit, relative_rms
+from matcal.fit import allowed_exponents, fit, relative_rms
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import hereditary_stress, nominal_stress
+from matcal.orders import confluence
 from matcal.prony import Prony
 from matcal.stability import margin
 from matcal.standard_errors import standard_errors

@@ -18,8 +18,9 @@ from matcal.errors import NotConverged, TestFileError
 from matcal.experiment import Experiment
 from matcal.fit import fit
 from matcal.hyperfoam import Hyperfoam
+from matcal.linear_response import PRIOR_MODULI
 from matcal.modes import nominal_stress
-from matcal.nuisance import PRIOR_MODULI, nuisance
+from matcal.nuisance import nuisance
 from matcal.posterior import ESS, RHAT, sample, series_of
 from matcal.prony import Prony
 from matcal.uncertainty import linearised

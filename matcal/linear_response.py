@@ -1,0 +1,85 @@
+"""How the parameters of a fit answer, to first order, to its data: slopes, what the residuals are worth, gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.autocorrelation import inflation
+from matcal.curves import weighted_design, weighted_stress
+from matcal.fit import Fit, allowed_exponents
+
+Array = NDArray[np.float64]
+
+# standard deviations of a prior so wide that it only holds directions that no curve sees: exponents, moduli over mu_0
+PRIOR_ALPHA, PRIOR_MODULI = 10.0, 100.0
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Noise and misfit of the weighted residuals."""
+
+    # (n,) variance that an independent residual would need for the same effect on the fit
+    variance: Array
+    # independent points that all curves are worth together
+    points: float
+
+
+def free_slopes(fit: Fit) -> Array:
+    """d(weighted stress) along the free directions of (mu, alpha), (n, K)."""
+    law, nu, step = fit.law, float(fit.law.nu[0]), 1e-5
+    high, low = (weighted_design(fit.curves, law.alpha + s, nu) for s in (step, -step))
+    return np.hstack([weighted_design(fit.curves, law.alpha, nu),
+                      law.mu_Pa * (high - low) / (2 * step)]) @ free_directions(fit)
+
+
+def free_directions(fit: Fit) -> Array:
+    """(2 N, K) directions in (mu, alpha) that the search was free to take: merged exponents move together."""
+    alpha, n = fit.law.alpha, fit.law.alpha.size
+    allowed = allowed_exponents(fit.curves)
+    loose = np.r_[alpha[0] > allowed.low + 1e-3, np.diff(alpha) > allowed.gap + 1e-3]
+    if alpha[-1] > allowed.high - 1e-3 and loose.any():
+        loose[np.flatnonzero(loose)[-1]] = False
+    steps = np.tril(np.ones((n, n)))[:, loose]
+    return np.block([[np.eye(n), np.zeros((n, steps.shape[1]))], [np.zeros((n, n)), steps]])
+
+
+def spread_of(fit: Fit) -> Spread:
+    """Variance of the weighted residuals, widened by the autocorrelation time of each curve's own residuals."""
+    law, residual = fit.law, weighted_residual(fit)
+    sizes = [c.experiment.value.size for c in fit.curves]
+    lost = residual.size / max(residual.size - 2 * law.alpha.size, 1)
+    variance, points = [], 0.0
+    for curve, part in zip(fit.curves, np.split(residual, np.cumsum(sizes)[:-1]), strict=True):
+        noise = np.mean(((curve.experiment.noise or 0.0) / curve.scale_Pa) ** 2)
+        wider = inflation(part)
+        variance.append(np.full(part.size, max(lost * np.mean(part**2), noise) * wider))
+        points += part.size / wider
+    return Spread(np.concatenate(variance), points)
+
+
+def prior_precision(fit: Fit) -> Array:
+    """Precision of the wide prior along the free directions."""
+    law = fit.law
+    sd = np.r_[np.full(law.mu_Pa.size, PRIOR_MODULI * law.mu_0_Pa), np.full(law.alpha.size, PRIOR_ALPHA)]
+    free = free_directions(fit)
+    return free.T @ (free / sd[:, None] ** 2)
+
+
+def weighted_residual(fit: Fit) -> Array:
+    """(n,) law minus record over the scales of the curves."""
+    law = fit.law
+    return weighted_design(fit.curves, law.alpha, float(law.nu[0])) @ law.mu_Pa - weighted_stress(fit.curves)
+
+
+def joint_gain(slopes: Array, effect: Array, variance: float, hold: Array) -> Array:
+    """(K + J, n + J) least-squares gain of free parameters and nuisances on data and prior rows of one variance."""
+    columns, numbers = slopes.shape[1], effect.shape[1]
+    prior = np.hstack([np.zeros((numbers, columns)), np.sqrt(variance) * np.eye(numbers)])
+    rows = np.vstack([np.hstack([slopes, effect]), prior])
+    normal = rows.T @ rows
+    normal[:columns, :columns] += variance * hold
+    scale = np.sqrt(np.diag(normal))
+    return np.linalg.solve(normal / np.outer(scale, scale), rows.T / scale[:, None]) / scale[:, None]

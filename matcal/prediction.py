@@ -1,0 +1,61 @@
+"""What a card predicts in each mode, with the band of its draws."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from matcal.card import MaterialCard, require
+from matcal.conductivity import conductivity
+from matcal.draws import Draws, card_of, quantiles, read_draws
+from matcal.modes import MODES, nominal_stress
+from matcal.prony import relaxation
+
+PREDICTED = (*MODES, "relaxation", "conductivity")
+
+
+def prediction(card: MaterialCard, path: Path, mode: str, at: np.ndarray) -> dict[str, Any]:
+    """Columns of a prediction at strains or times (n,), with the 95 % band of the card's draws beside its `path`.
+
+    Stress is that of the card's own moduli, without any loading history. ValueError where the card lacks the part.
+    """
+    if mode == "relaxation":
+        require(card, "prony", "a relaxation")
+        where, name, stem = "time_s", "normalised_stress", "normalised_stress{}"
+    elif mode == "conductivity":
+        require(card, "conductivity", "a conductivity")
+        where, name, stem = "strain", "conductivity_S_per_m", "conductivity{}_S_per_m"
+    else:
+        require(card, "hyperfoam", "a stress")
+        where, name, stem = "strain", "stress_Pa", "stress{}_Pa"
+    columns: dict[str, Any] = {where: at, name: _value(card, mode, at)}
+    draws = _draws(card, path)
+    if draws is not None:
+        low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
+        columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
+    if card.hyperfoam is not None and name == "stress_Pa":
+        columns["moduli"] = card.hyperfoam.moduli
+    return columns
+
+
+def _value(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray:
+    if mode == "relaxation" and card.prony is not None:
+        return relaxation(card.prony, at)
+    if mode == "conductivity" and card.conductivity is not None:
+        return conductivity(card.conductivity, at)
+    assert card.hyperfoam is not None
+    return nominal_stress(card.hyperfoam, mode, at)
+
+
+def _draws(card: MaterialCard, path: Path) -> Draws | None:
+    """The card's draws; None without a posterior, or, said on standard error, without its file."""
+    if not card.posterior:
+        return None
+    try:
+        return read_draws(path)
+    except ValueError as error:
+        print(f"matcal: no band. {error}", file=sys.stderr)
+        return None
