@@ -19,10 +19,11 @@ Indices = NDArray[np.int64]
 # Gauss points per element and direction.
 _POINTS = 3
 # Sizes in feature lengths, where a feature is the fillet radius or, if less, a twentieth of the thickness: the default
-# element at the edge of the punch, and the distances over which elements double from there, sideways and downwards.
-_FEATURE, _ELEMENT, _WIDENS, _DEEPENS = 0.05, 0.15, 0.6, 1.0
+# element at the edge of the punch, and the distances over which elements double from there, inwards, outwards and
+# downwards. Inwards they stay fine longer, since the foam under the fillet comes from there.
+_FEATURE, _ELEMENT, _INWARDS, _OUTWARDS, _DOWNWARDS = 0.05, 0.12, 1.2, 0.6, 0.6
 # Widest default element under the punch, in thicknesses.
-_WIDEST = 0.06
+_WIDEST = 0.08
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ def default_element_m(body: Body, punch: Punch) -> float:
 
 
 def foam_grid(body: Body, punch: Punch, element_m: float) -> Grid:
-    """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed.
+    """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0.
 
     Lines lie at the edge of the punch and where its fillet starts. element_m is the element size there, m; elements
     widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness and
@@ -89,15 +90,15 @@ def foam_grid(body: Body, punch: Punch, element_m: float) -> Grid:
     start = max(edge - fillet, 0.0)
 
     def width(r: Array) -> Array:
-        away = np.maximum(start - r, np.maximum(r - edge, 0))
-        return np.minimum(size * (1 + away / (_WIDENS * feature)), np.where(r < edge, widest, np.inf))
+        away = np.maximum((start - r) / _INWARDS, np.maximum((r - edge) / _OUTWARDS, 0))
+        return np.minimum(size * (1 + away / feature), np.where(r < edge, widest, np.inf))
 
     def height(z: Array) -> Array:
-        return size * (1 + (1 - z) / (_DEEPENS * feature))
+        return size * (1 - z / (_DOWNWARDS * feature))
 
     stops = sorted({0.0, start, edge, rim})
     r = np.concatenate([[0.0], *(spread(a, b, width) for a, b in itertools.pairwise(stops))])
-    return tensor_grid(r, np.concatenate([[0.0], spread(0.0, 1.0, height)]))
+    return tensor_grid(r, np.concatenate([[-1.0], spread(-1.0, 0.0, height)]))
 
 
 def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False) -> Grid:
@@ -120,12 +121,12 @@ def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False) 
 
 
 def _quadrature(basis: Basis, plane: bool) -> tuple[Array, Array]:
-    radius = basis.global_coordinates().value[0]
+    radius = np.asarray(basis.global_coordinates())[0]
     gradient = np.zeros((*radius.shape, 9, 3))
     for k, (shape,) in enumerate(basis.basis):
-        gradient[:, :, k, :2] = np.moveaxis(shape.grad, 0, -1)
+        gradient[:, :, k, :2] = np.moveaxis(np.asarray(shape.grad), 0, -1)
         if not plane:
-            gradient[:, :, k, 2] = shape.value / radius
+            gradient[:, :, k, 2] = np.asarray(shape) / radius
     return gradient, basis.dx * (1.0 if plane else 2 * np.pi * radius)
 
 

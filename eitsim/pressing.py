@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
+from scipy.optimize import root_scalar
 
 from eitsim import punch as contact
 from eitsim import solid
 from eitsim.linear import Solve, bordered, factorise_band
-from eitsim.mesh import Grid, foam_grid
+from eitsim.mesh import Grid, default_element_m, feature_m, foam_grid
 from eitsim.newton import System, minimise
 from eitsim.punch import Facets, Tool, Touching
 from eitsim.scene import Body, Punch
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 _REACH = 1.0
 # Largest penetration, in fillet radii, that the penalty contact is trusted with.
 _DEEPEST = 0.5
+# Depth, thicknesses, from which bottoming out is the likely cause of a failure.
+_FLAT = 0.9
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class Pressing:
     grid: Grid
     tool: Tool
     facets: Facets
+    # element size over the default element size
+    relative_size: float
 
 
 @dataclass(frozen=True)
@@ -59,17 +63,25 @@ class Equilibrium:
 
 
 def pressing(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float) -> Pressing:
-    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0/H."""
-    grid = foam_grid(body, punch, element_m)
-    tool = Tool(punch.diameter_m / 2 / body.thickness_m, punch.fillet_m / body.thickness_m, penalty)
+    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over mesh.feature_m."""
+    grid, unit = foam_grid(body, punch, element_m), body.thickness_m
+    stiffness = penalty * unit / feature_m(body, punch)
+    tool = Tool(punch.diameter_m / 2 / unit, punch.fillet_m / unit, stiffness)
     return Pressing(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, tool,
-                    contact.top_facets(grid, tool.radius + _REACH))
+                    contact.top_facets(grid, tool.radius + _REACH), element_m / default_element_m(body, punch))
 
 
 def at_rest(model: Pressing, force: float) -> Array:
-    """Foam at rest under a punch just deep enough for its penalty to balance the force."""
-    area = np.pi * (model.tool.radius - model.tool.fillet / 2)**2
-    return np.append(np.zeros(model.grid.unknowns), force / (model.tool.stiffness * area))
+    """Foam at rest under a punch so deep that its penalty balances the force, as far as that is trusted."""
+    rest = np.zeros(model.grid.unknowns)
+
+    def excess(depth: float) -> float:
+        return contact.forces(model.tool, model.facets, touching(model, np.append(rest, depth)))[1] - force
+
+    deepest = _DEEPEST * model.tool.fillet
+    if excess(deepest) < 0:
+        return np.append(rest, deepest)
+    return np.append(rest, root_scalar(excess, bracket=(0.0, deepest), xtol=1e-15, rtol=1e-6).root)
 
 
 def positions(model: Pressing, x: Array) -> Array:
@@ -94,21 +106,28 @@ def equilibrium(model: Pressing, force: float, start: Array) -> Equilibrium:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
                            residuals=error.residuals) from None
     at = touching(model, found.x)
-    if at.gap.max() > _DEEPEST * model.tool.fillet:
-        raise NotConverged(f"the pressure pushes the foam {at.gap.max() / model.tool.fillet:.1f} fillet radii into the "
-                           f"punch: the force is beyond this contact stiffness. {_state(model, found.x)}",
-                           estimate=found.x, residuals=found.residuals)
+    if problem := _implausible(model, at, found.x):
+        raise NotConverged(f"{problem} {_state(model, found.x)}", estimate=found.x, residuals=found.residuals)
     by_force = found.solve(np.append(np.zeros(model.grid.unknowns), 1.0))
     push, reaction = _contact_gradient(model, at)
     penetration = float(push @ by_force[:-1] + reaction * by_force[-1])
     return Equilibrium(found.x, by_force, force, float(found.x[-1]) - penetration, found.residuals)
 
 
+def _implausible(model: Pressing, at: Touching, x: Array) -> str:
+    """Why a minimum is none of the physical problem; empty where it is fine."""
+    deepest = float(at.gap.max()) / model.tool.fillet
+    if deepest > _DEEPEST:
+        return f"The foam stands {deepest:.1f} fillet radii inside the punch: the contact stiffness is too low."
+    return "The punch has gone through the foam between the points of contact." if x[-1] > 1 + at.gap.max() else ""
+
+
 def _state(model: Pressing, x: Array) -> str:
-    lost = fraction_non_elliptic(model, x)
-    cause = "strong ellipticity is lost there" if lost else "the law stays elliptic there"
-    return (f"The punch stood {x[-1]:.3f} thicknesses deep; {cause} ({lost:.1%} of the points). Try a smaller force or "
-            "another element size.")
+    lost, depth = fraction_non_elliptic(model, x), float(x[-1])
+    cause = "the foam is squeezed flat" if depth > _FLAT else "strong ellipticity is lost" if lost else (
+        "the law is elliptic everywhere")
+    return (f"The punch stood {depth:.3f} thicknesses deep, where {cause} ({lost:.1%} of the points are not elliptic). "
+            "Try a smaller force or another element size.")
 
 
 def fraction_non_elliptic(model: Pressing, x: Array) -> float:
@@ -156,14 +175,26 @@ def _gathered(model: Pressing, on_facets: Array) -> Array:
     """Sum (facets, 3, 2) into the unknowns."""
     unknown = _facet_unknowns(model)
     free = unknown >= 0
-    return np.bincount(unknown[free], on_facets.reshape(unknown.shape)[free], model.grid.unknowns)
+    out = np.zeros(model.grid.unknowns)
+    np.add.at(out, unknown[free], on_facets.reshape(unknown.shape)[free])
+    return out
 
 
 def transferred(x: Array, old: Grid, new: Grid) -> Array:
-    """The state x of one grid on another, bilinear between nodes."""
+    """The state x of one grid on another: the old grid's displacement at the new nodes."""
+    along_r, along_z = (_interpolation(a, b) for a, b in zip(old.lines, new.lines, strict=True))
     values = solid.nodal(old, x[:-1]).reshape(*map(len, old.lines), 2)
-    moved = RegularGridInterpolator(old.lines, values, bounds_error=False, fill_value=None)(new.nodes)
+    moved = np.einsum("im,mnk,jn->ijk", along_r, values, along_z, optimize=True).reshape(-1, 2)
     free = new.unknown >= 0
     out = np.empty(new.unknowns)
     out[new.unknown[free]] = moved[free]
     return np.append(out, x[-1])
+
+
+def _interpolation(nodes: Array, points: Array) -> Array:
+    """Quadratic interpolation (points, nodes) between nodes that are ends and middles of elements in turn."""
+    left = np.clip((np.searchsorted(nodes[::2], points, side="right") - 1) * 2, 0, len(nodes) - 3)
+    shape, _ = contact.quadratic((points - nodes[left + 1]) / (nodes[left + 2] - nodes[left]) * 2)
+    out = np.zeros((len(points), len(nodes)))
+    out[np.arange(len(points))[:, None], left[:, None] + np.arange(3)] = shape
+    return out

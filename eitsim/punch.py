@@ -79,13 +79,13 @@ def quadratic(t: Array) -> tuple[Array, Array]:
 
 
 def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touching:
-    """Contact state of nodes at `position` (nodes, 2), the punch face `depth` below z = 1.
+    """Contact state of nodes at `position` (nodes, 2), the punch face `depth` below z = 0.
 
     With c = radius - fillet and y the height over the face, the penetration is y under the face, fillet minus the
     distance to the fillet's circle about (c, fillet), radius - r at the wall; deep inside the nearer of face and wall.
     """
     r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
-    y, inner = z - 1 + depth, tool.radius - tool.fillet
+    y, inner = z + depth, tool.radius - tool.fillet
     dx, dy = r - inner, tool.fillet - y
     corner, away = (dx > 0) & (dy > 0), np.hypot(dx, dy)
     wall = ~corner & (dy <= 0) & (tool.radius - r < y)
