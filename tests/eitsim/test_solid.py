@@ -1,0 +1,134 @@
+"""The foam element: closed forms on one element, tangents, objectivity, the compiled kernel against its numpy twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eitsim import solid
+from eitsim.mesh import foam_grid, tensor_grid
+from eitsim.scene import Body, Punch
+from matcal.hyperfoam import Hyperfoam
+from matcal.modes import log_stretches, nominal_stress
+
+TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
+LAWS = {"Table 1": TABLE_1, "nu = 0.3": Hyperfoam([8e3], [6.0], [0.3]),
+        "mixed nu": Hyperfoam([8e3, 3e3], [2.0, -1.5], [0.0, 0.2])}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("strain", [-0.8, -0.4, 0.0, 1e-9, 0.5])
+def test_one_element_in_uniaxial_compression_is_the_closed_form(name, strain):
+    law = LAWS[name]
+    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), free=True)
+    axial, lateral, _ = np.exp(log_stretches(law, "uniaxial", np.array([strain]))[0])
+    force = forces(law, grid, np.array([lateral - 1, 0.0, 0.0, axial - 1]))
+    top, side = grid.nodes[:, 1] == 1.3, grid.nodes[:, 0] == 0.7
+    scale = law.mu_0_Pa * np.pi * 0.7**2
+    assert force[top, 1].sum() / scale == pytest.approx(nominal_stress(law, "uniaxial", strain) / law.mu_0_Pa, abs=1e-10)
+    assert np.abs(force[side, 0]).max() / scale < 1e-10
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("gamma", [1e-9, 0.1, 0.5, 1.0, 2.5])
+def test_one_element_in_simple_shear_is_the_closed_form(name, gamma):
+    law = LAWS[name]
+    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), plane=True, free=True)
+    force = forces(law, grid, np.array([0.0, gamma, 0.0, 0.0]))
+    measured = force[grid.nodes[:, 1] == 1.3, 0].sum() / 0.7
+    assert measured / law.mu_0_Pa == pytest.approx(nominal_stress(law, "shear", gamma) / law.mu_0_Pa, abs=1e-10)
+
+
+def forces(law, grid, slope):
+    """Nodal forces (nodes, 2) that hold the displacement with gradient (rr, rz, zr, zz)."""
+    u = grid.nodes @ slope.reshape(2, 2).T
+    gradient, _ = solid.residual_and_tangent(law, grid, u.ravel()[np.argsort(grid.unknown.ravel())])
+    return gradient[grid.unknown]
+
+
+STATES = {"at rest": [0, 0, 0, 0, 0], "triple": [-0.6, 0, 0, -0.6, -0.6], "double in plane": [-0.3, 0, 0, -0.3, 0.2],
+          "double with the hoop": [0.4, 0, 0, -0.5, 0.4], "nearly double": [-0.3, 1e-9, 0, -0.3 + 1e-8, 0.1],
+          "single": [0.5, 0.3, -0.7, -0.4, 0.9], "flat": [1.5, 0.4, 0.1, -0.9, 0.1]}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("state", STATES)
+def test_tangent_equals_differences(name, state):
+    law, strain, step = LAWS[name], np.array(STATES[state], dtype=float), 1e-6
+    ends = strain + step * np.concatenate([np.eye(5), -np.eye(5)])
+    stress = solid.stress(law, solid.principal(ends))
+    differences = ((stress[:5] - stress[5:]) / (2 * step)).T
+    at = solid.principal(strain)
+    tangent = at.modes.T @ solid.stiffness(law, at) @ at.modes
+    assert np.abs(tangent - differences).max() < 1e-7 * np.abs(tangent).max()
+    assert np.allclose(tangent, tangent.T, rtol=0, atol=1e-12 * np.abs(tangent).max())
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_stress_is_the_derivative_of_the_energy(state):
+    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), plane=True, free=True)
+    rng, step = np.random.default_rng(1), 1e-6
+    slope = np.array(STATES[state][:4], dtype=float).reshape(2, 2)
+    u = (grid.nodes @ slope.T).ravel()[np.argsort(grid.unknown.ravel())]
+    direction = rng.standard_normal(u.size)
+    gradient, band = solid.residual_and_tangent(TABLE_1, grid, u)
+    rise = solid.energy(TABLE_1, grid, u + step * direction) - solid.energy(TABLE_1, grid, u - step * direction)
+    curved = direction @ full(band) @ direction
+    assert rise / (2 * step) == pytest.approx(gradient @ direction, rel=1e-7, abs=1e-8 * abs(curved))
+
+
+def test_stress_turns_with_the_foam():
+    strain, angle = np.array([0.5, 0.3, -0.7, -0.4, 0.9]), 2.0
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = turn @ (np.eye(2) + strain[:4].reshape(2, 2)) - np.eye(2)
+    before = solid.stress(TABLE_1, solid.principal(strain))
+    after = solid.stress(TABLE_1, solid.principal(np.append(turned.ravel(), strain[4])))
+    assert np.allclose(after[:4].reshape(2, 2), turn @ before[:4].reshape(2, 2), atol=1e-9 * TABLE_1.mu_0_Pa)
+    assert after[4] == pytest.approx(before[4])
+
+
+def test_damping_removes_negative_curvature_and_nothing_else():
+    at = solid.principal(np.array(list(STATES.values()), dtype=float))
+    stiff = solid.stiffness(TABLE_1, at)
+    least = np.linalg.eigvalsh(stiff)[:, 0]
+    assert least.min() < -100
+    assert np.linalg.eigvalsh(solid.damped(stiff, 0.0))[:, 0].min() > -1e-9 * TABLE_1.mu_0_Pa
+    assert np.allclose(solid.damped(stiff, 0.0)[least > 0], stiff[least > 0])
+    assert np.array_equal(solid.damped(stiff, 1.0), stiff)
+
+
+def test_the_compiled_assembly_equals_its_numpy_twin():
+    grid = foam_grid(Body(), Punch(), 1e-3)
+    rng = np.random.default_rng(0)
+    force = rng.standard_normal((*grid.weight.shape, 5))
+    tangent = rng.standard_normal((*grid.weight.shape, 5, 5))
+    tangent = tangent + np.swapaxes(tangent, -1, -2)
+    gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
+    solid.assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)
+
+    parts = np.zeros((*grid.weight.shape, 9, 2, 5))
+    parts[..., 0, [0, 1, 4]] = grid.gradient
+    parts[..., 1, [2, 3]] = grid.gradient[..., :2]
+    loads = np.einsum("eqaik,eqk->eai", parts, force)
+    blocks = np.einsum("eqaik,eqkl,eqbjl->eaibj", parts, tangent, parts, optimize=True)
+    number = grid.unknown[grid.elements]
+    twin, matrix = np.zeros(grid.unknowns + 1), np.zeros((grid.unknowns + 1, grid.unknowns + 1))
+    np.add.at(twin, number, loads)
+    np.add.at(matrix, (number[:, :, :, None, None], number[:, None, None]), blocks)
+    assert np.allclose(gradient, twin[:-1], rtol=0, atol=1e-12 * np.abs(twin).max())
+    assert np.allclose(full(band), matrix[:-1, :-1], rtol=0, atol=1e-12 * np.abs(matrix).max())
+
+
+def full(band):
+    """Dense symmetric matrix of a lower band."""
+    lower = np.zeros((len(band), len(band)))
+    for offset in range(min(band.shape[1], len(band))):
+        index = np.arange(len(band) - offset)
+        lower[index + offset, index] = band[index, offset]
+    return lower + np.tril(lower, -1).T
+
+
+def test_foam_turned_inside_out_has_infinite_energy():
+    grid = tensor_grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), free=True)
+    u = (grid.nodes @ np.diag([0.0, -1.5])).ravel()[np.argsort(grid.unknown.ravel())]
+    assert solid.energy(TABLE_1, grid, u) == np.inf
