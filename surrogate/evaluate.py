@@ -12,10 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from surrogate import outputs
-from surrogate.metrics import NOISE_REFERENCES, Array, Score, noise_V, relative_dB, score
+from surrogate.metrics import NOISE_REFERENCES, Array, Score, noise_V, relative_dB, rms, score
 from surrogate.model import Model, estimate, interval_scale
 from surrogate.ring import same_ring
-from surrogate.samples import Samples, content_hash, rms
+from surrogate.samples import Samples, content_hash
 from surrogate.split import PARTS
 
 

@@ -8,7 +8,6 @@ Whichever of the N x N and p x p systems is smaller is solved.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -16,6 +15,7 @@ import torch
 from torch import Tensor
 
 from surrogate import network
+from surrogate.laplace import effective_parameters, factor, log_evidence
 
 # A network that leaves more than this part of the targets' variance unexplained has collapsed onto their mean.
 COLLAPSED = 0.9
@@ -96,15 +96,20 @@ def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None) -> Tr
     """
     options = options or Options()
     generator = torch.Generator().manual_seed(seed)
-    constant = float(((y - y.mean()) ** 2).sum())
-    for attempt in range(options.restarts + 1):
-        start = _first_state(x, y, network.initial_weights(x.shape[1], options.units, generator), warm=attempt > 0)
-        state, gamma, stop, history = _descend(x, y, start, options, options.warm_up if attempt else 0)
-        collapsed = state.squared_error >= COLLAPSED * constant
-        if not collapsed or attempt == options.restarts:
-            return Trained(state.weights, state.alpha, state.beta, gamma, len(history), stop, _log_evidence(x, state),
-                           attempt + collapsed, collapsed, torch.tensor(history, dtype=torch.float64).reshape(-1, 3))
-    raise ValueError(f"restarts must be 0 or more, got {options.restarts}.")
+    trained = _train_once(x, y, generator, options, attempt=0)
+    while trained.collapsed and trained.collapses <= options.restarts:
+        trained = _train_once(x, y, generator, options, attempt=trained.collapses)
+    return trained
+
+
+def _train_once(x: Tensor, y: Tensor, generator: torch.Generator, options: Options, attempt: int) -> Trained:
+    """One start; those after the first have a warm-up."""
+    start = _first_state(x, y, network.initial_weights(x.shape[1], options.units, generator), warm=attempt > 0)
+    state, gamma, stop, history = _descend(x, y, start, options, options.warm_up if attempt else 0)
+    collapsed = state.squared_error >= COLLAPSED * float(((y - y.mean()) ** 2).sum())
+    evidence = log_evidence(state.weights, x, state.alpha, state.beta, state.cost)
+    return Trained(state.weights, state.alpha, state.beta, gamma, len(history), stop, evidence, attempt + collapsed,
+                   collapsed, torch.tensor(history, dtype=torch.float64).reshape(-1, 3))
 
 
 def _descend(x: Tensor, y: Tensor, state: _State, options: Options,
@@ -158,51 +163,10 @@ def _damped_step(x: Tensor, state: _State) -> Callable[[float], Tensor]:
 
         def dual(mu: float) -> Tensor:
             shift = alpha + mu
-            rows = torch.cholesky_solve((error - alpha / shift * along)[:, None], _factor(gram, shift))[:, 0]
+            rows = torch.cholesky_solve((error - alpha / shift * along)[:, None], factor(gram, shift))[:, 0]
             return -beta * network.times_transpose(w, x, rows) - alpha / shift * w
 
         return dual
     j = network.jacobian(w, x)
     normal, gradient = beta * j.T @ j, beta * j.T @ error + alpha * w
-    return lambda mu: -torch.cholesky_solve(gradient[:, None], _factor(normal, alpha + mu))[:, 0]
-
-
-def effective_parameters(w: Tensor, x: Tensor, alpha: float, beta: float) -> tuple[float, float]:
-    """gamma, and N - gamma without cancellation where N < p."""
-    trace = float(torch.cholesky_inverse(_normal_factor(w, x, alpha, beta)).diagonal().sum())
-    if len(x) < len(w):
-        return len(x) - alpha * trace, alpha * trace
-    gamma = len(w) - alpha * trace
-    return gamma, len(x) - gamma
-
-
-def _log_evidence(x: Tensor, state: _State) -> float:
-    """log of the evidence (MacKay 1992, eq. 4.7), without constants of N and p alone."""
-    n, p = len(x), len(state.weights)
-    diagonal = _normal_factor(state.weights, x, state.alpha, state.beta).diagonal()
-    log_det = 2 * float(diagonal.log().sum()) + max(p - n, 0) * math.log(state.alpha)
-    return -state.cost - 0.5 * log_det + 0.5 * p * math.log(state.alpha) + 0.5 * n * math.log(state.beta)
-
-
-def _normal_factor(w: Tensor, x: Tensor, alpha: float, beta: float) -> Tensor:
-    """Cholesky factor of beta J J' + alpha I where N < p, else of beta J'J + alpha I."""
-    if len(x) < len(w):
-        return _factor(beta * network.kernel(w, x, x), alpha)
-    j = network.jacobian(w, x)
-    return _factor(beta * j.T @ j, alpha)
-
-
-def _factor(matrix: Tensor, shift: float) -> Tensor:
-    return torch.linalg.cholesky(matrix + shift * torch.eye(len(matrix), dtype=matrix.dtype))
-
-
-def output_variance(w: Tensor, x: Tensor, alpha: float, beta: float, at: Tensor) -> Tensor:
-    """(m,) Laplace variance of the output at inputs (m, q) for training inputs x (n, q): j'(2H)^-1 j + 1 / (2 beta)."""
-    factor = _normal_factor(w, x, alpha, beta)
-    if len(x) < len(w):
-        half = torch.linalg.solve_triangular(factor, network.kernel(w, x, at), upper=False)
-        spread = (network.self_kernel(w, at) - beta * (half**2).sum(0)) / alpha
-    else:
-        half = torch.linalg.solve_triangular(factor, network.jacobian(w, at).T, upper=False)
-        spread = (half**2).sum(0)
-    return 0.5 * spread.clamp(min=0.0) + 0.5 / beta
+    return lambda mu: -torch.cholesky_solve(gradient[:, None], factor(normal, alpha + mu))[:, 0]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.forward_map import ForwardMap, linearise
-from surrogate.levenberg import Minimum, minimise
+from surrogate.levenberg import Minimum, inverse, minimise
 from surrogate.loading import to_touch, touch_slope
 from surrogate.locate import Located, locate, on_disc
 from surrogate.multipole import combined
@@ -81,7 +81,7 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior) -> Inversi
     unknown = _unknown(forward, state)
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
-    scaled = np.linalg.inv(end.normal)[:, :4, :4]
+    scaled = inverse(end.normal)[:, :4, :4]
     covariance = slope @ scaled @ slope.transpose(0, 2, 1) * np.maximum(misfit, 1.0)[:, None, None]
     extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
     inside = np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)

@@ -54,6 +54,13 @@ def minimise(residuals: Residuals, start: Array, iterations: int,
     return Minimum(state, cost, jacobian.transpose(0, 2, 1) @ jacobian, residual)
 
 
+def inverse(normal: Array) -> Array:
+    """Inverses of normal matrices (n, p, p), scaled to unit diagonals first, whatever the units of the states."""
+    scale = 1 / np.sqrt(np.einsum("npp->np", normal))
+    both = scale[:, :, None] * scale[:, None, :]
+    return np.linalg.inv(normal * both) * both
+
+
 def _step(residual: Array, jacobian: Array, damping: Array) -> Array:
     normal = jacobian.transpose(0, 2, 1) @ jacobian
     gradient = (jacobian.transpose(0, 2, 1) @ residual[..., None])[..., 0]

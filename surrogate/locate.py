@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate import multipole
 from surrogate.forward_map import ForwardMap
-from surrogate.levenberg import minimise
+from surrogate.levenberg import inverse, minimise
 
 Array = NDArray[np.float64]
 
@@ -47,16 +47,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
 
     found = minimise(residuals, starts, STEPS, lambda state: _on_disc(forward, state))
     best = np.argmin(found.cost.reshape(-1, PLACES), axis=1) + PLACES * np.arange(len(signal))
-    state, covariance = found.state[best], np.linalg.inv(_scaled(found.normal[best]))
-    scale = 1 / np.sqrt(np.einsum("npp->np", found.normal[best]))
-    covariance *= scale[:, :, None] * scale[:, None, :]
-    return _as_ratios(forward, state, covariance[:, 2:, 2:])
-
-
-def _scaled(normal: Array) -> Array:
-    """Normal matrices with unit diagonals, which are safe to invert whatever the units."""
-    scale = 1 / np.sqrt(np.einsum("npp->np", normal))
-    return normal * scale[:, :, None] * scale[:, None, :]
+    return _as_ratios(forward, found.state[best], inverse(found.normal[best])[:, 2:, 2:])
 
 
 def _starts(forward: ForwardMap, signal: Array) -> Array:

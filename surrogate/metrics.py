@@ -39,6 +39,11 @@ def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:
                  float(np.mean(np.abs(error) <= half_width)), unit)
 
 
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def noise_V(level_dB: float, reference_V: float) -> float:
     """Standard deviation of white noise level_dB below a voltage of RMS reference_V."""
     return reference_V * 10 ** (-level_dB / 20)

@@ -104,11 +104,14 @@ def _log_mass(lower: Array, upper: Array) -> Array:
 
 def moments(found: Posterior, values: Array) -> tuple[Array, Array]:
     """Mean (n, k) and covariance (n, k, k) of values (D (G - 1), k) of the table's intervals."""
-    weight = found.weight
-    mean = weight @ values
-    k = values.shape[1]
-    second = weight @ (values[:, :, None] * values[:, None, :]).reshape(len(values), k * k)
-    return mean, second.reshape(-1, k, k) - mean[:, :, None] * mean[:, None, :]
+    weight, middle, k = found.weight, values.mean(axis=0), values.shape[1]
+    centred = values - middle
+    mean = weight @ centred
+    second = weight @ (centred[:, :, None] * centred[:, None, :]).reshape(len(values), k * k)
+    covariance = second.reshape(-1, k, k) - mean[:, :, None] * mean[:, None, :]
+    diagonal = np.arange(k)
+    covariance[:, diagonal, diagonal] = np.maximum(covariance[:, diagonal, diagonal], 0.0)
+    return middle + mean, covariance
 
 
 def resolved(found: Posterior) -> NDArray[np.bool_]:

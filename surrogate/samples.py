@@ -91,8 +91,3 @@ def take(samples: Samples, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Sample
     """The samples of these rows."""
     return replace(samples, **{field.name: getattr(samples, field.name)[rows] for field in fields(samples)
                                if field.name != "ring"})
-
-
-def rms(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))

@@ -61,7 +61,7 @@ def _response(learner: TouchInversion, found: Inversion) -> tuple[Array, Array]:
     value, sd = response.respond(learner.response, found.touch, found.covariance[:, 2:, 2:])
     of_table, doubt = _table_response(learner)
     mean, covariance = moments(found.punches, of_table)
-    spread = np.sqrt(np.einsum("npp->np", covariance).clip(min=0) + found.punches.weight @ doubt**2)
+    spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ doubt**2)
     broad = found.broad[:, None]
     return np.where(broad, mean, value), np.where(broad, spread, sd)
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from surrogate import evidence, network
+from surrogate import evidence, laplace, network
 from surrogate.estimate import Estimate
 from surrogate.evidence import Options, Trained
 from surrogate.scaling import MinMax, min_max, scaled, unscaled
@@ -56,8 +56,15 @@ class Networks:
 
 def learn(signal_V: Array, target: Array, seed: int, options: Options | None = None,
           each: Callable[[Iterable[int]], Iterable[int]] = iter) -> Networks:
-    """Train one network for each column of target (n, outputs) on signals (n, readings); `each` may show progress."""
+    """Train one network for each column of target (n, outputs) on signals (n, readings); `each` may show progress.
+
+    ValueError where a column of the targets does not vary.
+    """
     readings, targets = min_max(signal_V), min_max(target)
+    if np.any(targets.lowest == targets.highest):
+        same = int(np.argmax(targets.lowest == targets.highest))
+        raise ValueError(f"output {same + 1} of {target.shape[1]} is {targets.lowest[same]:g} in every training row; a "
+                         "network has nothing to learn from it. Leave it out with --outputs.")
     x, y = torch.from_numpy(scaled(readings, signal_V)), torch.from_numpy(scaled(targets, target))
     trained = tuple(_kept(evidence.train(x, y[:, i].contiguous(), seed, options)) for i in each(range(y.shape[1])))
     return Networks(readings, targets, x.numpy(), trained)
@@ -77,7 +84,7 @@ def estimate(networks: Networks, signal_V: Array, noise_V: float) -> Estimate:
         w = torch.from_numpy(net.weights)
         carried = ((network.by_input(w, at) * noise) ** 2).sum(1)
         value.append(network.output(w, at).numpy())
-        variance.append((evidence.output_variance(w, x, net.alpha, net.beta, at) + carried).numpy())
+        variance.append((laplace.output_variance(w, x, net.alpha, net.beta, at) + carried).numpy())
     half = networks.targets.half_span
     return Estimate(unscaled(networks.targets, np.column_stack(value)), np.sqrt(np.column_stack(variance)) * half,
                     np.ones(len(signal_V)), np.ones(len(signal_V), bool))

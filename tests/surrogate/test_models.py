@@ -117,6 +117,10 @@ def test_degenerate_rows(samples: Samples) -> None:
     fixed.target[:, 2] = 14.0
     scores = evaluate(train(fixed, "ridge", ("d",), 0), fixed).scores["outputs"]["d"]["test"]
     assert scores["r2"] is None
+    with pytest.raises(ValueError, match="output 1 of 1 is 14 in every training row"):
+        train(fixed, "trainbr", ("d",), 0)
+    one = evaluate(train(fixed, "forward", ("x0", "d"), 0), fixed).scores["outputs"]
+    assert one["d"]["test"]["rmse"] < 0.01
     silent = replace(samples, signal_V=samples.signal_V * (samples.scene != 17)[:, None])
     with pytest.raises(ValueError, match="scene 17 has no signal"):
         train(silent, "ridge", NAMES, 1)
