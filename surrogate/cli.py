@@ -154,22 +154,28 @@ def _shown(names: tuple[str, ...]) -> Any:
 
 
 def _print_scores(result: Mapping[str, Any]) -> None:
+    """Tables of the scores: training and unseen rows without noise, unseen rows under noise; --json has them all."""
+    _print_table(f"{result['method']}, no noise", result["outputs"], ("train", "test", "new", "all"))
+    for level in result["noise"]:
+        title = (f"{result['method']}, noise {level['db_below_baseline']:.1f} dB below the baseline,\n"
+                 f"{level['db_below_signal']:.1f} dB below the signal")
+        _print_table(title, level["outputs"], ("test", "new", "all"))
+    print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
+          f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+
+
+def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    blocks = [("no noise", result["outputs"])]
-    blocks += [(f"noise {level['db_below_baseline']:.1f} dB below the baseline, {level['db_below_signal']:.1f} dB "
-                "below the signal", level["outputs"]) for level in result["noise"]]
-    for title, scored in blocks:
-        table = Table("output", "part", "RMSE", "MAE", "R2", "in 90 %", "n", title=f"{result['method']}, {title}")
-        for name, parts in scored.items():
-            for part, s in parts.items():
-                r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
-                table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2,
-                              f"{s['coverage_90']:.0%}", str(s["n"]))
-        Console().print(table)
-    print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
-          f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+    table = Table("output", "rows", "RMSE", "MAE", "R2", "in 90 %", "n", title=title)
+    for name, parts in scored.items():
+        for part in (p for p in shown if p in parts):
+            s = parts[part]
+            r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
+            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2, f"{s['coverage_90']:.0%}",
+                          str(s["n"]))
+    Console().print(table)
 
 
 def _print_collapses(model: Model) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from surrogate.forward_map import ForwardMap, log_strengths
-from surrogate.loading import force, to_touch
+from surrogate.loading import to_touch, to_unknown, touch_slope
 from surrogate.locate import Located
 
 Array = NDArray[np.float64]
@@ -86,12 +86,21 @@ def posterior(forward: ForwardMap, table: Table, located: Located) -> Posterior:
     width = 1 / np.sqrt(curvature)
     load = table.load[:-1] + np.clip(best, 0, 1) * np.diff(table.load)
     log_weight = -0.5 * cost + _log_mass(-best / width, (1 - best) / width) + np.log(width)
-    log_weight += np.log(np.cosh(load)) + 3 * np.log(table.d_mm)[:, None]
-    pressed, (lowest, highest) = force(np.log(table.d_mm)[:, None], load, table.p0), forward.bounds[:, 2]
-    log_weight[(pressed < 0.999 * lowest) | (pressed > 1.001 * highest)] = -np.inf
+    log_weight += _log_prior(forward, table)
     top = log_weight.max(axis=(1, 2), keepdims=True)
     total = np.log(np.sum(np.exp(log_weight - top), axis=(1, 2), keepdims=True))
     return Posterior(table, log_weight - top - total, load)
+
+
+def _log_prior(forward: ForwardMap, table: Table) -> Array:
+    """(D, G - 1) log of the density of (d, g) that is uniform in (d, F), by the trapezoidal rule in d."""
+    touch, (lowest, highest) = table.touch, forward.bounds[:, 2]
+    density = np.log(touch_slope(to_unknown(touch, table.p0), table.p0)[:, 3, 3])
+    density[(touch[:, 3] < lowest) | (touch[:, 3] > highest)] = -np.inf
+    density = density.reshape(len(table.d_mm), -1)
+    if len(density) > 1:
+        density[[0, -1]] += np.log(0.5)
+    return density
 
 
 def _log_mass(lower: Array, upper: Array) -> Array:
