@@ -47,11 +47,11 @@ def _refusal(scene: Scene) -> str:
     (punch,) = scene.punches
     if scene.hold.time_s:
         return "a hold (time_s in [hold]) is not built; leave it out for the touch right after loading."
-    built = {"profile": (punch.profile, "flat"), "friction": (punch.friction, "none"),
-             "kind in [electrodes]": (scene.electrodes.kind, "line")}
+    built = {"profile": (punch.profile, ("flat", "sphere")), "friction": (punch.friction, ("none",)),
+             "kind in [electrodes]": (scene.electrodes.kind, ("line",))}
     for key, (given, known) in built.items():
-        if given != known:
-            return f"{key} = \"{given}\" is not built; built is \"{known}\"."
+        if given not in known:
+            return f"{key} = \"{given}\" is not built; built: {', '.join(known)}."
     return _rim_refusal(scene, punch)
 
 

@@ -62,6 +62,7 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     from matcal.calibrate import Choices, calibrate
     from matcal.card import as_json as card_json
     from matcal.protocols import reduce_tests
+    from matcal.readers.detect import files_of
     from matcal.record import make_card, write_record
     from matcal.summary import print_fit
 
@@ -69,7 +70,7 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     choices = Choices(_order(order), _poisson(poisson), stable, residual, _weights(weight or []))
     found = calibrate(reduce_tests(inputs, specimen), choices)
     draws, unfinished = _sampled(found, seed) if posterior else (None, None)
-    used = [p for _, paths in inputs for p in paths] + ([specimen] if specimen else [])
+    used = [p for _, paths in inputs for path in paths for p in files_of(path)] + ([specimen] if specimen else [])
     card = make_card(found, out, used, seed, draws)
     write_record(card, found, out, draws)
     if as_json:

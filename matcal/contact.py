@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ def find_contact(travel: Array, load: Array, rest: int, length_m: float, latest_
 def _change_point(travel: Array, load: Array, length_m: float, latest_m: float) -> float:
     grid = np.linspace(0.0, latest_m, 25)
     best = int(np.argmin([_fit(at, travel, load, length_m)[0] for at in grid]))
-    found = minimize_scalar(lambda at: _fit(at, travel, load, length_m)[0], method="bounded",
+    found: Any = minimize_scalar(lambda at: _fit(at, travel, load, length_m)[0], method="bounded",
                             options={"xatol": 1e-7 * length_m},
                             bounds=(float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])))
     return float(found.x)
