@@ -1,0 +1,73 @@
+"""Stiff and extreme cases of material and touch: what holds, what is lost, and what it cost.
+
+Run by `make bench`; writes results/stiff.csv beside this file. The electrical cases are in results/electrics_stiff.csv.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import brentq
+
+from eitsim.axisymmetric import solve_touch
+from eitsim.scene import Body, Punch
+from matcal.errors import NotConverged
+from matcal.hyperfoam import Hyperfoam
+from matcal.stability import stability
+
+RESULTS = Path(__file__).parent / "results"
+TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
+
+
+def scan() -> Iterator[dict[str, object]]:
+    """Stable range of Table 1, its ends against the roots of h(lambda) = sum mu_i lambda^alpha_i."""
+    begun = time.process_time()
+    found = stability(TABLE_1)
+    seconds = time.process_time() - begun
+    exact = [brentq(lambda x: float(np.sum(TABLE_1.mu_Pa * x**TABLE_1.alpha)), *ends, xtol=1e-14) - 1
+             for ends in ((0.2, 0.55), (0.55, 0.9))]
+    ((low, high),) = found["drucker"]["uniaxial"]["unstable_strain"]  # type: ignore[misc]
+    yield {"case": "Table 1, Drucker in uniaxial compression", "outcome": f"lost from {high:.4f} to {low:.4f}",
+           "error": max(abs(low - exact[0]), abs(high - exact[1])), "cpu_s": seconds}
+    for mode in ("uniaxial", "biaxial", "shear"):
+        ranges = found["elliptic"][mode]["unstable_strain"]
+        yield {"case": f"Table 1, strong ellipticity in {mode}",
+               "outcome": "kept" if not ranges else f"lost in {ranges}", "error": np.nan, "cpu_s": np.nan}
+
+
+def touches() -> Iterator[dict[str, object]]:
+    softer, stiffer = (Hyperfoam(TABLE_1.mu_Pa * s, TABLE_1.alpha, TABLE_1.nu) for s in (1e-3, 1e3))
+    cases = [("d = 10 mm, 2 N", TABLE_1, Punch(diameter_m=0.01, force_N=2.0)),
+             ("d = 10 mm, 4 N", TABLE_1, Punch(diameter_m=0.01, force_N=4.0)),
+             ("d = 8 mm, 3 N", TABLE_1, Punch(diameter_m=0.008, force_N=3.0)),
+             ("d = 14 mm, 0.001 N", TABLE_1, Punch(diameter_m=0.014, force_N=1e-3)),
+             ("d = 14 mm, 1 mN, mu x 1e-3", softer, Punch(diameter_m=0.014, force_N=1e-3)),
+             ("d = 14 mm, 1 kN, mu x 1e3", stiffer, Punch(diameter_m=0.014, force_N=1e3)),
+             ("d = 14 mm, 20 N", TABLE_1, Punch(diameter_m=0.014, force_N=20.0)),
+             ("d = 14 mm, 1 N, fillet 0.1 mm", TABLE_1, Punch(diameter_m=0.014, fillet_m=1e-4)),
+             ("d = 14 mm, 1 N, nu = 0.3", Hyperfoam(TABLE_1.mu_Pa, TABLE_1.alpha, [0.3, 0.3, 0.3]), Punch())]
+    for name, law, punch in cases:
+        begun = time.process_time()
+        try:
+            touch = solve_touch(law, Body(), punch)
+            outcome = f"{touch.depth_m * 1e3:.4f} mm deep, {touch.fraction_non_elliptic:.2%} of points not elliptic"
+            error = touch.depth_error
+        except NotConverged as lost:
+            outcome, error = f"not converged: {lost}", np.nan
+        yield {"case": name, "outcome": outcome, "error": error, "cpu_s": time.process_time() - begun}
+
+
+def main() -> None:
+    solve_touch(TABLE_1, Body(), Punch())  # compiles the kernels
+    table = pd.DataFrame([*scan(), *touches()])
+    RESULTS.mkdir(exist_ok=True)
+    table.to_csv(RESULTS / "stiff.csv", index=False, float_format="%.3g")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
