@@ -32,6 +32,8 @@ PROFILES = ("flat", "sphere")
 PENALTY = 525.0
 # Floors of the relative errors of depth and signal at the default element size h_0, and their powers of h/h_0.
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
+# Least element size, in default sizes: about 5 GB.
+_FINEST = 1 / 8
 # How often the force is halved for a start where Newton's method fails from rest.
 _HALVINGS = 5
 # A prescribed depth: relative error at which it is reached, steps towards it, and the largest in the force's logarithm.
@@ -85,6 +87,9 @@ def _levels(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, p
         punch = replace(punch, fillet_m=punch.diameter_m / 2)
     default = default_element_m(body, punch)
     sizes = [default if element_m is None else element_m]
+    if not _FINEST * default <= sizes[0] < body.thickness_m / 2:
+        raise ValueError(f"element_m must lie between {_FINEST * default:.3g} m (finer ones exceed the memory) and "
+                         f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < 1.5 * default:
         sizes.insert(0, 2 * sizes[0])
     return [pressing(law, body, punch, size, penalty) for size in sizes]

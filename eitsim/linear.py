@@ -47,7 +47,8 @@ def bordered(solve: Solve, border: Array, corner: float) -> Solve:
         raise Indefinite("the Schur complement of the border is not positive")
 
     def both(b: Array) -> Array:
-        last = (b[-1] - border @ solve(b[:-1])) / schur
-        return np.append(solve(b[:-1]) - column * last, last)
+        first = solve(b[:-1])
+        last = (b[-1] - border @ first) / schur
+        return np.append(first - column * last, last)
 
     return both

@@ -10,6 +10,7 @@ DOI 10.1145/3241041.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,14 @@ Array = NDArray[np.float64]
 
 # Places of l_1, l_2, l_3 among the five modes (stretch 1, 2, 3, flip, twist).
 _STRETCHES, _FLIP, _TWIST = slice(0, 3), 3, 4
+
+
+def compiled(function: Callable[..., None]) -> Callable[..., None]:
+    """Compile a loop over arrays; kept on disk where there is a place to write, else compiled by each process."""
+    try:
+        return njit(cache=True)(function)
+    except RuntimeError:
+        return njit(function)
 
 
 @dataclass(frozen=True)
@@ -145,7 +154,7 @@ def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.
     return gradient, band
 
 
-@njit(cache=True)
+@compiled
 def assemble(shape, elements, unknown, force, tangent, gradient, band):
     """Add element forces sum_q B' force and stiffnesses sum_q B' tangent B to gradient and to the lower band.
 

@@ -25,7 +25,8 @@ def test_one_element_in_uniaxial_compression_is_the_closed_form(name, strain):
     force = forces(law, grid, np.array([lateral - 1, 0.0, 0.0, axial - 1]))
     top, side = grid.nodes[:, 1] == 1.3, grid.nodes[:, 0] == 0.7
     scale = law.mu_0_Pa * np.pi * 0.7**2
-    assert force[top, 1].sum() / scale == pytest.approx(nominal_stress(law, "uniaxial", strain) / law.mu_0_Pa, abs=1e-10)
+    expected = nominal_stress(law, "uniaxial", strain) / law.mu_0_Pa
+    assert force[top, 1].sum() / scale == pytest.approx(expected, abs=1e-10)
     assert np.abs(force[side, 0]).max() / scale < 1e-10
 
 
@@ -132,3 +133,9 @@ def test_foam_turned_inside_out_has_infinite_energy():
     grid = tensor_grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), free=True)
     u = (grid.nodes @ np.diag([0.0, -1.5])).ravel()[np.argsort(grid.unknown.ravel())]
     assert solid.energy(TABLE_1, grid, u) == np.inf
+
+
+def test_compilation_does_without_a_place_for_its_cache():
+    scope: dict = {}
+    exec("def twice(x):\n    return 2 * x\n", scope)  # no file, hence no cache
+    assert solid.compiled(scope["twice"])(3.0) == 6.0
