@@ -149,7 +149,8 @@ def nova_text(time, current, rng):
 
 def plain_text(strain, stress, rng):
     noisy = stress + rng.normal(0, ERRORS["plain_noise_kPa"], stress.size)
-    return "strain,stress\n-,kPa\n" + "".join(f"{e:.4f},{p:.4f}\n" for e, p in zip(strain, noisy, strict=True))
+    head = "# SYNTHETIC, see README.md\nstrain,stress\n-,kPa\n"
+    return head + "".join(f"{e:.4f},{p:.4f}\n" for e, p in zip(strain, noisy, strict=True))
 
 
 def resistance(strain, cycles):

@@ -6,15 +6,17 @@ import hashlib
 import importlib.metadata
 import json
 from pathlib import Path
+from typing import Any
 
 from matcal.card import MaterialCard, as_json
 
 
-def card_identity(card: MaterialCard, path: Path) -> dict[str, str]:
-    """Name, file and content hash of a card; the hash is of the material's parts, not of its provenance."""
+def card_identity(card: MaterialCard, path: Path) -> dict[str, Any]:
+    """Name, file and content hash (of the material's parts) of a card, and whether synthetic data made it."""
     parts = {key: value for key, value in as_json(card).items() if key in ("hyperfoam", "prony", "conductivity")}
     text = json.dumps(parts, sort_keys=True)
-    return {"name": card.name, "file": path.name, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+    return {"name": card.name, "file": path.name, "sha256": hashlib.sha256(text.encode()).hexdigest(),
+            "synthetic": bool(card.provenance.get("synthetic", False))}
 
 
 def versions() -> dict[str, str]:

@@ -47,7 +47,8 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
     spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
     provenance = {"files": [{"name": p.name, "sha256": hashlib.sha256(p.read_bytes()).hexdigest()} for p in files],
                   "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
-                  "seed": seed, "date": datetime.now(UTC).isoformat(timespec="seconds"),
+                  "synthetic": any("synthetic" in d.lower() for d in decisions), "seed": seed,
+                  "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": [*decisions, *found.decisions], "cpu_s": spent}
     return MaterialCard(out.stem, law, found.prony.prony if found.prony else None,
                         found.conductivity.law if found.conductivity else None, fit=_fit_part(found),

@@ -56,6 +56,8 @@ def print_fit(card: MaterialCard, out: Path) -> None:
         print(f"posterior: R-hat {checks['rhat']:.3f}, effective sample size {checks['ess']:.0f}, autocorrelation "
               f"{checks['autocorrelation_steps']:.0f} of {checks['steps_kept']:.0f} steps. Prior: "
               f"{card.posterior['prior']}")
+    if card.provenance.get("synthetic"):
+        print("The data are synthetic, by the files' own words: nothing here was measured.")
     print("CPU: " + ", ".join(f"{stage} {spent:.2f} s" for stage, spent in card.provenance["cpu_s"].items()) + ".")
     print(f"card: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]}), data: {out.with_suffix('.d')}")
 

@@ -54,7 +54,8 @@ def _sources(record: Record) -> list[provenance.Source]:
 
 def _subtitle(card: MaterialCard) -> str:
     date = card.provenance.get("date")
-    return f"Card “{card.name}”" + (f", fitted {date}" if date else "")
+    data = " to synthetic data" if card.provenance.get("synthetic") else ""
+    return f"Card “{card.name}”" + (f", fitted{data} {date}" if date else "")
 
 
 def _alone(card: MaterialCard) -> dict[str, Hyperfoam]:

@@ -66,6 +66,11 @@ def seed_words(seed: Any) -> str:
     return "no seed recorded" if seed is None else f"seed {seed}"
 
 
+def card_words(card: Mapping[str, Any]) -> str:
+    """Name of a result's card, and that synthetic data made it where they did."""
+    return f"“{card['name']}”" + (" fitted to synthetic data" if card.get("synthetic") else "")
+
+
 def footer(sources: Sequence[Source], seed: str) -> dict[str, Any]:
     """What stands at the foot of every page; `seed` in words."""
     made_at = commit()

@@ -67,8 +67,8 @@ def _footer(folder: Path, data: Dataset) -> dict[str, Any]:
 
 
 def _subtitle(data: Dataset) -> str:
-    card = data.manifest.get("card", {}).get("name")
-    return counted(len(data.table), "scene") + (f" with card “{card}”" if card else "")
+    card = data.manifest.get("card")
+    return counted(len(data.table), "simulated scene") + (f" with card {provenance.card_words(card)}" if card else "")
 
 
 def _findings(data: Dataset, ok: Columns) -> list[str]:

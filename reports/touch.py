@@ -56,8 +56,8 @@ def read_result(path: Path) -> dict[str, Any]:
 
 
 def _subtitle(result: Mapping[str, Any]) -> str:
-    card = result.get("card", {}).get("name")
-    return (f"Card “{card}”, " if card else "") + f"outcome: {result['outcome']}"
+    card = result.get("card")
+    return (f"Card {provenance.card_words(card)}, " if card else "") + f"outcome: {result['outcome']}"
 
 
 def touches(result: Mapping[str, Any], key: str) -> list[float]:

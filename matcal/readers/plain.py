@@ -38,8 +38,13 @@ def read_plain(text: str, path: Path) -> Recording:
     values = {q: data[:, k] * factors[k] for k, q in enumerate(columns)}
     notes = [f"column '{name}' left out: not a known quantity." for name, _ in cells if quantity_of(name) is None]
     notes += _measure(values, names, units, path, line)
+    notes += [f"its own comment: '{text}'." for text in _comments(lines[:first])]
     return Recording(paths=(path,), vendor="plain", columns=values, names=names, units=units, first_line=first + 1,
                      notes=tuple(notes))
+
+
+def _comments(lines: list[str]) -> list[str]:
+    return [line.strip().lstrip("# ").rstrip(",; ") for line in lines if line.lstrip().startswith("#")]
 
 
 def _header(lines: list[str], layout: Layout, path: Path) -> tuple[int, list[tuple[int, str]]]:
