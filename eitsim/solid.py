@@ -133,11 +133,13 @@ def damped(stiff: Array, share: float) -> Array:
 
 
 def energy(law: Hyperfoam, grid: Grid, u: Array) -> float:
-    """Stored energy; infinite where the foam would be turned inside out."""
+    """Stored energy; infinite where the foam would be turned inside out or squeezed beyond the range of numbers."""
     strain = deformation(grid, u)
     if not np.all(admissible(strain)):
         return np.inf
-    return float(np.sum(grid.weight * hyperfoam.energy(law, log_stretches(strain))))
+    with np.errstate(over="ignore", invalid="ignore"):
+        stored = float(np.sum(grid.weight * hyperfoam.energy(law, log_stretches(strain))))
+    return stored if np.isfinite(stored) else np.inf
 
 
 def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.0) -> tuple[Array, Array]:

@@ -129,10 +129,12 @@ def full(band):
     return lower + np.tril(lower, -1).T
 
 
-def test_foam_turned_inside_out_has_infinite_energy():
+@pytest.mark.parametrize(("law", "squeeze"), [
+    (TABLE_1, -1.5), (Hyperfoam([-1e3, 4e3], [-90.0, -80.0], [0, 0]), -1 + 1e-6)])
+def test_foam_turned_inside_out_or_beyond_numbers_has_infinite_energy(law, squeeze):
     grid = tensor_grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), free=True)
-    u = (grid.nodes @ np.diag([0.0, -1.5])).ravel()[np.argsort(grid.unknown.ravel())]
-    assert solid.energy(TABLE_1, grid, u) == np.inf
+    u = (grid.nodes @ np.diag([0.0, squeeze])).ravel()[np.argsort(grid.unknown.ravel())]
+    assert solid.energy(law, grid, u) == np.inf
 
 
 def test_compilation_does_without_a_place_for_its_cache():
