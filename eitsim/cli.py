@@ -16,6 +16,8 @@ from matcal.errors import NotConverged
 from matcal.terminal import application, print_json, run
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from eitsim.results import Plan, Result
 
 app = application("Touch a foam disc with a conductive skin: contact mechanics, skin conductance, 208 voltages.")
@@ -65,10 +67,10 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         print_json(document)
     else:
         _print_result(result, document, out)
-    if result.outcome != "ok":
-        raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
     if report is not None and out is not None:
         _write_report(out, report)
+    if result.outcome != "ok":
+        raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
 
 
 def _solve(scene: Scene, card_path: Path) -> tuple[Result, dict[str, Any]]:
@@ -78,7 +80,7 @@ def _solve(scene: Scene, card_path: Path) -> tuple[Result, dict[str, Any]]:
     card: MaterialCard = read_card(card_path)
     result = simulate(scene, card)
     document = {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card, card_path),
-                "versions": versions()} | as_json(result, scene)
+                "versions": versions()} | as_json(result, scene, card)
     return result, document
 
 
@@ -109,8 +111,10 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     if account is not None:
         spent = time.perf_counter() - begun
         counts = ", ".join(f"{n} {name}" for name, n in sorted(account.outcomes.items()))
-        print(f"{out}: {account.solved} scenes solved in {spent:.1f} s on {workers} worker(s), {account.kept} were "
+        print(f"{out}: {account.solved} scenes finished in {spent:.1f} s on {workers} worker(s), {account.kept} were "
               f"there; outcomes: {counts}.")
+        for name, message in sorted(account.reasons.items()):
+            print(f"first \"{name}\": {message}")
 
 
 @app.command()
@@ -166,12 +170,25 @@ def _print_result(result: Result, document: dict[str, Any], out: Path | None) ->
             table.add_row(key, f"{document[key]:.5g}" if isinstance(document[key], float) else str(document[key]))
         table.add_row("largest |dV|, mV", f"{abs(result.readings.signal_V).max() * 1e3:.4g}")
         for key, value in result.error_estimate.items():
-            table.add_row(f"error of {key}", f"{value:.2%}")
-        table.add_row("skin beyond the fitted strain", f"{result.readings.skin_fraction_extrapolated:.2%} of its area")
+            table.add_row(f"numerical error of {key}", f"{value:.2%}")
+        _add_ranges(table, document["stability"])
         table.add_row("CPU, s", f"{result.cost['cpu_s']:.2f}")
         Console().print(table)
     if out is not None:
         print(f"result: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]})")
+
+
+def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
+    """Rows that set the least strain against the fitted ones; beyond them the laws are extrapolated."""
+    table.add_row("least strain of the surface", f"{stability['least_strain']:.3f}")
+    for part in ("foam", "skin"):
+        fitted = stability[f"fitted_{part}_strain"]
+        told = "not stated by the card"
+        if fitted is not None:
+            told = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
+        beyond = fitted is not None and stability["least_strain"] < fitted[0]
+        table.add_row(f"{part} law fitted over", told + (", extrapolated" if beyond else ""))
+    table.add_row("skin beyond its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc")
 
 
 def main() -> None:

@@ -64,9 +64,14 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
         return (f"the punch's edge lies {-gap * 1e3:.1f} mm beyond the rim of the disc; move it inwards by more than "
                 "that.")
     return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
-            f"rim may cost {effect:.1%} of the signal, allowed is {allowed:.1%} (half of signal in [accuracy]). The "
-            f"three-dimensional rim is not built; move the punch inwards to a gap of "
-            f"{_gap_for(allowed, scene.body.thickness_m) * 1e3:.0f} mm or ask for less accuracy.")
+            f"rim may cost {effect:.2g} of the signal, allowed is {allowed:.2g} (half of signal in [accuracy]). The "
+            f"three-dimensional rim is not built; {_mend(scene, allowed)}.")
+
+
+def _mend(scene: Scene, allowed: float) -> str:
+    gap = _gap_for(allowed, scene.body.thickness_m)
+    inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.radius_m else ""
+    return f"{inwards}ask for less accuracy (a larger signal in [accuracy])"
 
 
 def _gap_for(effect: float, thickness_m: float) -> float:
@@ -85,8 +90,14 @@ def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
         if punch.force_N is not None:
             yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
         if not punch.conductor:
-            yield Decision("no conduction through the punch", "the scene says conductor = false", 0.0)
+            yield Decision("no conduction through the punch", "conductor is false in [punch]", 0.0)
     yield _moduli_decision(scene, card)
+    yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
+                   "may compress the foam further than its test; the result tells both strains, the cost is unknown "
+                   "and not in the bound", 0.0)
+    yield Decision("one card, not its uncertainty", "the card's own laws are taken as exact; not in the bound", 0.0)
+    yield Decision("frictionless, coating of constant thickness, real currents", "fixed choices of this version; the "
+                   "bound does not hold them", 0.0)
     yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
                    law.E_0_Pa / STEEL_E_PA)
     yield Decision("electrodes do not stiffen the rim", "they touch only what the rim touches, and the rim is far",

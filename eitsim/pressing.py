@@ -118,7 +118,8 @@ def _implausible(model: Pressing, at: Touching, x: Array) -> str:
     """Why a minimum is none of the physical problem; empty where it is fine."""
     deepest = float(at.gap.max()) / model.tool.fillet
     if deepest > _DEEPEST:
-        return f"The foam stands {deepest:.1f} fillet radii inside the punch: the contact stiffness is too low."
+        return (f"The foam under the punch's edge is so stiff that it stands {deepest:.1f} fillet radii inside the "
+                "punch, more than the contact model allows.")
     return "The punch has gone through the foam between the points of contact." if x[-1] > 1 + at.gap.max() else ""
 
 
@@ -127,7 +128,7 @@ def _state(model: Pressing, x: Array) -> str:
     cause = "the foam is squeezed flat" if depth > _FLAT else "strong ellipticity is lost" if lost else (
         "the law is elliptic everywhere")
     return (f"The punch stood {depth:.3f} thicknesses deep, where {cause} ({lost:.1%} of the points are not elliptic). "
-            "Try a smaller force or another element size.")
+            "Try a smaller force or depth, or a larger punch.")
 
 
 def fraction_non_elliptic(model: Pressing, x: Array) -> float:

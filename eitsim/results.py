@@ -122,6 +122,8 @@ class Result:
     readings: Readings | None = None
     # in words, where the outcome is not "ok"
     message: str = ""
+    # relative residuals of a solver that did not converge; empty otherwise
+    residuals: tuple[float, ...] = ()
     # relative errors: "signal" (dV, everything) and "depth"
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # "cpu_s", "wall_s", "peak_MB"

@@ -266,8 +266,8 @@ def _check_punch(punch: Punch, body: Body) -> None:
                  "must lie between 0 and the foam's thickness", punch.depth_m * 1e3)
     _require(punch.diameter_m > 0, "diameter_mm in [punch]", "must be positive", punch.diameter_m * 1e3)
     _require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
-             "must be positive (a sharp edge has no finite peak stress) and at most half the diameter",
-             punch.fillet_m * 1e3)
+             "(0.5 unless given) must be positive (a sharp edge has no finite peak stress) and at most half of "
+             f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)
     _require(punch.contact_impedance_Ohm_m2 > 0, "contact_impedance_Ohm_m2 in [punch]", "must be positive",
              punch.contact_impedance_Ohm_m2)
     _choice("profile in [punch]", punch.profile, PROFILES)

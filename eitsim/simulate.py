@@ -39,7 +39,7 @@ def simulate(scene: Scene, card: MaterialCard) -> Result:
     try:
         touches = tuple(_touch(law, scene, punch) for punch in scene.punches)
     except NotConverged as error:
-        return Result("not_converged", plan, message=str(error), cost=_cost(wall, cpu))
+        return Result("not_converged", plan, message=str(error), residuals=error.residuals, cost=_cost(wall, cpu))
     deepest = max(touch.depth_m for touch in touches)
     readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive,
                      tuple(zip(scene.punches, touches, strict=True)), skin_law,
@@ -48,13 +48,15 @@ def simulate(scene: Scene, card: MaterialCard) -> Result:
     if deepest > BOTTOM * scene.body.thickness_m:
         outcome = "bottomed_out"
         message = f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
-    return Result(outcome, plan, touches, readings, message, _errors(plan, touches, readings), _cost(wall, cpu))
+    return Result(outcome, plan, touches, readings, message, error_estimate=_errors(plan, touches, readings),
+                  cost=_cost(wall, cpu))
 
 
 def _touch(law: Hyperfoam, scene: Scene, punch: Punch) -> Touch:
     """A touch on the default mesh, and on one of half its element size where the first misses the wanted error."""
     touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
-    if touch.signal_error <= MECHANICS_SHARE * scene.accuracy.signal:
+    fine = touch.signal_error <= MECHANICS_SHARE * scene.accuracy.signal
+    if fine or touch.depth_m > BOTTOM * scene.body.thickness_m:
         return touch
     finer = default_element_m(scene.body, punch) / 2
     return solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=finer)
@@ -71,13 +73,15 @@ def _cost(wall: float, cpu: float) -> dict[str, float]:
             "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
 
 
-def as_json(result: Result, scene: Scene) -> dict[str, Any]:
+def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
     """A result as plain JSON values with the keys of the command-line contract; several touches give lists."""
     out: dict[str, Any] = {
         "outcome": result.outcome, "message": result.message,
         "plan": [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound}
                  for d in result.plan.decisions],
         "cost": dict(result.cost)}
+    if result.residuals:
+        out["residuals"] = list(result.residuals)
     if result.readings is None:
         return out
     blocks = [mechanical(touch) for touch in result.touches]
@@ -88,8 +92,21 @@ def as_json(result: Result, scene: Scene) -> dict[str, Any]:
         "error_estimate": dict(result.error_estimate), "electrics_method": result.readings.method,
         "stability": {"elliptic": all(t.fraction_non_elliptic == 0 for t in result.touches),
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
-                      "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated},
+                      "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
+                      **fitted_ranges(result, card)},
         "profile": [profile(touch, scene) for touch in result.touches]}
+
+
+def fitted_ranges(result: Result, card: MaterialCard) -> dict[str, Any]:
+    """Least through-thickness strain of the surface, and the strains over which foam and skin were fitted.
+
+    Where the least strain lies below them the laws are extrapolated, at a cost that no error estimate here counts.
+    """
+    least = min(float(np.min(touch.stretch_normal)) for touch in result.touches) - 1
+    foam = card.hyperfoam.strain_range.get("uniaxial") if card.hyperfoam else None
+    skin = card.conductivity.strain_range if card.conductivity else None
+    return {"least_strain": least, "fitted_foam_strain": list(foam) if foam else None,
+            "fitted_skin_strain": list(skin) if skin else None}
 
 
 def mechanical(touch: Touch) -> dict[str, float]:

@@ -35,6 +35,8 @@ class Account:
 
     # outcome -> number of rows, over the whole data set
     outcomes: Mapping[str, int]
+    # outcome other than "ok" -> the message of its first row
+    reasons: Mapping[str, str]
     # rows solved by this call
     solved: int
     # rows that stood there before
@@ -61,8 +63,9 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1) ->
             dataset.write_part(folder, rows)
             done += len(rows)
             yield done
-    outcomes = Counter(dataset.read_dataset(folder).table["outcome"])
-    yield Account(dict(outcomes), len(missing), len(kept))
+    table = dataset.read_dataset(folder).table
+    failed = table[table["outcome"] != "ok"].groupby("outcome")["message"].first()
+    yield Account(dict(Counter(table["outcome"])), {str(k): str(v) for k, v in failed.items()}, len(missing), len(kept))
 
 
 def _check_card(card: MaterialCard, design: Design) -> None:

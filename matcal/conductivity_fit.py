@@ -136,7 +136,8 @@ def _sentences(law: Conductivity, held: bool, chi_square: float | None, freedom:
     out = [f"Conductivity fitted for strains {lo:.3g} to {hi:.3g} and kept above {FLOOR:.0%} of its median down to "
            f"{LOWEST_STRAIN:g}" + ("; that bound holds the fit." if held else "; the data alone satisfy it.")]
     if lo > -0.01:
-        out.append("All conductivity data are tensile: every compressed skin is an extrapolation, see the band.")
+        out.append("All conductivity data are tensile: every compressed skin is an extrapolation; its band holds only "
+                   "if the cubic does.")
     if chi_square is None:
         out.append("The conductivity file states no noise: it is taken from the residuals of the cubic.")
     else:

@@ -56,6 +56,8 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
 
 def _scatter(axes: Axes, target: np.ndarray, value: np.ndarray, half_width: np.ndarray) -> None:
     ends = [float(min(target.min(), value.min())), float(max(target.max(), value.max()))]
+    margin = 0.5 * (ends[1] - ends[0]) or 1.0
+    axes.set_ylim(ends[0] - margin, ends[1] + margin)
     axes.plot(ends, ends, color=style.GREY, lw=0.7, zorder=1)
     axes.errorbar(target, value, yerr=half_width, fmt="o", ms=2, color=style.ACCENT, ecolor="#9cc6e0", elinewidth=0.6,
                   mew=0, zorder=2)
@@ -68,7 +70,7 @@ def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) 
         r2 = "" if score["r2"] is None else f", R² {r_squared(score['r2'])}"
         told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
     last = parts[shown[-1]]
-    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals (bars) hold "
+    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals (bars, cut at the frame) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 
 

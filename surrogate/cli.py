@@ -101,6 +101,8 @@ def predict(model_folder: ModelFolder,
 
     model = store.load(model_folder)
     touched, reference = _frames(model, frames, baseline)
+    if noise_v is not None and not noise_v >= 0:
+        raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
     noise = noise_v if noise_v is not None else reference.noise_V
     if noise is None:
         print("surrogate: the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two "

@@ -30,9 +30,12 @@ class Frames:
 
 def read_frames(path: Path, readings: int) -> Frames:
     """Read a file of frames; TestFileError names the line of a wrong width, a missing number or a dead channel."""
-    with open(path, newline="", encoding="utf-8-sig") as file:
-        rows = [(number, [cell.strip() for cell in cells]) for number, cells in enumerate(csv.reader(file), start=1)
-                if any(cell.strip() for cell in cells)]
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = [(number, [cell.strip() for cell in cells]) for number, cells in enumerate(csv.reader(file), start=1)
+                    if any(cell.strip() for cell in cells)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise TestFileError(path, f"not a text file of frames ({error}). Expected a CSV of voltages.") from None
     order = np.arange(readings)
     if rows and not _is_number(rows[0][1][0]):
         order = _order(path, rows[0], readings)

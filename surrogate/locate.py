@@ -102,7 +102,8 @@ def on_disc(forward: ForwardMap, place_mm: Array) -> Array:
 
 def _as_ratios(forward: ForwardMap, state: Array, covariance: Array) -> Located:
     strength = state[:, 2:]
-    first = forward.sign * np.maximum(forward.sign * strength[:, 0], np.finfo(float).tiny)
+    weakest = 1e-6 * np.exp(forward.strengths[0].values.min())
+    first = forward.sign * np.maximum(forward.sign * strength[:, 0], weakest)
     slope = np.zeros_like(covariance)
     slope[:, 0, 0] = 1 / first
     rest = np.arange(1, strength.shape[1])

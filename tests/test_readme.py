@@ -29,7 +29,7 @@ def readme_commands() -> list[list[str]]:
 
 def skeleton(command: list[str]) -> list[str]:
     """A command without the folders and numbers that the demo sets itself."""
-    return [Path(word).name for word in command if not word.isdigit() and "$" not in word or "/" in word]
+    return [Path(word).name for word in command if (not word.isdigit() and "$" not in word) or "/" in word]
 
 
 def test_readme_chain_runs(tmp_path: Path) -> None:
