@@ -36,7 +36,7 @@ _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
 # Least element size, in default sizes: about 5 GB.
 _FINEST = 1 / 8
 # How often the force is halved for a start where Newton's method fails from rest.
-_HALVINGS = 3
+_HALVINGS = 5
 # A prescribed depth: relative error at which it is reached, steps towards it, and the largest in the force's logarithm.
 _DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP = 1e-9, 40, 0.5
 

@@ -37,7 +37,7 @@ class Minimum:
 
 
 def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], System], start: Array, *,
-             scale: float, tolerance: float = 1e-10, limit: int = 60) -> Minimum:
+             scale: float, tolerance: float = 1e-10, limit: int = 100) -> Minimum:
     """Local minimum of energy(x) from start, at which |gradient| <= tolerance scale and the Hessian is positive.
 
     system(x, share) gives the gradient and the Hessian whose possibly negative parts are scaled by share: an indefinite
