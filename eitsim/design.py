@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from eitsim.scene import Scene, scene_from, scene_keys
 from matcal.errors import TestFileError
+from matcal.toml_file import read_toml
 
 SAMPLERS = ("random", "lhs", "sobol")
 _TOP = ("scenes", "seed", "sampler", "card", "material", "measurement")
@@ -38,10 +38,7 @@ class Design:
 def read_design(path: Path | str, scenes: int | None = None) -> Design:
     """Read a design file; `scenes` overrides its count. TestFileError names the file and the key."""
     path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise TestFileError(path, f"not a TOML file: {error}.") from None
+    raw = read_toml(path)
     try:
         return design_from(raw, scenes)
     except ValueError as error:

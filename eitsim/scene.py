@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from matcal.errors import TestFileError
+from matcal.toml_file import read_toml
 
 PROFILES = ("flat", "sphere", "cone")
 FRICTIONS = ("none", "stick")
@@ -173,10 +173,7 @@ def _unconverted(value: Any, per: float | None) -> Any:
 def read_scene(path: Path | str) -> Scene:
     """Read a scene file (TOML); TestFileError names the file and the key, ValueError's text inside it."""
     path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise TestFileError(path, f"not a TOML file: {error}.") from None
+    raw = read_toml(path)
     try:
         return scene_from(raw)
     except ValueError as error:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from matcal.errors import TestFileError
 from matcal.experiment import KINDS
 from matcal.readers.recording import Recording
-from matcal.specimen import read_toml
+from matcal.toml_file import read_toml
 
 # word in a test's title or a file's name -> kind; the first match wins, so the more telling words stand first
 _WORDS = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from matcal.errors import TestFileError
+from matcal.toml_file import read_toml
 
 DIRECTIONS = ("compression", "tension")
 _DISC = {"diameter_mm", "width_mm", "depth_mm", "height_mm", "compliance_mm_per_N", "preload_N", "direction"}
@@ -57,16 +57,6 @@ def read_specimen(path: Path) -> dict[str, Block | Strip]:
     if unknown := sorted(set(tables) - set(KEYS)):
         raise TestFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.")
     return {kind: _specimen(kind, table, path) for kind, table in tables.items()}
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """A TOML file; TestFileError where it is missing or not TOML."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise TestFileError(path, "no such file. Check the name and the folder.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise TestFileError(path, f"not TOML: {error}.") from None
 
 
 def _specimen(kind: str, table: Any, path: Path) -> Block | Strip:
