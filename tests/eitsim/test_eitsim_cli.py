@@ -1,0 +1,73 @@
+"""Command line of eitsim: the contract's keys, plain errors with status 2, what was reached with status 3."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from matcal.card import MaterialCard, write_card
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm", {"uniaxial": (-0.8, 0.0)})
+SKIN = Conductivity(30.0, [-2, 2, -1], (0.0, 0.4))
+KEYS = {"readings_V", "baseline_V", "force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "outcome",
+        "wall_contact_mm2", "plan", "error_estimate", "stability", "cost", "scene", "card", "versions"}
+
+
+def eitsim(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "eitsim", *words], cwd=folder, capture_output=True, text=True,
+                          timeout=300)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_card(MaterialCard("Table 1", FOAM, None, SKIN), tmp_path / "card.json")
+    write_card(MaterialCard("dry", FOAM), tmp_path / "dry.json")
+    write_card(MaterialCard("skin", None, None, SKIN), tmp_path / "skin.json")
+    (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
+    (tmp_path / "bare.toml").write_text("[punch]\nforce_N = 0.5\n")
+    (tmp_path / "wrong.toml").write_text("[punch]\nradius = 3\n")
+    (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 88\n")
+    (tmp_path / "hopeless.toml").write_text("[punch]\nforce_N = 200\n")
+    return tmp_path
+
+
+def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
+    done = eitsim(folder, "run", "scene.toml", "--json", "--out", "result.json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result.keys() >= KEYS
+    assert json.loads((folder / "result.json").read_text()) == result
+    assert result["stability"]["fitted_foam_strain"] == [-0.8, 0.0]
+    assert [len(row) for row in result["readings_V"]] == [13] * 16
+
+
+@pytest.mark.parametrize(("words", "named"), [
+    (["run", "absent.toml"], "absent.toml"), (["run", "bare.toml"], "--card"),
+    (["run", "bare.toml", "--card", "absent.json"], "absent.json"),
+    (["run", "wrong.toml", "--card", "card.json"], "radius"), (["run", "rim.toml", "--card", "card.json"], "rim"),
+    (["run", "bare.toml", "--card", "dry.json"], "no conductivity"),
+    (["run", "bare.toml", "--card", "skin.json"], "no hyperfoam"),
+    (["run", "scene.toml", "--report", "touch.pdf"], "--out"), (["report", "nothing", "--out", "x.pdf"], "nothing"),
+    (["sweep", "wrong.toml", "--card", "card.json", "--out", "set"], "scenes")])
+def test_mistakes_are_named_with_status_2(folder: Path, words: list[str], named: str) -> None:
+    before = sorted(p.name for p in folder.iterdir())
+    done = eitsim(folder, *words)
+    assert done.returncode == 2
+    assert named in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(p.name for p in folder.iterdir()) == before
+
+
+def test_a_hopeless_touch_saves_what_was_reached_with_status_3(folder: Path) -> None:
+    done = eitsim(folder, "run", "hopeless.toml", "--card", "card.json", "--out", "result.json")
+    assert done.returncode == 3
+    assert "deep" in done.stderr
+    result = json.loads((folder / "result.json").read_text())
+    assert result["outcome"] == "not_converged"
+    assert result["residuals"]
