@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_OPTIONAL = ("time_s", "samples", "deviation", "lateral")
 KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")
 
 
@@ -32,6 +33,10 @@ class Experiment:
     # (n,) raw samples averaged into each value, where these differ: `noise` is then that of one sample and value k has
     # noise/sqrt(samples[k]); None where every value has the same noise
     samples: Array | None = None
+    # (n,) scatter of `value` from specimen to specimen that the file itself states, same unit; None where it states none
+    deviation: Array | None = None
+    # (n,) nominal strain of the free faces, measured beside a uniaxial, planar or biaxial test; None where it was not
+    lateral: Array | None = None
     # every correction applied and decision taken, one sentence each, in order
     decisions: tuple[str, ...] = ()
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
@@ -40,12 +45,13 @@ class Experiment:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"experiment kind '{self.kind}' is unknown; known: {', '.join(KINDS)}.")
-        for name in ("strain", "value", "time_s", "samples"):
+        for name in ("strain", "value", *_OPTIONAL):
             if (value := getattr(self, name)) is not None:
                 value = np.array(value, dtype=float)
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
-        sizes = {self.strain.size, self.value.size, *(a.size for a in (self.time_s, self.samples) if a is not None)}
+        others = (getattr(self, name) for name in _OPTIONAL)
+        sizes = {self.strain.size, self.value.size, *(a.size for a in others if a is not None)}
         if len(sizes) != 1 or self.strain.ndim != 1:
-            raise ValueError(f"experiment '{self.kind}': strain, value, time_s and samples must have one length, "
+            raise ValueError(f"experiment '{self.kind}': strain, value, {', '.join(_OPTIONAL)} must have one length, "
                              f"got {sizes}.")
