@@ -33,7 +33,7 @@ class Experiment:
     # (n,) raw samples averaged into each value, where these differ: `noise` is then that of one sample and value k has
     # noise/sqrt(samples[k]); None where every value has the same noise
     samples: Array | None = None
-    # (n,) scatter of `value` from specimen to specimen that the file itself states, same unit; None where it states none
+    # (n,) scatter of `value` from specimen to specimen where the file states it, same unit; None where it does not
     deviation: Array | None = None
     # (n,) nominal strain of the free faces, measured beside a uniaxial, planar or biaxial test; None where it was not
     lateral: Array | None = None
