@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_OPTIONAL = ("time_s", "samples", "deviation", "lateral")
+_OPTIONAL = ("time_s", "samples", "deviation", "lateral", "held")
 KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")
 
 
@@ -37,6 +37,11 @@ class Experiment:
     deviation: Array | None = None
     # (n,) nominal strain of the free faces, measured beside a uniaxial, planar or biaxial test; None where it was not
     lateral: Array | None = None
+    # (n,) 1 where the strain of a relaxation is held, 0 on the ramps between the holds; None where nothing is held
+    held: Array | None = None
+    # column -> (m,) values, one row a cycle, of a cyclic test: cycle, resistance_rest_Ohm, resistance_peak_Ohm, their
+    # fitted courses fit_*; or cycle, loss_Pa, residual_strain, peak_stress_Pa. None where nothing is cycled
+    cycles: Mapping[str, Array] | None = None
     # every correction applied and decision taken, one sentence each, in order
     decisions: tuple[str, ...] = ()
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
@@ -50,8 +55,21 @@ class Experiment:
                 value = np.array(value, dtype=float)
                 value.setflags(write=False)
                 object.__setattr__(self, name, value)
+        if self.cycles is not None:
+            object.__setattr__(self, "cycles", _table(self.kind, self.cycles))
         others = (getattr(self, name) for name in _OPTIONAL)
         sizes = {self.strain.size, self.value.size, *(a.size for a in others if a is not None)}
         if len(sizes) != 1 or self.strain.ndim != 1:
             raise ValueError(f"experiment '{self.kind}': strain, value, {', '.join(_OPTIONAL)} must have one length, "
                              f"got {sizes}.")
+
+
+def _table(kind: str, columns: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Columns of one length, read-only."""
+    out = {name: np.array(values, dtype=float, ndmin=1) for name, values in columns.items()}
+    if len({values.shape for values in out.values()}) > 1:
+        raise ValueError(f"experiment '{kind}': the columns of its cycles must have one length, got "
+                         f"{', '.join(f'{name} {values.size}' for name, values in out.items())}.")
+    for values in out.values():
+        values.setflags(write=False)
+    return out
