@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.experiment import Experiment
-from matcal.modes import MODES, design, hereditary_kernel, push_forward
+from matcal.hyperfoam import Hyperfoam
+from matcal.modes import MODES, design, hereditary_kernel, push_forward, second_piola
 from matcal.prony import Prony
 
 Array = NDArray[np.float64]
@@ -38,6 +39,12 @@ class Curve:
     def design(self, alpha: Array, nu: float) -> Array:
         """d stress/d mu_longterm, (n, N)."""
         return design(self.experiment.kind, self.experiment.strain, alpha, nu, self.kernel)
+
+    def model(self, law: Hyperfoam) -> Array:
+        """Nominal stress of a long-term law with any nu along the curve's own history, Pa, (n,)."""
+        kind, e = self.experiment.kind, self.experiment.strain
+        history = second_piola(law, kind, e)
+        return np.sum(push_forward(kind, e) * (history if self.kernel is None else self.kernel @ history), axis=-1)
 
 
 def weigh(experiments: Sequence[Experiment], residual: str = "relative",
@@ -91,6 +98,11 @@ def weighted_operator(curve: Curve) -> Array:
 def weighted_design(curves: Sequence[Curve], alpha: Array, nu: float) -> Array:
     """Design of all curves over their scales, (n, N); its residual's squares sum to the weighted mean square."""
     return np.vstack([c.design(alpha, nu) / c.scale_Pa[:, None] for c in curves])
+
+
+def weighted_model(curves: Sequence[Curve], law: Hyperfoam) -> Array:
+    """Stresses of a long-term law, each term with its own nu, over the scales of the curves, (n,)."""
+    return np.concatenate([c.model(law) / c.scale_Pa for c in curves])
 
 
 def weighted_stress(curves: Sequence[Curve]) -> Array:

@@ -97,8 +97,8 @@ def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam
 
 
 def modelled(law: Hyperfoam, curve: Curve) -> Array:
-    """Nominal stress of a law with one nu along the curve's own history, Pa, (n,)."""
-    return curve.design(law.alpha, float(law.nu[0])) @ law.mu_Pa
+    """Nominal stress of a law along the curve's own history, Pa, (n,)."""
+    return curve.model(law)
 
 
 def relative_rms(law: Hyperfoam, curve: Curve) -> float:

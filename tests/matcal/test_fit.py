@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from matcal.curves import weigh, weighted_design, with_history
+from matcal.curves import weigh, weighted_design, weighted_model, with_history
 from matcal.experiment import Experiment
 from matcal.fit import allowed_exponents, fit, relative_rms
 from matcal.hyperfoam import Hyperfoam
@@ -66,6 +66,19 @@ def test_histories_give_long_term_moduli() -> None:
     assert corrected.law.moduli == "longterm"
     assert corrected.law.mu_0_Pa == pytest.approx(9530, rel=1e-3)
     assert fit(plain, 3).law.mu_0_Pa > 1.05 * 9530
+
+
+def test_the_weighted_model_is_the_design_for_one_nu_and_the_law_itself_for_several() -> None:
+    tests = [replace(curve(mode), time_s=np.linspace(0, 100, 60), strain=np.r_[0.0, curve(mode).strain[1:]])
+             for mode in ("uniaxial", "shear", "biaxial")]
+    curves = [with_history(c, SERIES) for c in weigh(tests)]
+    law = replace(TABLE_1, nu=np.full(3, 0.2))
+    np.testing.assert_allclose(weighted_model(curves, law), weighted_design(curves, law.alpha, 0.2) @ law.mu_Pa,
+                               rtol=1e-9, atol=1e-12)
+    mixed, plain = replace(TABLE_1, nu=np.array([0.1, 0.3, 0.2])), weigh(tests)
+    expected = np.concatenate([nominal_stress(mixed, c.experiment.kind, c.experiment.strain) / c.scale_Pa
+                               for c in plain])
+    np.testing.assert_allclose(weighted_model(plain, mixed), expected, rtol=1e-12)
 
 
 def test_a_mode_left_out_is_cross_predicted() -> None:
