@@ -54,10 +54,15 @@ class Calibration:
     prony: PronyFit | None
     # skin; None without a conductivity test
     conductivity: ConductivityFit | None
-    # what was decided, one sentence each
-    decisions: tuple[str, ...]
+    # stage -> what was decided there, one sentence each, in order
+    stages: Mapping[str, tuple[str, ...]]
     # stage -> CPU seconds
     cpu_s: Mapping[str, float]
+
+    @property
+    def decisions(self) -> tuple[str, ...]:
+        """The sentences of all stages."""
+        return tuple(sentence for said in self.stages.values() for sentence in said)
 
 
 def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None) -> Calibration:
@@ -81,8 +86,9 @@ def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None)
     skin = fit_conductivity(stretched) if stretched else None
     total = time.process_time() - started
     checks = (*_stiffness_sentences(prony), *_drucker_sentences(law)) if law else ()
-    decisions = (*said, *(prony.decisions if prony else ()), *how, *checks, *(skin.decisions if skin else ()))
-    return Calibration(tuple(experiments), law, uncertainty, prony, skin, decisions,
+    stages = {"records": said, "relaxation": prony.decisions if prony else (), "law": how, "checks": checks,
+              "skin": skin.decisions if skin else ()}
+    return Calibration(tuple(experiments), law, uncertainty, prony, skin, stages,
                        {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total})
 
 
