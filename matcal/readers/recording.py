@@ -13,7 +13,12 @@ Array = NDArray[np.float64]
 
 # quantity -> SI unit of its column
 QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
-              "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m"}
+              "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m",
+              "deviation": "Pa", "lateral": "", "lateral_stretch": "", "volume_ratio": "", "pressure": "Pa",
+              "cycle": "", "block": ""}
+
+# size of a specimen that a file may state itself -> SI unit
+SIZES = {"diameter": "m", "width": "m", "depth": "m", "thickness": "m", "length": "m", "height": "m", "area": "m^2"}
 
 
 @dataclass(frozen=True)
@@ -22,7 +27,7 @@ class Recording:
 
     # the files it was read from, in order of time
     paths: tuple[Path, ...]
-    # layout that was recognised: "mts_testsuite", "nova" or "plain"
+    # layout that was recognised: "mts_testsuite", "mts_793", "instron", "nova" or "plain"
     vendor: str
     # quantity (a key of QUANTITIES) -> (n,) values in SI
     columns: Mapping[str, Array]
@@ -34,12 +39,16 @@ class Recording:
     first_line: int
     # key -> value lines that stand above the table
     metadata: Mapping[str, str] = field(default_factory=dict)
+    # size that the file itself states (a key of SIZES) -> value in SI
+    properties: Mapping[str, float] = field(default_factory=dict)
     # what was assumed or left out, one sentence each
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if unknown := sorted(set(self.columns) - set(QUANTITIES)):
             raise ValueError(f"recording: quantity '{unknown[0]}' is unknown; known: {', '.join(QUANTITIES)}.")
+        if unknown := sorted(set(self.properties) - set(SIZES)):
+            raise ValueError(f"recording: size '{unknown[0]}' is unknown; known: {', '.join(SIZES)}.")
         columns = {}
         for quantity, values in self.columns.items():
             columns[quantity] = np.array(values, dtype=float)
