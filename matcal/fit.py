@@ -19,7 +19,7 @@ from matcal.varpro import Exponents, Optimum, Solve, least_moduli, minimise
 
 Array = NDArray[np.float64]
 
-ORDERS = (1, 2, 3, 4)
+ORDERS = (1, 2, 3, 4, 5, 6)
 # exponents searched, and the largest |alpha ln lambda| that a column may reach
 _LOWEST, _HIGHEST, _LARGEST_POWER = -15.0, 25.0, 40.0
 # |ln lambda| times the least distance of two exponents: nearer ones look alike over the curves
@@ -145,7 +145,7 @@ def _table(curves: tuple[Curve, ...], nu: float) -> Table:
 def _minimise(table: Table, curves: tuple[Curve, ...], order: int, nu: float, starts: int,
               solve: Solve = least_moduli) -> Optimum:
     """Best of the starts, searched on the table and evaluated with the exact design."""
-    found = minimise(table.design, table.target, order, allowed_exponents(curves), starts, solve)
+    found = minimise(table.design, table.slope, table.target, order, allowed_exponents(curves), starts, solve)
     design, stress = weighted_design(curves, found.alpha, nu), weighted_stress(curves)
     mu = solve(design, stress, found.alpha)
     return replace(found, mu_Pa=mu, cost=float(np.sum((design @ mu - stress) ** 2)))

@@ -37,6 +37,10 @@ class Table:
         """(r, N) design at exponents (N,)."""
         return self.column(np.asarray(alpha)).T
 
+    def slope(self, alpha: ArrayLike) -> Array:
+        """(r, N) derivative of each column of the design with its exponent."""
+        return self.column(np.asarray(alpha), 1).T
+
 
 def tabulate(curves: Sequence[Curve], nu: float, bounds: tuple[float, float], more: Array | None = None) -> Table:
     """Table for exponents within `bounds`; `more` (n, J) are further vectors that the basis must hold."""

@@ -8,9 +8,8 @@ Source: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, DOI 10.1137/0710036
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,8 @@ Design = Callable[[Array], Array]
 # (design (n, N), target (n,)) -> moduli (N,); least squares, or least squares under a constraint
 Solve = Callable[[Array, Array, Array], Array]
 
+# combinations kept while starts grow
+_BEAM = 64
 # exponents from which starts are combined
 _GRID = np.array([-12.0, -8.0, -5.0, -3.0, -1.5, -0.5, 0.3, 0.9, 2.0, 3.5, 5.0, 7.5, 11.0, 16.0, 23.0])
 
@@ -59,11 +60,12 @@ def least_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
     return np.linalg.lstsq(matrix / size, target, rcond=1e-13)[0] / size
 
 
-def minimise(design: Design, target: Array, order: int, allowed: Exponents, starts: int = 8,
-             solve: Solve = least_moduli) -> Optimum:
+def minimise(design: Design, slope: Design, target: Array, order: int, allowed: Exponents, starts: int = 8,
+             solve: Solve = least_moduli, more: Sequence[Array] = ()) -> Optimum:
     """Moduli and exponents with least ||target - design(alpha) mu||, from the best `starts` grid combinations.
 
-    Deterministic; exponents stay as `allowed`.
+    `slope` is d design/d alpha, column by column; it serves where the moduli are least squares, else differences are
+    taken. `more`: further starts (order,). Deterministic; exponents stay as `allowed`.
     """
     calls = 0
 
@@ -74,17 +76,44 @@ def minimise(design: Design, target: Array, order: int, allowed: Exponents, star
         matrix = design(alpha)
         return matrix @ solve(matrix, target, alpha) - target
 
+    def jacobian(steps: Array) -> Array:
+        alpha = _exponents(steps, allowed)
+        moving = np.tril(np.ones((order, order))) * (np.cumsum(steps) <= _ceiling(order, allowed))[:, None]
+        return _projected_slopes(design(alpha), slope(alpha), target) @ moving
+
     lowest = np.r_[allowed.low, np.full(order - 1, allowed.gap)]
     highest = np.r_[allowed.high, np.full(order - 1, allowed.high - allowed.low)]
     found = []
-    for start in _starts(design, target, order, allowed, starts):
+    for start in [*_starts(design, target, order, allowed, starts), *more]:
         steps = np.clip(np.diff(start, prepend=0.0), lowest + 1e-6, highest - 1e-6)
-        out = least_squares(residual, steps, bounds=(lowest, highest), x_scale=np.full(order, 1.0), xtol=1e-9,
-                            ftol=1e-11, gtol=1e-14, max_nfev=200)
+        out = least_squares(residual, steps, jac=jacobian if solve is least_moduli else "2-point",
+                            bounds=(lowest, highest), xtol=1e-9, ftol=1e-11, gtol=1e-14, max_nfev=200)
         found.append((2 * float(out.cost), _exponents(out.x, allowed)))
     found.sort(key=lambda pair: pair[0])
     cost, alpha = found[0]
     return Optimum(solve(design(alpha), target, alpha), alpha, cost, tuple(c for c, _ in found), calls)
+
+
+def _projected_slopes(matrix: Array, slope: Array, target: Array) -> Array:
+    """d(matrix mu - target)/d alpha, (n, N), where mu are the least-squares moduli of matrix (n, N).
+
+    Column j is P' a_j mu_j - Q R^-T e_j (a_j . r) with a_j the slope of column j, P' = 1 - Q Q' and r the residual;
+    the second part is left out where columns are dependent.
+    """
+    size = np.linalg.norm(matrix, axis=0)
+    q, r = np.linalg.qr(matrix / size)
+    slope = slope / size
+    mu = np.linalg.lstsq(r, q.T @ target, rcond=1e-13)[0]
+    out = (slope - q @ (q.T @ slope)) * mu
+    if np.abs(np.diag(r)).min() > 1e-10:
+        miss = q @ (r @ mu) - target
+        out -= q @ np.linalg.solve(r.T, np.diag(slope.T @ miss))
+    return out
+
+
+def _ceiling(order: int, allowed: Exponents) -> Array:
+    """Largest value of each of `order` ordered exponents."""
+    return allowed.high - allowed.gap * np.arange(order)[::-1]
 
 
 def _exponents(steps: Array, allowed: Exponents) -> Array:
@@ -92,18 +121,32 @@ def _exponents(steps: Array, allowed: Exponents) -> Array:
 
     Exactly 0, where the law has a limit only, is stepped past.
     """
-    alpha = np.minimum(np.cumsum(steps), allowed.high - allowed.gap * np.arange(steps.size)[::-1])
+    alpha = np.minimum(np.cumsum(steps), _ceiling(steps.size, allowed))
     return np.where(np.abs(alpha) < 1e-6, 1e-6, alpha)
 
 
 def _starts(design: Design, target: Array, order: int, allowed: Exponents, count: int) -> list[Array]:
-    """The `count` combinations of grid exponents that fit best."""
+    """The `count` combinations of grid exponents that fit best, grown by one exponent at a time from the best so far.
+    """
     grid = np.array([a for a in _GRID if allowed.low < a < allowed.high])
+    if grid.size < order:
+        grid = np.linspace(allowed.low, allowed.high, order + 4)[1:-1]
     matrix = design(grid)
-    matrix = matrix / np.linalg.norm(matrix, axis=0)
-    q, r = np.linalg.qr(matrix)
+    q, r = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))
     seen = q.T @ target
-    choices = [list(c) for c in combinations(range(grid.size), order)]
-    explained = [np.sum((np.linalg.qr(r[:, c])[0].T @ seen) ** 2) for c in choices]
-    best = np.argsort(explained)[::-1][:count]
-    return [grid[choices[k]] for k in best]
+    choices = np.arange(grid.size)[:, None]
+    for _ in range(order - 1):
+        choices = _best(r, seen, _extended(choices, grid.size))[:_BEAM]
+    return [grid[c] for c in _best(r, seen, choices)[:count]]
+
+
+def _extended(choices: NDArray[np.intp], size: int) -> NDArray[np.intp]:
+    """Every increasing combination that adds one of `size` members to a combination, (K, N) -> (K', N + 1)."""
+    grown = np.sort([[*c, k] for c in choices for k in range(size) if k not in c], axis=1)
+    return np.unique(grown, axis=0)
+
+
+def _best(r: Array, seen: Array, choices: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Combinations of columns of r (K, N), those first that explain most of `seen`."""
+    basis = np.linalg.qr(np.moveaxis(r[:, choices], 1, 0))[0]
+    return choices[np.argsort(-np.sum(np.einsum("kgn,g->kn", basis, seen) ** 2, axis=1), kind="stable")]
