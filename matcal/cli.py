@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,9 +64,10 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     from matcal.card import as_json as card_json
     from matcal.protocols import reduce_tests
     from matcal.readers.detect import files_of
-    from matcal.record import make_card, write_record
+    from matcal.record import folder_of, make_card, write_record
     from matcal.summary import print_fit
 
+    _check_places(folder_of(out), report)
     inputs = [_input(text) for text in files]
     choices = Choices(_order(order), _poisson(poisson), stable, residual, _weights(weight or []))
     found = calibrate(reduce_tests(inputs, specimen), choices)
@@ -146,6 +148,15 @@ def report(card: CardFile, out: Annotated[Path, typer.Option(help="PDF to write.
     Example: matcal report card.json --out report.pdf
     """
     _write_report(card, out)
+
+
+def _check_places(folder: Path, report: Path | None) -> None:
+    """Before the work begins: a missing folder of the card is made, and said; a report goes into one that is there."""
+    if not folder.parent.is_dir():
+        folder.parent.mkdir(parents=True)
+        print(f"matcal: made the folder {folder.parent}.", file=sys.stderr)
+    if report is not None and not report.parent.is_dir():
+        raise ValueError(f"--report {report}: the folder {report.parent} does not exist. Create it first.")
 
 
 def _write_report(card: Path, out: Path, quiet: bool = False) -> None:

@@ -2,7 +2,9 @@
 
 The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where
 the test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law
-without rate effects; decisions.json, label -> sentences; and posterior.nc where a posterior was sampled.
+without rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; bands.parquet, stress in every mode
+with its 95 % band, and conductivity_band.parquet; decisions.json, test or stage -> sentences; and posterior.nc where a
+posterior was sampled.
 """
 
 from __future__ import annotations
@@ -20,16 +22,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from matcal.bands import conductivity_band, stress_bands
 from matcal.calibrate import Calibration, is_curve, labels
 from matcal.card import MaterialCard, write_card, write_json
 from matcal.conductivity import conductivity
-from matcal.curves import Curve
 from matcal.draws import FILE, law_of, write_draws
 from matcal.experiment import Experiment
-from matcal.fit import modelled, relative_rms
+from matcal.fit import modelled
+from matcal.goodness import curve_of, fit_part
 from matcal.modes import nominal_stress
 from matcal.stability import stability
-from matcal.standard_errors import standard_errors
 from matcal.uncertainty import derived_quantities
 
 if TYPE_CHECKING:
@@ -42,24 +44,31 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
               posterior: Posterior | None = None) -> MaterialCard:
     """The card of a calibration from `files`, to be written to `out`."""
     law = found.fit.law if found.fit else None
-    decisions = [s for label, e in zip(labels(found.experiments), found.experiments, strict=True)
-                 for s in (f"{label}: {d}" for d in e.decisions)]
+    groups = said(found)
+    tests = set(labels(found.experiments))
+    decisions = [f"{name}: {s}" if name in tests else s for name, sentences in groups.items() for s in sentences]
     spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
     provenance = {"files": [{"name": p.name, "sha256": hashlib.sha256(p.read_bytes()).hexdigest()} for p in files],
                   "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
                   "synthetic": any("synthetic" in d.lower() for d in decisions), "seed": seed,
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
-                  "decisions": [*decisions, *found.decisions], "cpu_s": spent}
+                  "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
+                  "cpu_s": spent}
     return MaterialCard(out.stem, law, found.prony.prony if found.prony else None,
-                        found.conductivity.law if found.conductivity else None, fit=_fit_part(found),
+                        found.conductivity.law if found.conductivity else None, fit=fit_part(found),
                         stability=stability(law) if law else {}, provenance=provenance, data=folder_of(out).name,
                         posterior=_posterior_part(posterior, folder_of(out).name) if posterior else {})
+
+
+def said(found: Calibration) -> dict[str, tuple[str, ...]]:
+    """Test, then stage -> its decisions, in the order in which they were taken."""
+    own = {label: e.decisions for label, e in zip(labels(found.experiments), found.experiments, strict=True)}
+    return {name: group for name, group in (own | dict(found.stages)).items() if group}
 
 
 def write_record(card: MaterialCard, found: Calibration, out: Path, posterior: Posterior | None = None) -> Path:
     """Write the card to `out` and its folder beside it; what stood there before stays whole until both are ready."""
     folder = folder_of(out)
-    out.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=out.parent, prefix=folder.name, suffix=".part"))
     try:
         write_card(card, fresh / out.name)
@@ -78,9 +87,18 @@ def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path)
     tests = list(zip(labels(found.experiments), found.experiments, strict=True))
     for label, experiment in tests:
         _table(found, label, experiment).to_parquet(folder / f"{label}.parquet", index=False)
-    write_json({label: list(e.decisions) for label, e in tests}, folder / "decisions.json")
-    if posterior is not None:
-        write_draws(posterior.draws, folder / FILE)
+        if experiment.cycles is not None:
+            pd.DataFrame(dict(experiment.cycles)).to_parquet(folder / f"{label}_cycles.parquet", index=False)
+    write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")
+    draws = posterior.draws if posterior is not None else None
+    if found.fit and found.uncertainty:
+        bands = stress_bands(found.fit.law, found.uncertainty, found.fit.wider, draws)
+        bands.to_parquet(folder / "bands.parquet", index=False)
+    if found.conductivity:
+        band = conductivity_band(found.conductivity, draws)
+        band.to_parquet(folder / "conductivity_band.parquet", index=False)
+    if draws is not None:
+        write_draws(draws, folder / FILE)
 
 
 def folder_of(card: Path) -> Path:
@@ -96,7 +114,7 @@ def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFra
         columns = {"strain": experiment.strain, "conductivity_S_per_m": experiment.value,
                    "fit_conductivity_S_per_m": conductivity(law, experiment.strain)}
     elif is_curve(experiment) and found.fit:
-        curve = _curve(found, label)
+        curve = curve_of(found, label)
         columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
                    "fit_stress_Pa": modelled(found.fit.law, curve),
                    "longterm_stress_Pa": nominal_stress(found.fit.law, experiment.kind, curve.experiment.strain)}
@@ -109,36 +127,6 @@ def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFra
     return pd.DataFrame(columns)
 
 
-def _curve(found: Calibration, label: str) -> Curve:
-    assert found.fit is not None
-    return next(c for c in found.fit.curves if c.label == label)
-
-
-def _fit_part(found: Calibration) -> dict[str, Any]:
-    """Per experiment its errors; then derived quantities, standard errors, orders tried and cross prediction."""
-    out: dict[str, Any] = {}
-    for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
-        out[label] = _goodness(found, label, experiment)
-    if found.fit and found.uncertainty:
-        out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
-                          for n, i in found.uncertainty.derived.items()}
-        out["parameters"] = standard_errors(found.fit)
-        out["orders"] = [{"order": r.order, "rms": r.rms, "bic": r.bic, "confluence": r.confluence}
-                         for r in found.fit.orders]
-        out["cross_prediction"] = {
-            mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
-                   "relative_rms": dict(alone.relative_rms)} for mode, alone in found.fit.alone.items()}
-    if found.prony:
-        sd = np.sqrt(np.diag(found.prony.covariance))
-        terms = found.prony.prony.g.size
-        out["prony"] = {"g_sd": sd[:terms], "tau_sd_s": sd[terms:]}
-    if found.conductivity:
-        c = found.conductivity
-        out["conductivity"] = {"chi_square": c.chi_square, "freedom": c.freedom,
-                               "coefficient_sd_S_per_m": np.sqrt(np.diag(c.covariance))}
-    return out
-
-
 def _posterior_part(posterior: Posterior, folder: str) -> dict[str, Any]:
     draws = posterior.draws
     values = [derived_quantities(law_of(draws, k)) for k in range(len(draws))]
@@ -149,30 +137,3 @@ def _posterior_part(posterior: Posterior, folder: str) -> dict[str, Any]:
         derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi}
     return {"file": f"{folder}/{FILE}", "n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
             "derived": derived}
-
-
-def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[str, Any]:
-    k = int(label.rsplit("_", 1)[1]) - 1
-    row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
-                           "unit": "S/m" if experiment.kind == "conductivity" else "Pa",
-                           "source": list(experiment.source), "strain_range": _range(experiment)}
-    if is_curve(experiment) and found.fit:
-        curve = _curve(found, label)
-        share = relative_rms(found.fit.law, curve)
-        row |= _errors(curve.experiment.value, share) | {"weight": curve.weight}
-    elif experiment.kind == "relaxation" and found.prony:
-        row |= _errors(experiment.value, found.prony.relative_rms[k])
-        row |= {"compared": "hold", "stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
-    elif experiment.kind == "conductivity" and found.conductivity:
-        row |= _errors(experiment.value, found.conductivity.relative_rms[k])
-    return row
-
-
-def _errors(value: np.ndarray, relative: float) -> dict[str, float | None]:
-    square, variance = float(np.mean(value**2)), float(np.var(value))
-    return {"rms": relative * np.sqrt(square), "relative_rms": relative,
-            "r2": 1 - relative**2 * square / variance if variance > 0 else None}
-
-
-def _range(experiment: Experiment) -> list[float]:
-    return [float(experiment.strain.min()), float(experiment.strain.max())]

@@ -1,99 +1,185 @@
-"""What the command line prints: decisions, results with their errors, predictions, stability."""
+"""What the command line prints of a calibration: results first, what to mind, errors, and at last what was decided."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
+from matcal import result_tables as tables
 from matcal.card import MaterialCard
+from matcal.cautions import cautions, tests
+from matcal.modes import MODES
+
+# columns of a table in a pipe, where nothing says how wide the reader's page is
+_PIPE = 120
+# what a stage of `matcal.calibrate.Calibration` is called
+_STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperfoam law", "checks": "checks of the law",
+           "skin": "conductivity"}
 
 
 def print_columns(columns: dict[str, Any], title: str) -> None:
     """Print columns of one length as a table, and words below it."""
     shown = {name: values for name, values in columns.items() if not isinstance(values, str)}
-    table = Table(*shown, title=title)
-    for row in zip(*shown.values(), strict=True):
-        table.add_row(*(f"{value:.6g}" for value in row))
-    Console().print(table)
+    rows = [[f"{value:.6g}" for value in row] for row in zip(*shown.values(), strict=True)]
+    console = _console()
+    _print_table(console, tables.Printed(title, [*shown], rows, ">" * len(shown)))
     for name, value in columns.items():
         if isinstance(value, str):
-            print(f"{name}: {value}")
+            _say(console, f"{name}: {value}")
 
 
 def print_stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
     """Print the ranges that `matcal.stability.stability` found."""
-    table = Table("criterion", "mode", "stable", "unstable strain", "scanned", title="stability")
-    for criterion, modes in found.items():
-        for mode, row in modes.items():
-            ranges = ", ".join(f"{lo:.4g} to {hi:.4g}" for lo, hi in row["unstable_strain"])
-            table.add_row(criterion, mode, "yes" if row["stable"] else "no", ranges or "-",
-                          "{:g} to {:g}".format(*row["scanned"]))
-    Console().print(table)
+    _print_table(_console(), tables.stability(found))
 
 
 def print_fit(card: MaterialCard, out: Path) -> None:
-    """Print what a calibration decided and found, from its card, and where the card went."""
-    console = Console()
-    for sentence in card.provenance["decisions"]:
-        print(f"- {sentence}")
-    if "derived" in card.fit:
-        table = Table("quantity", "value", "95 % interval", title="what the tests measure")
-        for name, row in card.fit["derived"].items():
-            table.add_row(name, f"{row['value']:.5g}", f"{row['lo']:.5g} to {row['hi']:.5g}")
-        for name, row in card.posterior.get("derived", {}).items():
-            table.add_row(f"{name} (posterior)", f"{row['median']:.5g}", f"{row['lo']:.5g} to {row['hi']:.5g}")
-        console.print(table)
-    console.print(_error_table(card))
-    if cross := card.fit.get("cross_prediction"):
-        console.print(_cross_table(cross))
-    if "parameters" in card.fit:
-        console.print(_parameter_table(card))
+    """Print what a calibration found, from its card, what was decided, and what may be done with it next."""
+    console = _console()
+    _say(console, _title(card))
+    for table in _results(card):
+        _print_table(console, table)
+    if warned := cautions(card):
+        _heading(console, "Mind")
+        for sentence in warned:
+            _item(console, "!", sentence)
+    for table in _quality(card):
+        _print_table(console, table)
     if card.posterior:
-        checks = card.posterior["checks"]
-        print(f"posterior: R-hat {checks['rhat']:.3f}, effective sample size {checks['ess']:.0f}, autocorrelation "
-              f"{checks['autocorrelation_steps']:.0f} of {checks['steps_kept']:.0f} steps. Prior: "
-              f"{card.posterior['prior']}")
-    if card.provenance.get("synthetic"):
-        print("The data are synthetic, by the files' own words: nothing here was measured.")
-    print("CPU: " + ", ".join(f"{stage} {spent:.2f} s" for stage, spent in card.provenance["cpu_s"].items()) + ".")
-    print(f"card: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]}), data: {out.with_suffix('.d')}")
+        _heading(console, "Posterior")
+        _say(console, _posterior(card))
+    _heading(console, "Decisions")
+    _decisions(console, card)
+    _heading(console, "Next")
+    for command, purpose in _next(card, out):
+        _say(console, f"  {command}\n      {purpose}")
+    spent = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in card.provenance["cpu_s"].items())
+    _say(console, f"\nCPU: {spent}.")
+    _say(console, f"card: {out} (file sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]}), "
+                  f"data: {out.with_suffix('.d')}")
 
 
-def _error_table(card: MaterialCard) -> Table:
-    table = Table("test", "points", "rms", "relative RMS", "R2", "weight", title="errors of the combined fit")
-    for label, row in card.fit.items():
-        if isinstance(row, dict) and "kind" in row and "rms" in row:
-            table.add_row(label, str(row["n"]), f"{row['rms']:.4g} {row['unit']}", f"{row['relative_rms']:.3%}",
-                          "-" if row["r2"] is None else f"{row['r2']:.6f}", f"{row['weight']:.2f}")
-    return table
-
-
-def _cross_table(cross: Mapping[str, Any]) -> Table:
-    table = Table("fitted to", *(f"predicts {mode}" for mode in cross), title="relative RMS of laws fitted to one mode")
-    for mode, law in cross.items():
-        errors = law["relative_rms"]
-        table.add_row(f"{mode} alone", *(f"{errors[m]:.2%}" if errors[m] < 10 else "over 1000%" for m in cross))
-    return table
-
-
-def _parameter_table(card: MaterialCard) -> Table:
-    table = Table("parameter", "value", "standard error (lmfit)", title="parameters, not all of them measurable alone")
-    for name, row in card.fit["parameters"].items():
-        if name == "mu_0_Pa":
-            continue  # its honest interval stands above: lmfit's error leaves contact, drift and misfit out
-        table.add_row(name, f"{row['value']:.5g}", "none" if row["stderr"] is None else f"{row['stderr']:.2g}")
+def _results(card: MaterialCard) -> Iterator[tables.Printed]:
+    if "derived" in card.fit:
+        yield tables.derived(card)
+    if card.hyperfoam is not None and "parameters" in card.fit:
+        yield tables.law(card)
     if card.prony is not None:
-        for k, (g, tau) in enumerate(zip(card.prony.g, card.prony.tau_s, strict=True)):
-            sd = card.fit["prony"]
-            table.add_row(f"g_{k + 1}", f"{g:.4f}", f"{sd['g_sd'][k]:.2g}")
-            table.add_row(f"tau_{k + 1}_s", f"{tau:.4g}", f"{sd['tau_sd_s'][k]:.2g}")
+        yield tables.series(card)
     if card.conductivity is not None:
-        table.add_row("c0_S_per_m", f"{card.conductivity.c0_S_per_m:.5g}", "")
-        for k, a in enumerate(card.conductivity.a, 1):
-            table.add_row(f"a_{k}", f"{a:.4g}", "")
-    return table
+        yield tables.skin(card)
+
+
+def _quality(card: MaterialCard) -> Iterator[tables.Printed]:
+    if tests(card):
+        yield tables.errors(card)
+    if card.fit.get("cross_prediction"):
+        yield tables.cross(card)
+    if card.stability:
+        yield tables.stability(card.stability)
+    if len(card.fit.get("orders", ())) > 1:
+        yield tables.orders(card)
+
+
+def _title(card: MaterialCard) -> str:
+    files, fitted = len(card.provenance.get("files", ())), len(tests(card))
+    parts = [name for part, name in (("hyperfoam", "foam"), ("prony", "relaxation"), ("conductivity", "skin"))
+             if getattr(card, part) is not None]
+    of = " of synthetic data" if card.provenance.get("synthetic") else ""
+    return (f"{card.name}: {', '.join(parts) or 'nothing'}, from {fitted} test{'s' * (fitted != 1)} in {files} "
+            f"file{'s' * (files != 1)}{of}")
+
+
+def _posterior(card: MaterialCard) -> str:
+    checks = card.posterior["checks"]
+    state = "converged" if checks.get("converged", True) else "did NOT converge"
+    return (f"{card.posterior['n']} draws, {state}: R-hat {checks['rhat']:.3f}, effective sample size "
+            f"{checks['ess']:.0f}, autocorrelation time {checks['autocorrelation_steps']:.0f} of "
+            f"{checks['steps_kept']:.0f} steps. Prior: {card.posterior['prior']}")
+
+
+def _decisions(console: Console, card: MaterialCard) -> None:
+    """The provenance's sentences under the test or stage that took them."""
+    for name, sentences in grouped(card.provenance):
+        source = card.fit.get(name, {}).get("source") if isinstance(card.fit.get(name), Mapping) else None
+        label = f"{name} ({', '.join(source)})" if source else _STAGES.get(name, name)
+        console.print(Text(label, style="bold"), soft_wrap=True)
+        for sentence in sentences:
+            _item(console, "-", sentence)
+
+
+def grouped(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """(test or stage, its decisions without the test's name) in order; one group where the card does not part them."""
+    sentences: Sequence[str] = provenance.get("decisions", ())
+    counts: Mapping[str, int] = provenance.get("decisions_of", {})
+    if sum(counts.values()) != len(sentences):
+        return [("all", [*sentences])] if sentences else []
+    out, first = [], 0
+    for name, count in counts.items():
+        out.append((name, [s.removeprefix(f"{name}: ") for s in sentences[first:first + count]]))
+        first += count
+    return out
+
+
+def _next(card: MaterialCard, out: Path) -> list[tuple[str, str]]:
+    said = [(f"matcal report {out} --out {out.with_suffix('.pdf')}", "figures, tables and provenance as PDF")]
+    if card.hyperfoam is not None:
+        mode = next((m for m in MODES if m in card.hyperfoam.strain_range), "uniaxial")
+        at = card.hyperfoam.strain_range.get(mode, (-0.5, 0.0))
+        strain = 0.5 * (at[0] if abs(at[0]) > abs(at[1]) else at[1])
+        said += [(f"matcal check {out}", "where the law is stable"),
+                 (f"matcal predict {out} {mode} --strain={strain:.2g}", "stress, with its band"),
+                 (f"matcal export {out} --to abaqus", "or calculix, febio, lsdyna, ansys")]
+    elif card.prony is not None:
+        said.append((f"matcal predict {out} relaxation --time=1,10,100", "normalised stress"))
+    elif card.conductivity is not None:
+        said.append((f"matcal predict {out} conductivity --strain=-0.2,0.2", "conductivity, with its band"))
+    return said
+
+
+def _console() -> Console:
+    """The terminal as it is; in a pipe wide enough that no table is folded."""
+    console = Console()
+    return console if console.is_terminal or console.width > _PIPE else Console(width=_PIPE)
+
+
+def _print_table(console: Console, printed: tables.Printed) -> None:
+    _heading(console, printed.title)
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1), header_style="")
+    for head, align in zip(printed.head, printed.align, strict=True):
+        table.add_column(head, justify="right" if align == ">" else "left", no_wrap=align != "w", overflow="fold")
+    for row in printed.rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console.print(table)
+    if printed.note:
+        _say(console, f" {printed.note}")
+
+
+def _heading(console: Console, words: str) -> None:
+    console.print()
+    console.print(Text(words, style="bold"))
+
+
+def _item(console: Console, mark: str, sentence: str) -> None:
+    """A sentence behind its mark: wrapped with a hanging indent on a terminal, one line in a pipe."""
+    if not console.is_terminal:
+        _say(console, f"  {mark} {sentence}")
+        return
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row(mark, Text(sentence))
+    console.print(Padding(grid, (0, 0, 0, 2)))
+
+
+def _say(console: Console, words: str) -> None:
+    """Plain words; a pipe gets them in one line."""
+    console.print(Text(words), soft_wrap=not console.is_terminal)
+
+

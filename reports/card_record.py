@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from matcal.card import MaterialCard, read_card
 from matcal.errors import TestFileError
+from matcal.experiment import KINDS
 
 Array = NDArray[np.float64]
 # kind -> column of the measured value
@@ -60,6 +61,8 @@ class Record:
     files: tuple[Path, ...]
     # why there are no tests; empty where there are
     missing: str = ""
+    # further tables of the folder by their file's stem: bands, conductivity_band, KIND_i_cycles
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
 
     def fitted(self, kind: str) -> list[Test]:
         """Tests of a kind that were fitted and whose errors the card holds."""
@@ -79,11 +82,18 @@ def read_record(path: Path) -> Record:
     if not folder.is_dir():
         return Record(path, card, {}, (), f"The folder {card.data} that the card names is not beside it, so no data "
                                          "are drawn.")
-    files, tables = sorted(p for p in folder.iterdir() if p.is_file()), sorted(folder.glob("*.parquet"))
-    tests = {table.stem: _read_test(table) for table in tables}
-    if not tests:
-        return Record(path, card, {}, (), f"The folder {card.data} holds no reduced test, so no data are drawn.")
-    return Record(path, card, tests, tuple(files))
+    files = tuple(sorted(p for p in folder.iterdir() if p.is_file()))
+    tables = {p.stem: p for p in files if p.suffix == ".parquet"}
+    tests = {stem: _read_test(table) for stem, table in tables.items() if _is_test(stem)}
+    beside = {stem: pd.read_parquet(table) for stem, table in tables.items() if not _is_test(stem)}
+    missing = "" if tests else f"The folder {card.data} holds no reduced test, so no data are drawn."
+    return Record(path, card, tests, files, missing, beside)
+
+
+def _is_test(stem: str) -> bool:
+    """Whether a table is called KIND_i."""
+    kind, _, number = stem.rpartition("_")
+    return kind in KINDS and number.isdigit()
 
 
 def _read_test(path: Path) -> Test:

@@ -65,8 +65,8 @@ def test_fit_leaves_a_card_and_its_data(matcal, tmp_path: Path) -> None:
     assert [f["name"] for f in made.provenance["files"]] == ["uniaxial.csv", "shear.csv"]
     assert all(len(f["sha256"]) == 64 for f in made.provenance["files"])
     assert made.stability["drucker"]["uniaxial"]["stable"] is False
-    assert sorted(p.name for p in (tmp_path / "foam.d").iterdir()) == ["decisions.json", "shear_1.parquet",
-                                                                      "uniaxial_1.parquet"]
+    assert sorted(p.name for p in (tmp_path / "foam.d").iterdir()) == ["bands.parquet", "decisions.json",
+                                                                      "shear_1.parquet", "uniaxial_1.parquet"]
     table = pd.read_parquet(tmp_path / "foam.d" / "uniaxial_1.parquet")
     assert {"strain", "stress_Pa", "fit_stress_Pa", "longterm_stress_Pa"} <= set(table)
     error = table["fit_stress_Pa"] - table["stress_Pa"]

@@ -1,0 +1,102 @@
+"""What one must know before a card is used: the terminal and the report say it first, in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from matcal.card import MaterialCard
+from matcal.modes import MODES
+
+NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
+# relative RMS of a fit, and of a prediction, from which on it is said; share of a relaxation time likewise
+_MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
+
+
+def cautions(card: MaterialCard) -> tuple[str, ...]:
+    """One sentence each, the gravest first; empty where there is nothing to warn of."""
+    said = [*_origin(card), *_convergence(card), *_stability(card), *_misfit(card), *_coverage(card), *_series(card),
+            *_skin(card)]
+    return tuple(said)
+
+
+def unstable_inside(card: MaterialCard) -> list[tuple[str, str, float, float]]:
+    """(criterion, mode, lo, hi) of every unstable range that meets the strains fitted in its mode."""
+    fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
+    return [(criterion, mode, lo, hi) for criterion, modes in card.stability.items() for mode, row in modes.items()
+            for lo, hi in row["unstable_strain"] if mode in fitted and overlaps((lo, hi), fitted[mode])]
+
+
+def overlaps(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two ranges share more than an end."""
+    return max(one[0], other[0]) < min(one[1], other[1])
+
+
+def tests(card: MaterialCard) -> dict[str, Mapping[str, Any]]:
+    """label -> errors of every test that was fitted."""
+    return {label: row for label, row in card.fit.items() if isinstance(row, Mapping) and "relative_rms" in row
+            and "kind" in row}
+
+
+def relative_rms(card: MaterialCard, kind: str) -> float:
+    """Relative RMS of the card's law over all fitted tests of a kind."""
+    return float(np.sqrt(np.mean([row["relative_rms"] ** 2 for row in tests(card).values() if row["kind"] == kind])))
+
+
+def _origin(card: MaterialCard) -> Iterator[str]:
+    if card.provenance.get("synthetic"):
+        yield "The data are synthetic, by the files' own words: nothing here was measured."
+
+
+def _convergence(card: MaterialCard) -> Iterator[str]:
+    checks = card.posterior.get("checks", {})
+    if checks and not checks.get("converged", True):
+        yield (f"The posterior did not converge (R-hat {checks['rhat']:.3f}, effective sample size "
+               f"{checks['ess']:.0f}): do not use its intervals.")
+
+
+def _stability(card: MaterialCard) -> Iterator[str]:
+    lost: dict[str, list[str]] = {}
+    for criterion, mode, lo, hi in unstable_inside(card):
+        lost.setdefault(criterion, []).append(f"{mode} {lo:.3g} to {hi:.3g}")
+    for criterion, where in lost.items():
+        yield f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}."
+
+
+def _misfit(card: MaterialCard) -> Iterator[str]:
+    poor = [f"{label} by {row['relative_rms']:.2g}" for label, row in tests(card).items()
+            if row["relative_rms"] > _MISFIT]
+    if poor:
+        yield f"The fit misses (relative RMS) {', '.join(poor)}."
+    tried = {row["order"]: row for row in card.fit.get("orders", ())}
+    chosen = tried.get(card.hyperfoam.mu_Pa.size) if card.hyperfoam else None
+    if chosen and chosen["confluence"]:
+        yield f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses are."
+
+
+def _coverage(card: MaterialCard) -> Iterator[str]:
+    fitted = [mode for mode in MODES if card.hyperfoam and mode in card.hyperfoam.strain_range]
+    if len(fitted) == 1:
+        yield f"Only {fitted[0]} loading was fitted: every other mode is extrapolated and may be far off."
+    kinds = [row["kind"] for row in tests(card).values()]
+    if kinds and len(kinds) == len(set(kinds)):
+        yield "One specimen of each kind was tested: the intervals leave out the scatter from specimen to specimen."
+    if card.hyperfoam is not None and card.prony is None and card.hyperfoam.moduli == "longterm" and kinds:
+        yield "Moduli count as long-term but are not corrected for the rate of the tests: no relaxation was given."
+
+
+def _series(card: MaterialCard) -> Iterator[str]:
+    sd = card.fit.get("prony", {}).get("tau_sd_s")
+    if card.prony is None or sd is None:
+        return
+    loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
+    if loose:
+        yield f"Weakly determined relaxation times: {', '.join(loose)}."
+
+
+def _skin(card: MaterialCard) -> Iterator[str]:
+    if card.conductivity is not None and card.conductivity.strain_range[0] > -0.01:
+        yield ("Conductivity was measured in tension only: under a touch, which compresses the skin, it is "
+               "extrapolated.")

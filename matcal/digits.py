@@ -1,0 +1,49 @@
+"""Numbers as the terminal prints them: as many digits as the uncertainty leaves, decimals where they stay readable."""
+
+from __future__ import annotations
+
+import math
+
+# values printed with a power of ten: below 1e-4, from 1e7 on
+_SMALLEST, _LARGEST = -4, 7
+# most significant digits of a value, however small its error
+_MOST = 8
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """`value` to `digits` significant digits; ValueError for one that is not finite."""
+    if not math.isfinite(value):
+        raise ValueError(f"{value} cannot be printed as a result: it is not a finite number.")
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    power = _power(rounded)
+    if not _SMALLEST <= power < _LARGEST:
+        return f"{value:.{digits - 1}e}"
+    return f"{rounded:.{max(digits - 1 - power, 0)}f}"
+
+
+def with_error(value: float, error: float) -> tuple[str, str]:
+    """A value and its standard error, both to the second significant digit of the error."""
+    first, second = _rounded((value, error), error)
+    return first, second
+
+
+def within(value: float, lo: float, hi: float) -> tuple[str, str]:
+    """A value, and "lo to hi", all to the second significant digit of half the interval's width."""
+    middle, low, high = _rounded((value, lo, hi), (hi - lo) / 2)
+    return middle, f"{low} to {high}"
+
+
+def _rounded(values: tuple[float, ...], error: float) -> tuple[str, ...]:
+    size = max(abs(v) for v in values)
+    if not (math.isfinite(size) and math.isfinite(error)) or error <= 0 or size == 0:
+        return tuple(significant(v) for v in values)
+    decimals = min(1 - _power(float(f"{error:.1e}")), _MOST - 1 - _power(size))
+    if not _SMALLEST <= _power(size) < _LARGEST:
+        return tuple(f"{v:.{max(decimals + _power(size), 1)}e}" for v in values)
+    return tuple(f"{round(v, decimals) + 0.0:.{max(decimals, 0)}f}" for v in values)
+
+
+def _power(value: float) -> int:
+    return math.floor(math.log10(abs(value)))

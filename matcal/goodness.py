@@ -1,0 +1,85 @@
+"""The `fit` part of a card: errors of every test, derived quantities, standard errors, orders, cross prediction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from matcal.calibrate import Calibration, is_curve, labels
+from matcal.conductivity_fit import ConductivityFit
+from matcal.curves import Curve
+from matcal.experiment import Experiment
+from matcal.fit import Fit, relative_rms
+from matcal.relaxation_fit import PronyFit
+from matcal.standard_errors import standard_errors
+
+
+def fit_part(found: Calibration) -> dict[str, Any]:
+    """Per experiment its errors; then whatever the calibration holds beside them."""
+    out: dict[str, Any] = {}
+    for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
+        out[label] = _goodness(found, label, experiment)
+    if found.fit and found.uncertainty:
+        out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
+                          for n, i in found.uncertainty.derived.items()}
+        out |= _law_part(found.fit)
+    if found.prony:
+        out["prony"] = _series_part(found.prony)
+    if found.conductivity:
+        out["conductivity"] = _skin_part(found.conductivity)
+    return out
+
+
+def curve_of(found: Calibration, label: str) -> Curve:
+    """The weighed curve of a test; the fit may have moved its strain zero."""
+    assert found.fit is not None
+    return next(c for c in found.fit.curves if c.label == label)
+
+
+def _law_part(fit: Fit) -> dict[str, Any]:
+    return {"parameters": standard_errors(fit),
+            "orders": [{"order": r.order, "rms": r.rms, "bic": r.bic, "confluence": r.confluence} for r in fit.orders],
+            "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
+                                        "relative_rms": dict(alone.relative_rms)} for mode, alone in fit.alone.items()}}
+
+
+def _series_part(prony: PronyFit) -> dict[str, Any]:
+    sd = np.sqrt(np.diag(prony.covariance))
+    terms = prony.prony.g.size
+    return {"g_sd": sd[:terms], "tau_sd_s": sd[terms:]}
+
+
+def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
+    """Standard errors of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b."""
+    law, covariance = skin.law, skin.covariance
+    slope = np.column_stack([-law.a, np.eye(3)]) / law.c0_S_per_m
+    return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": float(np.sqrt(covariance[0, 0])),
+            "a_sd": np.sqrt(np.diag(slope @ covariance @ slope.T)),
+            "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance))}
+
+
+def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[str, Any]:
+    k = int(label.rsplit("_", 1)[1]) - 1
+    row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
+                           "unit": "S/m" if experiment.kind == "conductivity" else "Pa",
+                           "source": list(experiment.source), "strain_range": _range(experiment)}
+    if is_curve(experiment) and found.fit:
+        curve = curve_of(found, label)
+        row |= _errors(curve.experiment.value, relative_rms(found.fit.law, curve)) | {"weight": curve.weight}
+    elif experiment.kind == "relaxation" and found.prony:
+        row |= _errors(experiment.value, found.prony.relative_rms[k])
+        row |= {"compared": "hold", "stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
+    elif experiment.kind == "conductivity" and found.conductivity:
+        row |= _errors(experiment.value, found.conductivity.relative_rms[k])
+    return row
+
+
+def _errors(value: np.ndarray, relative: float) -> dict[str, float | None]:
+    square, variance = float(np.mean(value**2)), float(np.var(value))
+    return {"rms": relative * np.sqrt(square), "relative_rms": relative,
+            "r2": 1 - relative**2 * square / variance if variance > 0 else None}
+
+
+def _range(experiment: Experiment) -> list[float]:
+    return [float(experiment.strain.min()), float(experiment.strain.max())]

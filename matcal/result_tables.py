@@ -1,0 +1,164 @@
+"""Tables of a calibration as the terminal shows them, read from its card, values with the digits they deserve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matcal.card import MaterialCard
+from matcal.cautions import relative_rms, tests
+from matcal.digits import significant, with_error, within
+from matcal.modes import MODES
+
+MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulus",
+           "plateau_Pa": "stress at 40 % strain"}
+
+
+@dataclass(frozen=True)
+class Printed:
+    """One table, cells already formatted."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    # one letter a column: < left, > right, w left and folded where the line is too short
+    align: str
+    # a sentence below it
+    note: str = ""
+
+
+def derived(card: MaterialCard) -> Printed:
+    """What the tests measure, by linearisation and, where it was sampled, by the posterior."""
+    assert card.hyperfoam is not None
+    drawn: Mapping[str, Any] = card.posterior.get("derived", {})
+    rows = []
+    for name, row in card.fit["derived"].items():
+        value, interval = within(row["value"], row["lo"], row["hi"])
+        sampled = [_posterior(drawn.get(name))] if drawn else []
+        rows.append([name, value, interval, *sampled, MEANING.get(name, "")])
+    head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
+    return Printed(f"Results: {card.hyperfoam.moduli} moduli".replace("longterm", "long-term"), head, rows,
+                   "<>>" + (">" if drawn else "") + "w")
+
+
+def _posterior(row: Mapping[str, float] | None) -> str:
+    return within(row["median"], row["lo"], row["hi"])[1] if row else "-"
+
+
+def law(card: MaterialCard) -> Printed:
+    """Terms of the hyperfoam law."""
+    assert card.hyperfoam is not None
+    errors, rows = card.fit["parameters"], []
+    for k, (mu, alpha, nu) in enumerate(zip(card.hyperfoam.mu_Pa, card.hyperfoam.alpha, card.hyperfoam.nu,
+                                            strict=True), 1):
+        rows.append([str(k), *_pair(mu, _stderr(errors, f"mu_{k}_Pa")), *_pair(alpha, _stderr(errors, f"alpha_{k}")),
+                     significant(float(nu), 3)])
+    head = ["i", "mu_Pa", "+-", "alpha", "+-", "nu"]
+    return Printed("Hyperfoam terms, one standard error each", head, rows, ">>>>>>",
+                   "Single terms compensate each other; read the results above.")
+
+
+def series(card: MaterialCard) -> Printed:
+    """Terms of the Prony series."""
+    assert card.prony is not None
+    sd = card.fit.get("prony", {})
+    rows = []
+    for k, (g, tau) in enumerate(zip(card.prony.g, card.prony.tau_s, strict=True)):
+        rows.append([str(k + 1), *_pair(g, _at(sd, "g_sd", k)), *_pair(tau, _at(sd, "tau_sd_s", k))])
+    return Printed("Prony series, one standard error each", ["i", "g", "+-", "tau_s", "+-"], rows, ">>>>>",
+                   f"Long-term over instantaneous modulus: {significant(card.prony.g_infinity)}.")
+
+
+def skin(card: MaterialCard) -> Printed:
+    """Coefficients of the conductivity law."""
+    assert card.conductivity is not None
+    found = card.fit.get("conductivity", {})
+    rows = [["c0_S_per_m", *_pair(card.conductivity.c0_S_per_m, found.get("c0_sd_S_per_m"))]]
+    rows += [[f"a_{k + 1}", *_pair(a, _at(found, "a_sd", k))] for k, a in enumerate(card.conductivity.a)]
+    lo, hi = card.conductivity.strain_range
+    return Printed("Conductivity, one standard error each", ["", "value", "+-"], rows, "<>>",
+                   f"Fitted for strains of {significant(_near(lo, hi), 3)} to {significant(_near(hi, lo), 3)}.")
+
+
+def errors(card: MaterialCard) -> Printed:
+    """Errors of the fit, one row a test; weights where they differ from equal shares of the kinds."""
+    rows, found = [], tests(card)
+    weighted = _weighted(found.values())
+    for label, row in found.items():
+        lo, hi = row["strain_range"]
+        rows.append([label, str(row["n"]), f"{significant(_near(lo, hi), 3)} to {significant(_near(hi, lo), 3)}",
+                     f"{significant(row['rms'], 3)} {row['unit']}", percent(row["relative_rms"]),
+                     "-" if row["r2"] is None else _r_squared(row["r2"]),
+                     *([significant(row["weight"], 2)] if weighted else [])])
+    head = ["test", "points", "strain", "rms", "relative", "R2", *(["weight"] if weighted else [])]
+    return Printed("Errors of the fit", head, rows, "<" + ">" * (len(head) - 1))
+
+
+def _weighted(rows: Iterable[Mapping[str, Any]]) -> bool:
+    """Whether one kind of stress-strain curve counts more than another."""
+    shares: dict[str, float] = {}
+    for row in rows:
+        if row["kind"] in MODES:
+            shares[row["kind"]] = shares.get(row["kind"], 0.0) + row["weight"]
+    return bool(shares) and max(shares.values()) > 1.01 * min(shares.values())
+
+
+def cross(card: MaterialCard) -> Printed:
+    """Relative RMS of the laws of single modes, and of the card's, in every mode."""
+    alone = card.fit["cross_prediction"]
+    modes = list(next(iter(alone.values()))["relative_rms"])
+    rows = [["all modes", *(percent(relative_rms(card, mode)) for mode in modes)]]
+    rows += [[f"{name} alone", *(percent(found["relative_rms"][mode]) for mode in modes)]
+             for name, found in alone.items()]
+    return Printed("Relative RMS, by what was fitted", ["fitted to", *(f"in {m}" for m in modes)], rows,
+                   "<" + ">" * len(modes))
+
+
+def stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Printed:
+    """Where each criterion is lost in each mode."""
+    rows = []
+    for mode, first in next(iter(found.values())).items():
+        lost = [", ".join(f"{lo:.3g} to {hi:.3g}" for lo, hi in modes[mode]["unstable_strain"]) or "nowhere"
+                for modes in found.values()]
+        rows.append([mode, "{:g} to {:g}".format(*first["scanned"]), *lost])
+    return Printed("Stability of the law", ["mode", "scanned", *(f"{criterion} lost at" for criterion in found)], rows,
+                   "<<" + "w" * len(found), "Strain is gamma in shear, J in volumetric.")
+
+
+def orders(card: MaterialCard) -> Printed:
+    """Numbers of terms tried, with their information criterion."""
+    assert card.hyperfoam is not None
+    best = min(row["bic"] for row in card.fit["orders"])
+    rows = [[str(row["order"]) + (" *" if row["order"] == card.hyperfoam.mu_Pa.size else "  "), percent(row["rms"]),
+             f"{row['bic'] - best:.0f}", row["confluence"] or "-"] for row in card.fit["orders"]]
+    return Printed("Order of the law (* chosen)", ["terms", "residual", "BIC above least", "what is wrong with it"],
+                   rows, ">>>w")
+
+
+def percent(fraction: float) -> str:
+    """A fraction in per cent, three digits, or that it is beyond reading."""
+    return f"{significant(100 * fraction, 3)} %" if fraction < 10 else "over 1000 %"
+
+
+def _pair(value: float, error: float | None) -> tuple[str, str]:
+    return with_error(float(value), float(error)) if error else (significant(float(value)), "unknown")
+
+
+def _stderr(errors: Mapping[str, Any], name: str) -> float | None:
+    return errors.get(name, {}).get("stderr")
+
+
+def _at(found: Mapping[str, Any], key: str, k: int) -> float | None:
+    return float(found[key][k]) if key in found else None
+
+
+def _near(end: float, other: float) -> float:
+    """An end of a range, 0 where it is that beside the other one."""
+    return 0.0 if abs(end) < 1e-4 * abs(other) else end
+
+
+def _r_squared(value: float) -> str:
+    """R2 to the second digit of what it lacks of one."""
+    lack = 1 - value
+    return f"{value:.4f}" if lack >= 1e-3 or lack <= 0 else f"{value:.{min(7, 1 + len(f'{1 / lack:.0f}'))}f}"
