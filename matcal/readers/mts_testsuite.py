@@ -13,42 +13,35 @@ from pathlib import Path
 import numpy as np
 
 from matcal.errors import TestFileError
-from matcal.readers.recording import Array, Recording
-from matcal.readers.table import Layout, column_numbers, factor, recognised
-
-_LAYOUT = Layout("\t", ".")
+from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.grid import text_grid
+from matcal.readers.recording import Recording
+from matcal.readers.selection import Selection
 
 
 def is_testsuite(text: str) -> bool:
     """Whether a text begins as TestSuite exports do."""
-    return text.startswith("File Path:") or re.match(r"(Test|Test Run|Date): .*\n", text) is not None
+    return re.match(r"(File Path|Test|Test Run|Date):", text) is not None and "\t" in text
 
 
-def read_testsuite(text: str, path: Path) -> Recording:
+def read_testsuite(text: str, path: Path, selection: Selection | None = None) -> Recording:
     """One part of a TestSuite export, in SI; TestFileError where names, units or numbers are not as expected."""
-    lines = text.splitlines()
-    metadata, start = {}, 0
-    while start < len(lines) and "\t" not in lines[start]:
-        key, colon, value = lines[start].partition(":")
+    grid = text_grid(text, path, "\t")
+    start = next((n for n, row in enumerate(grid.rows) if len(row) > 1), len(grid.rows))
+    if start + 2 >= len(grid.rows):
+        raise TestFileError(path, "a TestSuite head without numbers below it. Export the test again.",
+                            line=grid.lines[-1])
+    names, units = grid.rows[start], grid.rows[start + 1]
+    if len(units) < len(names) or grid.numeric(units):
+        raise TestFileError(path, "no line of units (such as mm, N, sec) below the column names.",
+                            line=grid.lines[start + 1])
+    metadata = {}
+    for row in grid.rows[:start]:
+        key, colon, value = row[0].partition(":")
         if colon:
             metadata[key.strip()] = value.strip()
-        start += 1
-    if start + 2 >= len(lines):
-        raise TestFileError(path, "a TestSuite head without numbers below it. Export the test again.", line=len(lines))
-    names, units = _LAYOUT.cells(lines[start]), _LAYOUT.cells(lines[start + 1])
-    if len(units) < len(names) or any(_LAYOUT.number(cell) is not None for cell in units if cell):
-        raise TestFileError(path, "no line of units (such as mm, N, sec) below the column names.", line=start + 2)
-    columns = recognised([(name, None) for name in names], path, start + 1)
-    if len(columns) < 2:
-        raise TestFileError(path, f"of the columns {', '.join(names)} fewer than two are known; expected Crosshead, "
-                                  "Load and Time.", line=start + 1)
-    factors = [factor(names[n], units[n], q, path, start + 2) for q, n in columns.items()]
-    found = {q: names[n] for q, n in columns.items()}
-    data = column_numbers(lines[start + 2:], start + 3, _LAYOUT, list(columns.values()), list(found.values()), path)
-    notes = [f"column '{n}' left out: not a known quantity." for n in names if n and n not in found.values()]
-    return Recording(paths=(path,), vendor="mts_testsuite", names=found, metadata=metadata, first_line=start + 3,
-                     columns={q: data[:, k] * factors[k] for k, q in enumerate(columns)},
-                     units={q: units[n] for q, n in columns.items()}, notes=tuple(notes))
+    header = Header(list(zip(names, units, strict=False)), grid.lines[start + 1], range(start + 2, len(grid.rows)))
+    return read_columns(grid, header, "mts_testsuite", selection, metadata=metadata)
 
 
 def sibling_parts(path: Path) -> list[Path]:
@@ -74,22 +67,20 @@ def join_parts(parts: Sequence[Recording], empty: Sequence[Path] = ()) -> Record
     if others and "time" not in first.columns:
         raise TestFileError(first.paths[0], "parts of a test can only be put in order by a Time column.")
     ordered = sorted(parts, key=lambda part: part.columns["time"][0]) if others else list(parts)
+    _check_overlap(ordered)
     columns = {q: np.concatenate([part.columns[q] for part in ordered]) for q in first.columns}
-    _check_order(columns, ordered)
     notes = list(dict.fromkeys(note for part in ordered for note in part.notes))
     if others:
         notes.append(f"{len(ordered)} parts joined in order of time.")
     notes += [f"{path.name} holds nothing and was left out." for path in empty]
-    return Recording(paths=tuple(part.paths[0] for part in ordered), vendor=first.vendor, columns=columns,
-                     names=first.names, units=first.units, first_line=ordered[0].first_line,
-                     metadata=ordered[0].metadata, notes=tuple(notes))
+    return check_clock(Recording(paths=tuple(part.paths[0] for part in ordered), vendor=first.vendor, columns=columns,
+                                 names=first.names, units=first.units, first_line=ordered[0].first_line,
+                                 metadata=ordered[0].metadata, notes=tuple(notes)))
 
 
-def _check_order(columns: dict[str, Array], ordered: Sequence[Recording]) -> None:
+def _check_overlap(ordered: Sequence[Recording]) -> None:
     for before, after in pairwise(ordered):
         if after.columns["time"][0] <= before.columns["time"][-1]:
             raise TestFileError(after.paths[0], f"it starts at {after.columns['time'][0]:g} s, before "
                                                 f"{before.paths[0].name} ends at {before.columns['time'][-1]:g} s. "
                                                 "One of them is there twice.")
-    if "time" in columns and np.any(np.diff(columns["time"]) < 0):
-        raise TestFileError(ordered[0].paths[0], "the time runs backwards.")

@@ -1,4 +1,4 @@
-"""Autolab NOVA text exports: names with units in brackets, semicolons, dot or comma as decimal mark, text cells.
+"""Autolab NOVA exports, text or sheet: names with units in brackets, dot or comma as decimal mark, text cells.
 
 The clock is the procedure's and need not start at 0; the order of columns varies, so they are matched by name.
 """
@@ -6,60 +6,62 @@ The clock is the procedure's and need not start at 0; the order of columns varie
 from __future__ import annotations
 
 import re
-from pathlib import Path
-
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import replace
 
 from matcal.errors import TestFileError
+from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.grid import Grid
 from matcal.readers.recording import Recording
-from matcal.readers.table import LAYOUTS, Layout, column_numbers, factor, recognised
+from matcal.readers.selection import Selection
 from matcal.readers.units import split_name
 
-
-def is_nova(text: str) -> bool:
-    """Whether the first line names a potentiostat's working electrode."""
-    return "WE(1)." in text.partition("\n")[0]
+# lines in which the names of the columns are looked for
+_HEAD = 20
 
 
-def is_impedance(text: str) -> bool:
-    """Whether a text is an impedance spectrum rather than a record in time."""
-    head = "\n".join(text.splitlines()[:20]).lower()
-    return "z60w data file" in head or (re.search(r"freq\w*\s*\(hz\)", head) is not None and "z'" in head)
+def is_nova(grid: Grid) -> bool:
+    """Whether one of the first lines names a potentiostat's working electrode."""
+    return _names_row(grid) is not None
 
 
-def read_nova(text: str, path: Path) -> Recording:
+def is_impedance(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether rows of cells begin as an impedance spectrum rather than a record in time."""
+    head = "\n".join(" ".join(row) for row in rows[:_HEAD]).lower()[:10_000]
+    return "z60w data file" in head or (re.search(r"freq[a-z]{0,10} ?[(/\[]? ?hz", head) is not None
+                                        and re.search(r"z['′’]|z ?re|re\(z\)|z_real", head) is not None)
+
+
+def read_nova(grid: Grid, selection: Selection | None = None, notes: Sequence[str] = ()) -> Recording:
     """Time, current and potential in SI; rows flagged as overload are dropped; TestFileError where one is missing."""
-    lines = text.splitlines()
-    layout = _layout(lines)
-    header = layout.cells(lines[0])
-    cells = [split_name(cell) for cell in header]
-    columns = recognised(cells, path, 1)
-    if missing := [q for q in ("time", "current") if q not in columns]:
-        raise TestFileError(path, f"no {missing[0]} column; found: {', '.join(header)}.", line=1)
-    names = {q: cells[n][0] for q, n in columns.items()}
-    factors = [factor(names[q], cells[n][1] or "", q, path, 1) for q, n in columns.items()]
-    data = column_numbers(lines[1:], 2, layout, list(columns.values()), list(names.values()), path)
-    overload = _overload([line for line in lines[1:] if line.strip()], header, layout)
-    notes = (f"{overload.sum()} rows flagged as current overload dropped.",) if overload.any() else ()
-    if overload.all():
-        raise TestFileError(path, "every row is flagged as current overload. Measure again in a wider current range.")
-    data = data[~overload]
-    if np.any(np.diff(data[:, list(columns).index("time")]) < 0):
-        raise TestFileError(path, "the time runs backwards.")
-    return Recording(paths=(path,), vendor="nova", names=names, first_line=2, notes=notes,
-                     columns={q: data[:, k] * factors[k] for k, q in enumerate(columns)},
-                     units={q: cells[n][1] or "" for q, n in columns.items()})
+    at = _names_row(grid) or 0
+    header = [split_name(cell) for cell in grid.rows[at]]
+    if at + 1 == len(grid.rows):
+        raise TestFileError(grid.path, "no numbers stand below the names. Export the test again.", line=grid.lines[at])
+    kept, said = _without_overload(grid, at, list(notes))
+    got = read_columns(kept, Header(header, grid.lines[at], range(at + 1, len(kept.rows))), "nova", selection,
+                       notes=said)
+    wanted = () if selection is not None and selection.columns else ("time", "current")
+    if missing := [q for q in wanted if q not in got.columns]:
+        found = ", ".join(name for name, _ in header)
+        raise TestFileError(grid.path, f"no {missing[0]} column; found: {found}.", line=grid.lines[at])
+    if "time" in got.columns and got.columns["time"][0] != 0:
+        got = replace(got, notes=(*got.notes, f"the procedure's clock starts at {got.columns['time'][0]:.6g} s."))
+    return check_clock(got)
 
 
-def _layout(lines: list[str]) -> Layout:
-    """The layout of a NOVA table: separator from the head, decimal mark from the first row."""
-    delimiter = next((d for d in (";", "\t", ",") if d in lines[0]), None)
-    comma = delimiter != "," and len(lines) > 1 and "," in lines[1]
-    return next(x for x in LAYOUTS if x.delimiter == delimiter and x.decimal == ("," if comma else "."))
+def _names_row(grid: Grid) -> int | None:
+    return next((n for n, row in enumerate(grid.rows[:_HEAD]) if any(c.startswith("WE(1).") for c in row)), None)
 
 
-def _overload(rows: list[str], header: list[str], layout: Layout) -> np.ndarray:
-    at = next((n for n, name in enumerate(header) if name.lower() == "overload"), None)
-    if at is None:
-        return np.zeros(len(rows), dtype=bool)
-    return np.array(["overload" in layout.cells(row)[at].lower() for row in rows])
+def _without_overload(grid: Grid, at: int, said: list[str]) -> tuple[Grid, list[str]]:
+    column = next((n for n, name in enumerate(grid.rows[at]) if name.lower() == "overload"), None)
+    if column is None:
+        return grid, said
+    kept = [n for n in range(len(grid.rows)) if n <= at or "overload" not in grid.cell(n, column).lower()]
+    if len(kept) == at + 1:
+        raise TestFileError(grid.path, "every row is flagged as current overload. Measure again in a wider current "
+                                       "range.")
+    if dropped := len(grid.rows) - len(kept):
+        said.append(f"{dropped} rows flagged as current overload dropped.")
+    return replace(grid, rows=[grid.rows[n] for n in kept], lines=[grid.lines[n] for n in kept]), said

@@ -1,91 +1,65 @@
-"""Plain tables: a line of names, perhaps a line of units, then numbers; CSV, semicolons, tabs or blanks."""
+"""Plain tables: a line of names, perhaps a line of units, then numbers; text with any separator, or a sheet."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import numpy as np
+from collections.abc import Sequence
 
 from matcal.errors import TestFileError
-from matcal.readers.recording import Array, Recording
-from matcal.readers.table import Layout, column_numbers, factor, recognised, sniff
-from matcal.readers.units import quantity_of, split_name
+from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.flags import flag_for
+from matcal.readers.grid import Grid, shown
+from matcal.readers.recording import Recording
+from matcal.readers.selection import Selection
+from matcal.readers.units import split_name
+from matcal.readers.words import quantity_of
 
 _EXPECTED = "strain and stress, or displacement and force (and time)"
 _EXAMPLE = "for example strain,stress and below it -,kPa"
-# beyond this a strain without a unit may as well be a percentage
-_LARGEST_STRAIN = 3.0
 
 
-def read_plain(text: str, path: Path) -> Recording:
+def read_plain(grid: Grid, selection: Selection | None = None, notes: Sequence[str] = ()) -> Recording:
     """A plain table; TestFileError where names or units are missing, or a cell is no finite number."""
-    lines = text.splitlines()
-    layout = sniff(lines)
-    if layout is None:
-        raise TestFileError(path, "no table of numbers in two or more columns was found. Expected a line of names such "
-                                  "as strain,stress, a line of units such as -,kPa, then the numbers.")
-    first, above = _header(lines, layout, path)
-    line, cells = _names_and_units(above, layout, path)
-    columns = recognised(cells, path, line)
-    if len(columns) < 2:
-        found = ", ".join(f"'{name}'" for name, _ in cells)
-        raise TestFileError(path, f"of the columns {found} fewer than two are known by name. Name them {_EXPECTED}, "
-                                  f"with a line of units below, {_EXAMPLE}.", line=line)
-    names = {q: cells[n][0] for q, n in columns.items()}
-    units = {q: cells[n][1] or "" for q, n in columns.items()}
-    factors = [factor(names[q], units[q], q, path, line) for q in columns]
-    data = column_numbers(lines[first:], first + 1, layout, list(columns.values()), list(names.values()), path)
-    values = {q: data[:, k] * factors[k] for k, q in enumerate(columns)}
-    notes = [f"column '{name}' left out: not a known quantity." for name, _ in cells if quantity_of(name) is None]
-    notes += _measure(values, names, units, path, line)
-    notes += [f"its own comment: '{text}'." for text in _comments(lines[:first])]
-    return Recording(paths=(path,), vendor="plain", columns=values, names=names, units=units, first_line=first + 1,
-                     notes=tuple(notes))
+    first = next((n for n, row in enumerate(grid.rows) if grid.numeric(row) > 1), None)
+    if first is None:
+        raise TestFileError(grid.path, "no table of numbers in two or more columns was found. Expected a line of names "
+                                       "such as strain,stress, a line of units such as -,kPa, then the numbers.")
+    above = [n for n in range(first) if not grid.rows[n][0].startswith("#")]
+    rows = range(first, len(grid.rows))
+    header = _header(grid, above, rows) if above else _headerless(grid, rows, selection)
+    said = [*notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in _comments(grid, first))]
+    return check_clock(read_columns(grid, header, "plain", selection, notes=said))
 
 
-def _comments(lines: list[str]) -> list[str]:
-    return [line.strip().lstrip("# ").rstrip(",; ") for line in lines if line.lstrip().startswith("#")]
+def _comments(grid: Grid, first: int) -> list[str]:
+    return [", ".join(row).lstrip("# ") for row in grid.rows[:first] if row[0].startswith("#")]
 
 
-def _header(lines: list[str], layout: Layout, path: Path) -> tuple[int, list[tuple[int, str]]]:
-    """(index of the first row of numbers, the (line, text) pairs above it)."""
-    first = next(n for n, line in enumerate(lines)
-                 if sum(layout.number(c) is not None for c in layout.cells(line)) > 1)
-    above = [(n, line) for n, line in enumerate(lines[:first], 1) if line.strip() and not line.lstrip().startswith("#")]
-    if not above:
-        raise TestFileError(path, "no line of column names stands above the numbers, so the columns cannot be told "
-                                  f"apart. Name them {_EXPECTED}, {_EXAMPLE}.", line=1)
-    return first, above
+def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:
+    """A header of columns without names, where the user says what they are; TestFileError where not."""
+    header = Header([("", None)] * max(len(grid.rows[n]) for n in rows[:100]), grid.lines[rows.start], rows)
+    if selection is None or not selection.columns:
+        raise TestFileError(grid.path, "no line of column names stands above the numbers, so the columns cannot be "
+                                       f"told apart. Name them {_EXPECTED}, {_EXAMPLE}, or say what they are, for "
+                                       f"example {flag_for(grid, header)}", line=grid.lines[rows.start])
+    return header
 
 
-def _names_and_units(above: list[tuple[int, str]], layout: Layout,
-                     path: Path) -> tuple[int, list[tuple[str, str | None]]]:
+def _header(grid: Grid, above: list[int], rows: range) -> Header:
     """The line that names the columns (or that of their units) and (name, unit or None) of each."""
-    rows = [(line, layout.cells(text)) for line, text in above]
-    known = [k for k, (_, cells) in enumerate(rows) if sum(bool(quantity_of(split_name(c)[0])) for c in cells) > 1]
-    at = known[-1] if known else 0
-    line, cells = rows[at]
-    named = [split_name(cell) for cell in cells]
-    if at + 1 == len(rows):
-        return line, named
-    line, units = rows[at + 1]
-    if len(units) < len(named):
-        raise TestFileError(path, f"the line of units has {len(units)} cells, that of names {len(named)}.", line=line)
-    return line, [(name, units[n].strip("()[]") if unit is None else unit) for n, (name, unit) in enumerate(named)]
+    known = [n for n in above if sum(quantity_of(split_name(c)[0]) is not None for c in grid.rows[n]) > 1]
+    at = known[-1] if known else above[0] if len(above) == 1 else _widest(grid, above)
+    named = [split_name(cell) for cell in grid.rows[at]]
+    below = [n for n in above if n > at]
+    if not below:
+        return Header(named, grid.lines[at], rows)
+    units, line = grid.rows[below[0]], grid.lines[below[0]]
+    if len(units) < max(n for n, (name, _) in enumerate(named, 1) if name):
+        raise TestFileError(grid.path, f"the line of units has {len(units)} cells, that of names {len(named)}.",
+                            line=line)
+    return Header([(name, units[n].strip("()[]") if unit is None else unit) for n, (name, unit) in enumerate(named)],
+                  line, rows)
 
 
-def _measure(values: dict[str, Array], names: dict[str, str], units: dict[str, str], path: Path,
-             line: int) -> list[str]:
-    """Notes on strain and stretch; a "stretch" below 0 becomes a strain, an incredible strain is refused."""
-    notes = []
-    if "stretch" in values and "strain" not in values and np.any(values["stretch"] <= 0):
-        notes.append(f"column '{names['stretch']}' has values at or below 0, which no stretch has: read as strain.")
-        for table in (values, names, units):
-            table["strain"] = table.pop("stretch")  # type: ignore[assignment]
-    for q in {"strain", "stretch"} & set(values):
-        if units[q] == "":
-            if np.max(np.abs(values[q])) > _LARGEST_STRAIN:
-                raise TestFileError(path, f"column '{names[q]}' reaches {np.max(np.abs(values[q])):g} and has no unit. "
-                                          "Write its unit, % or -, below its name.", line=line)
-            notes.append(f"column '{names[q]}' has no unit: read as a plain ratio.")
-    return notes
+def _widest(grid: Grid, above: list[int]) -> int:
+    """Of lines with no known name, the first of those with the most cells: a title is shorter than the names."""
+    return max(above, key=lambda n: (len(grid.rows[n]), -n))

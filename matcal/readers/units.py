@@ -1,4 +1,4 @@
-"""Column names and units as people write them, turned into quantities and SI factors. pint is used here only."""
+"""Units as people write them, turned into SI factors. pint is used here only."""
 
 from __future__ import annotations
 
@@ -6,25 +6,15 @@ import re
 from functools import cache
 from typing import Any
 
-from matcal.readers.recording import QUANTITIES
+from matcal.readers.recording import QUANTITIES, SIZES
+from matcal.readers.words import quantity_of
 
-_ALIASES = {"-": "", "1": "", "none": "", "%": "percent", "mm/mm": "", "m/m": "", "ohm": "ohm", "ohms": "ohm",
-            "seconds": "s", "newton": "N"}
-
-# first match wins; each is matched against the whole lower-case name without its unit
-_NAMES = (
-    ("time", r"(elapsed |test |running )?time|t"),
-    ("displacement", r"displacement|crosshead|extension|(crosshead |axial )?position|compressive extension|disp|travel"
-                     r"|stroke|deflection|axial displacement"),
-    ("force", r"load|force|axial force|axial load|f"),
-    ("stretch", r"stretch|lambda|λ|stretch ratio"),
-    ("strain", r"(nominal |engineering |compressive |tensile |shear )?strain|eps|epsilon|ε|gamma|γ|e"),
-    ("stress", r"(nominal |engineering |compressive |tensile |shear |piola )?stress|sigma|σ|tau|τ|p|pk1"),
-    ("current", r"we\(1\)\.current|current|i"),
-    ("potential", r"we\(1\)\.potential|potential|voltage|u|v"),
-    ("resistance", r"resistance|r"),
-    ("conductivity", r"conductivity|c"),
-)
+_ALIASES = {"-": "", "1": "", "none": "", "%": "percent", "mm/mm": "", "m/m": "", "in/in": "", "ohms": "ohm",
+            "seconds": "s", "newton": "N", "cycles": "", "cycle": "", "ratio": "", "秒": "s", "毫米": "mm", "牛": "N",
+            "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sek": "s", "sek.": "s", "sec.": "s"}
+_FACTOR = r"[^\W\d_]{1,14}(?:\^?-?\d)?"
+_UNIT = re.compile(rf"{_FACTOR}(?:\s?[*/·]\s?{_FACTOR}){{0,3}}")
+_SI = QUANTITIES | SIZES
 
 
 @cache
@@ -36,31 +26,36 @@ def _pint() -> tuple[Any, Any]:
 
 @cache
 def si_factor(unit: str, quantity: str) -> float | None:
-    """Factor from `unit` to SI for `quantity`; None where the unit is unknown or measures something else."""
-    text = _ALIASES.get(unit.strip().lower(), unit.strip())
+    """Factor from `unit` to SI for `quantity` (of QUANTITIES or SIZES); None where the unit is unknown or measures
+    something else."""
+    text = unit.strip().replace("²", "2").replace("³", "3")
+    text = _ALIASES.get(text.lower(), text)
     if not text:
-        return 1.0 if not QUANTITIES[quantity] else None
-    if not re.fullmatch(r"[^\W\d_]+([ */·^-]*([^\W\d_]+|\d))*", text):
+        return 1.0 if not _SI[quantity] else None
+    if not _UNIT.fullmatch(text):
         return None
+    powers = re.sub(r"([^\W\d_])\^?(-?\d)", r"\1**(\2)", text).replace("·", "*")
     pint, registry = _pint()
     try:
-        return float(registry.Quantity(1.0, text).to(QUANTITIES[quantity] or "dimensionless").magnitude)
-    except (pint.PintError, AttributeError, TypeError, ValueError):
+        return float(registry.Quantity(1.0, powers).to(_SI[quantity] or "dimensionless").magnitude)
+    except (pint.PintError, AttributeError, TypeError, ValueError, ArithmeticError):
         return None
 
 
-def quantity_of(name: str) -> str | None:
-    """The quantity that a column name (without its unit) stands for, or None."""
-    text = re.sub(r"[\s_]+", " ", name.strip().lower())
-    return next((quantity for quantity, pattern in _NAMES if re.fullmatch(pattern, text)), None)
+def measures(unit: str) -> list[str]:
+    """The quantities that a unit could be of; none for a bare number or an unknown unit."""
+    return [q for q in QUANTITIES if QUANTITIES[q] and si_factor(unit, q) is not None]
 
 
 def split_name(cell: str) -> tuple[str, str | None]:
     """A header cell as (name, unit or None): `stress (kPa)`, `stress [kPa]`, `stress, kPa`, `stress / kPa`, `P_MPa`."""
-    cell = cell.strip()
-    for pattern in (r"(.+?)\s*[\(\[]([^()\[\]]*)[\)\]]", r"(.+?)\s*,\s*(\S+)", r"(.+?)\s+/\s*(\S+)"):
+    cell = cell.strip()[:200]
+    for pattern in (r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", r"(WE\(1\)\.\w+)\s*[(\[]([^()\[\]]*)[)\]]",
+                    r"([^,]+?)\s*,\s*(\S+)", r"([^/]+?)\s+/\s*(\S+)"):
         if (found := re.fullmatch(pattern, cell)) and quantity_of(found[1]) is not None:
             return found[1], found[2]
+    if (found := re.fullmatch(r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", cell)) and measures(found[2]):
+        return found[1], found[2]
     if (found := re.fullmatch(r"(.+)_([^\W\d_][^_]*)", cell)) and (quantity := quantity_of(found[1])) is not None \
             and si_factor(found[2], quantity) is not None:
         return found[1], found[2]

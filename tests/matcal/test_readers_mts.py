@@ -73,7 +73,7 @@ def test_strangers_in_a_folder_are_refused(tmp_path: Path) -> None:
     ("Crosshead \tLoad \tTime \n1\t2\t3\n2\t3\t4\n", "no line of units", 8),
     ("Crosshead \tLoad \tTime \nmm\tN\tsec\n", "without numbers", 8),
     ("Crosshead \tLoad \tTime \nmm\tmm\tsec\n1\t2\t3\n", "no unit of force", 8),
-    ("Foo \tBar \tTime \nmm\tN\tsec\n1\t2\t3\n", "fewer than two are known", 7),
+    ("Foo \tBar \tTime \nmm\tN\tsec\n1\t2\t3\n", "fewer than two columns are known", 8),
     ("Crosshead \tLoad \tTime \nmm\tN\tsec\n1\t2\t3\n1\tNaN\t4\n", "'NaN' is not a finite number", 10),
     ("Crosshead \tLoad \tTime \nmm\tN\tsec\n1\t2\t3\n1\t2\n", "the cell is missing", 10),
 ])

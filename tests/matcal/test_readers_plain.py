@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from matcal.errors import TestFileError
 from matcal.readers.detect import read
-from matcal.readers.units import quantity_of, si_factor, split_name
+from matcal.readers.units import si_factor, split_name
+from matcal.readers.words import quantity_of
 
 SHARED = Path(__file__).parents[3] / "shared" / "rawsamples"
 STRAIN, STRESS = [0.0, -0.1, -0.25], [0.0, -1612.5, -2900.0]
@@ -74,8 +75,8 @@ BAD = {
     "a unit of something else": ("strain,stress\n-,mm\n0,0\n0.1,1\n", "no unit of stress", 2),
     "nonsense as a unit": ("strain,stress (floop)\n0,0\n0.1,1\n", "no unit of stress", 1),
     "no header": ("0.0255 1.02\n0.1344 1.125\n0.2256 1.24\n", "no line of column names", 1),
-    "unknown names": ("a,b\n1,2\n2,3\n", "fewer than two are known", 1),
-    "two of one kind": ("strain,stress,sigma\n-,kPa,kPa\n0,0,0\n0.1,1,1\n", "are both stress", 2),
+    "unknown names": ("a,b\n1,2\n2,3\n", "fewer than two columns are known", 1),
+    "two of one kind": ("strain,stress,sigma\n-,kPa,kPa\n0,0,0\n0.1,1,2\n", "are both stress and differ", 2),
     "short line of units": ("strain,stress,time\n-,kPa\n0,0,0\n0.1,1,1\n", "line of units has 2 cells", 2),
     "percent without saying so": ("strain,stress (kPa)\n0,0\n-40,-3\n-80,-20\n", "reaches 80 and has no unit", 1),
     "prose": ("This is not a table.\nNor is this.\n", "no table of numbers", None),

@@ -1,0 +1,190 @@
+"""From a grid and its header to a recording: which column is which quantity, in SI, and what was decided about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from matcal.errors import TestFileError
+from matcal.readers.credible import check_credible
+from matcal.readers.flags import flag_for
+from matcal.readers.grid import Grid, shown
+from matcal.readers.recording import QUANTITIES, Array, Recording
+from matcal.readers.selection import Selection
+from matcal.readers.units import measures, si_factor
+from matcal.readers.words import preference, quantity_of
+
+# two columns of one quantity that differ by no more than this share of their range are one
+_SAME = 1e-3
+
+
+@dataclass(frozen=True)
+class Header:
+    """What stands above the numbers."""
+
+    # name and unit (None where none is given) of each column
+    cells: Sequence[tuple[str, str | None]]
+    # line that names the columns, or that of their units
+    line: int
+    # rows of the grid that hold the numbers
+    rows: range
+
+
+@dataclass(frozen=True)
+class _Column:
+    index: int
+    name: str
+    unit: str | None
+
+
+def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection | None = None, *,
+                 metadata: Mapping[str, str] | None = None, sizes: Mapping[str, float] | None = None,
+                 notes: Sequence[str] = ()) -> Recording:
+    """The recording of a grid; TestFileError where columns cannot be told apart, a unit is missing or of something
+    else, a cell is no finite number, or values cannot be what their name says."""
+    said = list(notes)
+    if selection is not None and selection.columns:
+        columns = _selected(grid, header, selection)
+        said.append("columns as given: " + ", ".join(f"{q} = '{c.name}' (column {c.index + 1})"
+                                                     for q, c in columns.items()) + ".")
+        header = _shortened(grid, header, columns, said)
+    else:
+        columns = _recognised(grid, header, said)
+    values, units = {}, {}
+    for quantity, column in columns.items():
+        units[quantity] = column.unit or ""
+        values[quantity] = _in_si(grid, header, quantity, column)
+    names = {quantity: column.name for quantity, column in columns.items()}
+    check_credible(grid, header.line, values, names, units, said, flag_for(grid, header),
+                   chosen=selection is not None and bool(selection.columns))
+    return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
+                     first_line=grid.lines[header.rows.start], metadata=metadata or {}, properties=sizes or {},
+                     notes=tuple(said))
+
+
+def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Column]:
+    out = {}
+    for quantity, (wanted, unit) in selection.columns.items():
+        index = _index(grid, header, wanted)
+        name, own = header.cells[index]
+        if unit is None and own is None and not QUANTITIES[quantity]:
+            own = "-"
+        out[quantity] = _Column(index, name or f"column {index + 1}", unit if unit is not None else own)
+    return out
+
+
+def _index(grid: Grid, header: Header, wanted: str) -> int:
+    names = [name.casefold() for name, _ in header.cells]
+    if names.count(wanted.casefold()) == 1:
+        return names.index(wanted.casefold())
+    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+        return int(wanted) - 1
+    problem = "is the name of several columns" if wanted.casefold() in names else "is no column"
+    raise TestFileError(grid.path, f"--columns: '{wanted}' {problem}. {_listed(header)}", line=header.line)
+
+
+def _listed(header: Header) -> str:
+    """The columns with their numbers, for a message."""
+    cells = [f"{n} '{shown(name)}'" if name else f"{n} (no name)" for n, (name, _) in enumerate(header.cells, 1)]
+    return f"Columns: {', '.join(cells[:24])}{' ...' if len(cells) > 24 else ''}."
+
+
+def _shortened(grid: Grid, header: Header, columns: Mapping[str, _Column], said: list[str]) -> Header:
+    """The header without the last rows, where the chosen columns are shorter than others beside them."""
+    end = header.rows.stop
+    while end > header.rows.start and not any(grid.cell(end - 1, c.index) for c in columns.values()):
+        end -= 1
+    if end < header.rows.stop:
+        said.append(f"the last {header.rows.stop - end} rows have none of the chosen columns and were left out.")
+    if end == header.rows.start:
+        raise TestFileError(grid.path, "the chosen columns are empty.", line=header.line)
+    return Header(header.cells, header.line, range(header.rows.start, end))
+
+
+def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Column]:
+    """Quantity -> column, by name; of several of one quantity the preferred, where they say the same."""
+    found: dict[str, list[_Column]] = {}
+    for n, (name, unit) in enumerate(header.cells):
+        if (quantity := quantity_of(name)) is not None:
+            found.setdefault(quantity, []).append(_Column(n, name, unit))
+    if len(found) < 2:
+        raise TestFileError(grid.path, f"fewer than two columns are known by name. {_listed(header)} Name them strain "
+                                       "and stress, or displacement and force (and time), with a line of units below, "
+                                       f"or say which is which: {flag_for(grid, header)}", line=header.line)
+    out = {quantity: _one_of(grid, header, quantity, columns, said) for quantity, columns in found.items()}
+    others = [f"'{shown(name)}'" for name, _ in header.cells if name and quantity_of(name) is None]
+    if others:
+        said.append(f"column {others[0]} left out: not a known quantity." if len(others) == 1 else
+                    f"columns {', '.join(others[:12])}{' ...' if len(others) > 12 else ''} left out: not known "
+                    "quantities.")
+    return out
+
+
+def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], said: list[str]) -> _Column:
+    first, *others = sorted(columns, key=lambda column: preference(quantity, column.name))
+    for other in others:
+        how = _relation(grid, header, quantity, first, other)
+        if how is None:
+            raise TestFileError(grid.path, f"columns '{shown(first.name)}' ({first.index + 1}) and "
+                                           f"'{shown(other.name)}' ({other.index + 1}) are both {quantity} and differ. "
+                                           f"Say which to use: {flag_for(grid, header)}", line=header.line)
+        said.append(f"two columns of {quantity}: '{shown(first.name)}' is used, '{shown(other.name)}' left out "
+                    f"({how}).")
+    return first
+
+
+def _relation(grid: Grid, header: Header, quantity: str, first: _Column, other: _Column) -> str | None:
+    """How another column follows from the first: the same, shifted, or with the sign turned; None where it does not.
+
+    Two clocks need not agree: the preferred one counts.
+    """
+    a, b = (_in_si(grid, header, quantity, column) for column in (first, other))
+    span = _SAME * float(np.ptp(a))
+    for sign, word in ((1.0, "the same"), (-1.0, "the same with its sign turned")):
+        shift = b - sign * a
+        if np.ptp(shift) <= span:
+            moved = f"{word}, shifted by {shift[0]:.6g} {QUANTITIES[quantity]}".strip()
+            return word if abs(shift[0]) <= span else moved
+    return "another clock" if quantity == "time" else None
+
+
+def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
+    scale = _factor(grid, header, quantity, column)
+    values = grid.numbers(header.rows, column.index, column.name)
+    with np.errstate(over="ignore"):
+        values = values * scale
+    if not np.all(np.isfinite(values)):
+        row = header.rows[int(np.argmin(np.isfinite(values)))]
+        raise TestFileError(grid.path, f"column '{shown(column.name)}': '{shown(grid.cell(row, column.index))}' is "
+                                       "too large for a measurement.", line=grid.lines[row])
+    return values
+
+
+def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float:
+    unit = column.unit or ""
+    value = si_factor(unit, quantity)
+    if value is not None:
+        return value
+    name = shown(column.name)
+    if others := measures(unit) if unit else []:
+        problem = (f"has the unit '{shown(unit)}', which is no unit of {quantity} but of {others[0]}: names and units, "
+                   "or columns, look exchanged. If the numbers are right, say which column is which: "
+                   f"{flag_for(grid, header)}")
+        raise TestFileError(grid.path, f"column '{name}' {problem}", line=header.line)
+    problem = f"has the unit '{shown(unit)}', which is no unit of {quantity}" if unit else "has no unit"
+    example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "-"}.get(QUANTITIES[quantity], QUANTITIES[quantity])
+    raise TestFileError(grid.path, f"column '{name}' {problem}. Put a row of units below the names (for example -,kPa),"
+                                   f" write '{name} ({example})', or give --columns with the unit, for example "
+                                   f"{flag_for(grid, header)}", line=header.line)
+
+
+def check_clock(recording: Recording) -> Recording:
+    """The recording, if its time does not run backwards; TestFileError with the first such step otherwise."""
+    time = recording.columns.get("time")
+    if time is not None and np.any(back := np.diff(time) < 0):
+        at = int(np.argmax(back))
+        raise TestFileError(recording.paths[0], f"the time runs backwards, from {time[at]:.9g} s to {time[at + 1]:.9g} "
+                                                f"s in sample {at + 2}. Export each run to a file of its own.")
+    return recording

@@ -1,0 +1,52 @@
+"""Instron CSV exports: 0 to 24 lines `key,value,unit`, a blank line, names, units in brackets, quoted numbers.
+
+Layout as Bluehill writes its raw data: numbers may carry thousands commas or a decimal comma, names may be in any
+language, and a file may begin with a blank line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from matcal.errors import TestFileError
+from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.grid import Grid
+from matcal.readers.recording import Recording
+from matcal.readers.selection import Selection
+from matcal.readers.sizes import metadata_of, sizes_of
+
+# lines in which the units are looked for
+_HEAD = 60
+
+
+def is_instron(grid: Grid) -> bool:
+    """Whether a line of units in brackets stands below a line of names and above the numbers."""
+    return bool(_units_rows(grid))
+
+
+def read_instron(grid: Grid, selection: Selection | None = None, notes: Sequence[str] = ()) -> Recording:
+    """Columns in SI, sizes of the specimen from its property lines; TestFileError where several tables follow one
+    another, or a column cannot be read."""
+    at, *more = _units_rows(grid)
+    if more:
+        raise TestFileError(grid.path, f"{len(more) + 1} tables stand one below the other. Export each specimen to a "
+                                       "file of its own.", line=grid.lines[more[0]])
+    units, names = grid.rows[at], grid.rows[at - 1]
+    cells = [(re.sub(r"\s*[(（][^()（）]*[)）]$", "", name), units[n].strip("()（） ") if n < len(units) else "")
+             for n, name in enumerate(names)]
+    sizes, said = sizes_of(grid, range(at - 1))
+    header = Header(cells, grid.lines[at], range(at + 1, len(grid.rows)))
+    return check_clock(read_columns(grid, header, "instron", selection, metadata=metadata_of(grid.rows[:at - 1]),
+                                    sizes=sizes, notes=[*notes, *said]))
+
+
+def _units_rows(grid: Grid) -> list[int]:
+    """Rows of bracketed units between a row of as many names and a row of numbers."""
+    found = []
+    for n in range(1, min(len(grid.rows) - 1, _HEAD)):
+        cells = [cell for cell in grid.rows[n] if cell]
+        if len(cells) > 1 and all(re.fullmatch(r"[(（].{0,20}[)）]", cell) for cell in cells) \
+                and len(grid.rows[n - 1]) >= len(cells) and grid.numeric(grid.rows[n + 1]) > 1:
+            found.append(n)
+    return found
