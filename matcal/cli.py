@@ -1,4 +1,4 @@
-"""Command line of `matcal`: inspect, fit, predict, check, report."""
+"""Command line of `matcal`: inspect, fit, predict, check, export, report."""
 
 from __future__ import annotations
 
@@ -139,6 +139,31 @@ def check(card: CardFile, as_json: JsonOption = False) -> None:
         print_json(found)
     else:
         print_stability(found)
+
+
+@app.command()
+def export(card: CardFile,
+           to: Annotated[str, typer.Option("--to", help="abaqus, calculix, febio, lsdyna or ansys.")],
+           moduli: Annotated[str | None, typer.Option(help="instantaneous or longterm; without it as the card holds "
+                                                      "them.")] = None,
+           units: Annotated[str, typer.Option(help="SI (Pa), mm-t-s (MPa) or mm-kg-ms (GPa).")] = "SI",
+           density: Annotated[float | None, typer.Option(help="Mass density, kg/m3; the card holds none.")] = None,
+           out: Annotated[Path | None, typer.Option(help="File to write; without it the text is printed.")] = None
+           ) -> None:
+    """Write the card as material input of a finite-element program; what the program does otherwise is warned of.
+
+    Example: matcal export card.json --to calculix --moduli longterm --units mm-t-s --out foam.inp
+    """
+    from matcal.card import read_card
+    from matcal.export.deck import export as exported
+
+    deck = exported(read_card(card), to, moduli, units, density)
+    for warning in deck.warnings:
+        print(f"matcal: warning: {warning}", file=sys.stderr)
+    if out is None:
+        print(deck.text, end="")
+    else:
+        out.write_text(deck.text, encoding="utf-8")
 
 
 @app.command()
