@@ -19,32 +19,36 @@ if TYPE_CHECKING:
 app = application("Calibrate a foam and its conductive skin from test files into a material card.")
 
 CardFile = Annotated[Path, typer.Argument(metavar="CARD", help="Material card (JSON).")]
+ColumnsOption = Annotated[list[str] | None, typer.Option(metavar="[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...", help=(
+    "Which columns mean what, where a file does not say: COLUMN is a name or a number from 1; sheet=NAME chooses a "
+    "sheet. Repeat it for further files."))]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 @app.command()
 def inspect(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Machine files or tables.")],
-            as_json: JsonOption = False) -> None:
+            columns: ColumnsOption = None, as_json: JsonOption = False) -> None:
     """Say what each file holds: its layout, columns, units, range and the kind of test it was taken for.
 
     Example: matcal inspect data_raw/mts_uniaxial.txt
     """
-    from matcal.inspect import describe
+    from matcal.inspect import describe, print_description
+    from matcal.readers.selection import parse_selection, selections_of
 
-    described = {str(path): describe(path) for path in files}
+    chosen = selections_of([(None, [path]) for path in files], [parse_selection(text) for text in columns or []])
+    described = {str(path): describe(path, choice.get(path)) for path, choice in zip(files, chosen, strict=True)}
     if as_json:
         print_json(described)
         return
     for path, found in described.items():
-        print(path)
-        for key, value in found.items():
-            print(f"  {key}: {value}")
+        print_description(path, found)
 
 
 @app.command()
 def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Test files; conductivity takes "
                                                    "FRAME_FILE,POTENTIOSTAT_FILE.")],
         specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens (TOML).")] = None,
+        columns: ColumnsOption = None,
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 4, or auto (by BIC).")] = "auto",
         poisson: Annotated[str, typer.Option(help="One nu for all terms, or fit.")] = "0",
         stable: Annotated[str | None, typer.Option(help="Hold the law drucker stable where it was fitted.")] = None,
@@ -64,13 +68,15 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     from matcal.card import as_json as card_json
     from matcal.protocols import reduce_tests
     from matcal.readers.detect import files_of
+    from matcal.readers.selection import parse_selection
     from matcal.record import folder_of, make_card, write_record
     from matcal.summary import print_fit
 
     _check_places(folder_of(out), report)
     inputs = [_input(text) for text in files]
     choices = Choices(_order(order), _poisson(poisson), stable, residual, _weights(weight or []))
-    found = calibrate(reduce_tests(inputs, specimen), choices)
+    chosen = [parse_selection(text) for text in columns or []]
+    found = calibrate(reduce_tests(inputs, specimen, columns=chosen), choices)
     draws, unfinished = _sampled(found, seed) if posterior else (None, None)
     used = [p for _, paths in inputs for path in paths for p in files_of(path)] + ([specimen] if specimen else [])
     card = make_card(found, out, used, seed, draws)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from matcal.experiment import Experiment
 from matcal.kinds import decide_kind
 from matcal.readers.detect import read
 from matcal.readers.recording import Recording
+from matcal.readers.selection import Selection, selections_of
 from matcal.specimen import Block, Strip, read_specimen
 from matcal.tables import reduce_table
 
@@ -19,17 +20,18 @@ REDUCED = ("uniaxial", "shear", "relaxation", "conductivity")
 
 
 def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]],
-                 specimen: Path | None = None) -> list[Experiment]:
+                 specimen: Path | None = None, columns: Sequence[Selection] = ()) -> list[Experiment]:
     """One experiment an input, each input being (kind or None, files); every decision is a sentence in its `decisions`.
 
     The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
-    parts of a split export (these may also be inputs of their own: they are read once). Raises TestFileError for a
-    file that cannot be used and ValueError for a kind that is unknown or has no protocol.
+    parts of a split export (these may also be inputs of their own: they are read once). `columns` says which columns
+    mean what in files that do not. Raises TestFileError for a file that cannot be used and ValueError for a kind that
+    is unknown or has no protocol, or columns that fit no file.
     """
     out: list[Experiment] = []
     seen: set[tuple[Path, ...]] = set()
-    for kind, paths in inputs:
-        recordings = _recordings(paths)
+    for (kind, paths), chosen in zip(inputs, selections_of(inputs, columns), strict=True):
+        recordings = _recordings(paths, chosen)
         key = tuple(path.resolve() for recording in recordings for path in recording.paths)
         if len(key) > len(paths) and key in seen:
             continue
@@ -38,12 +40,12 @@ def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]],
     return out
 
 
-def _recordings(paths: tuple[Path, ...]) -> list[Recording]:
+def _recordings(paths: tuple[Path, ...], chosen: Mapping[Path, Selection]) -> list[Recording]:
     """The recordings of one test, a split export counted once."""
     out: list[Recording] = []
     for path in paths:
         if not any(Path(path).resolve() == part.resolve() for recording in out for part in recording.paths):
-            out.append(read(path))
+            out.append(read(path, chosen.get(path)))
     return out
 
 
