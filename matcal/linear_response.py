@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from matcal.autocorrelation import inflation
-from matcal.curves import weighted_design, weighted_stress
+from matcal.correlation import Errors, correlated_errors
+from matcal.curves import weighted_design, weighted_model, weighted_stress
 from matcal.fit import Fit, allowed_exponents
 
 Array = NDArray[np.float64]
 
 # standard deviations of a prior so wide that it only holds directions that no curve sees: exponents, moduli over mu_0
 PRIOR_ALPHA, PRIOR_MODULI = 10.0, 100.0
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Noise and misfit of the weighted residuals."""
-
-    # (n,) variance that an independent residual would need for the same effect on the fit
-    variance: Array
-    # independent points that all curves are worth together
-    points: float
 
 
 def free_slopes(fit: Fit) -> Array:
@@ -46,18 +36,27 @@ def free_directions(fit: Fit) -> Array:
     return np.block([[np.eye(n), np.zeros((n, steps.shape[1]))], [np.zeros((n, n)), steps]])
 
 
-def spread_of(fit: Fit) -> Spread:
-    """Variance of the weighted residuals, widened by the autocorrelation time of each curve's own residuals."""
-    law, residual = fit.law, weighted_residual(fit)
-    sizes = [c.experiment.value.size for c in fit.curves]
-    lost = residual.size / max(residual.size - 2 * law.alpha.size, 1)
-    variance, points = [], 0.0
-    for curve, part in zip(fit.curves, np.split(residual, np.cumsum(sizes)[:-1]), strict=True):
-        noise = np.mean(((curve.experiment.noise or 0.0) / curve.scale_Pa) ** 2)
-        wider = inflation(part)
-        variance.append(np.full(part.size, max(lost * np.mean(part**2), noise) * wider))
-        points += part.size / wider
-    return Spread(np.concatenate(variance), points)
+def errors_of(fit: Fit, effect: Array) -> tuple[Errors, ...]:
+    """Errors of each curve's weighted stress, misfit among them, when (mu, alpha) and nuisances with `effect` (n, J)
+    and a standard normal prior were fitted."""
+    ends = np.cumsum([c.experiment.value.size for c in fit.curves])[:-1]
+    slopes = np.hstack([free_slopes(fit), effect])
+    free = slopes.shape[1] - effect.shape[1]
+    prior = np.eye(slopes.shape[1])
+    prior[:free, :free] = prior_precision(fit)
+    noise = [float(np.sqrt(np.mean(((c.experiment.noise or 0.0) / c.scale_Pa) ** 2))) for c in fit.curves]
+    return correlated_errors(np.split(weighted_residual(fit), ends), np.split(slopes, ends), prior, noise)
+
+
+def propagated(errors: Sequence[Errors], gain: Array) -> Array:
+    """(K, K) covariance of gain @ errors for gain (K, n) over the points of all curves."""
+    ends = np.cumsum([e.count for e in errors])[:-1]
+    return np.sum([e.of(g) for e, g in zip(errors, np.split(gain, ends, axis=1), strict=True)], axis=0)
+
+
+def effective_variance(errors: Sequence[Errors]) -> float:
+    """Mean over all points of the variance that independent errors would need for the same effect on the fit."""
+    return float(np.sum([e.covariance[0, 0] * e.count**2 / e.points for e in errors]) / sum(e.count for e in errors))
 
 
 def prior_precision(fit: Fit) -> Array:
@@ -70,8 +69,7 @@ def prior_precision(fit: Fit) -> Array:
 
 def weighted_residual(fit: Fit) -> Array:
     """(n,) law minus record over the scales of the curves."""
-    law = fit.law
-    return weighted_design(fit.curves, law.alpha, float(law.nu[0])) @ law.mu_Pa - weighted_stress(fit.curves)
+    return weighted_model(fit.curves, fit.law) - weighted_stress(fit.curves)
 
 
 def joint_gain(slopes: Array, effect: Array, variance: float, hold: Array) -> Array:

@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from matcal.curves import Curve, weighted_design, with_history
 from matcal.experiment import Experiment
 from matcal.fit import Fit
-from matcal.linear_response import free_slopes, joint_gain, prior_precision, spread_of, weighted_residual
+from matcal.linear_response import (
+    effective_variance,
+    errors_of,
+    free_slopes,
+    joint_gain,
+    prior_precision,
+    weighted_residual,
+)
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit
 
@@ -40,20 +47,43 @@ class Nuisance:
 
 
 def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
-    """The experiments, those without a drift of their own given the rms of the drifts measured in the others."""
+    """The experiments, those without a drift of their own given a standard deviation of it.
+
+    A drift that no rest shows is taken as normal about 0. Its variance pools the squares of the drifts measured in the
+    other tests, of which there are few, with one drift that adds up to the noise of the load over this test's duration:
+    a scale learned from one or two drifts alone would often be far too small.
+    """
     measured = [e.facts["drift_N_per_s"] for e in experiments if "drift_sd_N_per_s" in e.facts]
-    silent = [e for e in experiments if "area_mm2" in e.facts and "drift_sd_N_per_s" not in e.facts]
-    if not silent:
-        return tuple(experiments), ()
-    names = ", ".join(s for e in silent for s in e.source)
-    if not measured:
-        return tuple(experiments), (f"Drift of the load zero is not known for {names}; the intervals leave it out.",)
-    sd = float(np.sqrt(np.mean(np.square(measured))))
-    said = (f"Drift of the load zero could not be measured in {names}: 0 ± {sd * 1e3:.2g} mN/s is assumed, the size of "
-            "the drift measured in the other tests.")
-    quiet = {id(e) for e in silent}
-    return tuple(replace(e, facts={**e.facts, "drift_sd_N_per_s": sd}) if id(e) in quiet else e
-                 for e in experiments), (said,)
+    out, said = [], []
+    for experiment in experiments:
+        if "area_mm2" not in experiment.facts or "drift_sd_N_per_s" in experiment.facts:
+            out.append(experiment)
+            continue
+        names, typical = ", ".join(experiment.source), _typical_drift(experiment)
+        known = measured if typical is None else [*measured, typical]
+        if not known:
+            said.append(f"Drift of the load zero is not known for {names}; the intervals leave it out.")
+            out.append(experiment)
+            continue
+        sd = float(np.sqrt(np.mean(np.square(known))))
+        said.append(f"Drift of the load zero could not be measured in {names}: 0 ± {sd * 1e3:.2g} mN/s is assumed, "
+                    + _drift_reason(len(measured), typical) + ".")
+        out.append(replace(experiment, facts={**experiment.facts, "drift_sd_N_per_s": sd}))
+    return tuple(out), tuple(said)
+
+
+def _typical_drift(experiment: Experiment) -> float | None:
+    """Drift that adds up to the noise of the load over the test, N/s; None without a clock or a known noise."""
+    noise, time = experiment.facts.get("load_noise_N", 0.0), experiment.time_s
+    return None if time is None or noise == 0 or time[-1] <= 0 else float(noise / time[-1])
+
+
+def _drift_reason(measured: int, typical: float | None) -> str:
+    from_noise = f"{(typical or 0.0) * 1e3:.2g} mN/s, which is the noise of its load over its duration"
+    if measured == 0:
+        return "from " + from_noise
+    others = "the drift measured in the other tests"
+    return f"the size of {others}" if typical is None else f"from {others} ({measured}) and {from_noise}"
 
 
 def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
@@ -71,7 +101,7 @@ def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     """The curves with contact and drift where the whole curve wants them under their priors, and what was moved."""
     known = nuisance(fit)
     slopes = free_slopes(fit)
-    gain = joint_gain(slopes, known.effect, float(np.mean(spread_of(fit).variance)), prior_precision(fit))
+    gain = joint_gain(slopes, known.effect, effective_variance(errors_of(fit, known.effect)), prior_precision(fit))
     miss = -weighted_residual(fit)
     curves, said = list(fit.curves), []
     for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:, :miss.size] @ miss, strict=True):

@@ -1,14 +1,15 @@
 """Intervals of what a fit really measures, honest where residuals are correlated and the record itself is uncertain.
 
 Parameters and nuisances (contact points, Prony series) move together with the data, d(theta, z) = A db. The covariance
-A C A' is built from what the data can do (a "sandwich"): each curve's own residual variance times the autocorrelation
-time of its residuals, so that misfit counts as few effective points and not as many. What the order of the law hides
-is seen by adding one term: the difference enters as one more standard deviation. Left out: scatter from specimen to
-specimen, errors in the specimen's size, drift of the load zero within a test.
+A C A' is built from what the data can do (a "sandwich"), C being that of each curve's own errors, correlated as its
+residuals show (`matcal.correlation`), so that misfit counts as few effective points and not as many. What the order of
+the law hides is seen by adding one term: the difference enters as one more standard deviation. Left out: scatter from
+specimen to specimen (see `matcal.specimens`), errors in the specimen's size.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,15 @@ from scipy.stats import t as student
 
 from matcal.fit import Fit
 from matcal.hyperfoam import Hyperfoam
-from matcal.linear_response import free_directions, free_slopes, joint_gain, prior_precision, spread_of
+from matcal.linear_response import (
+    effective_variance,
+    errors_of,
+    free_directions,
+    free_slopes,
+    joint_gain,
+    prior_precision,
+    propagated,
+)
 from matcal.modes import nominal_stress
 from matcal.nuisance import nuisance
 from matcal.relaxation_fit import PronyFit
@@ -50,8 +59,13 @@ class Uncertainty:
     derived: dict[str, Interval]
     # (2 N, 2 N) covariance of (mu_Pa, alpha)
     covariance: Array
-    # independent points of one common noise level that would know mu_0 as well as these curves do
+    # independent points of one common noise level that would know these quantities no better than these curves do
     effective_points: float
+    # fitted law, and the one with a further term, which shows what the order hides
+    law: Hyperfoam
+    wider: Hyperfoam | None
+    # standard deviations to either side that hold 95 %, by Student's law for few effective points
+    reach: float
 
 
 def derived_quantities(law: Hyperfoam) -> dict[str, float]:
@@ -62,36 +76,45 @@ def derived_quantities(law: Hyperfoam) -> dict[str, float]:
 
 def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
-    covariance, gain = _covariance(fit, prony)
-    spread, gradients, value = spread_of(fit), _gradients(fit.law), derived_quantities(fit.law)
-    wider = derived_quantities(fit.wider) if fit.wider is not None else value
-    quantile = float(student.ppf(0.975, max(1.0, spread.points - 2 * fit.law.alpha.size)))
-    derived = {}
-    for name, gradient in gradients.items():
-        form = abs(wider[name] - value[name])
-        sd = float(np.hypot(np.sqrt(gradient @ covariance @ gradient), form))
-        derived[name] = Interval(value[name], sd, form, value[name] - quantile * sd, value[name] + quantile * sd)
-    own = gradients["mu_0_Pa"] @ gain
-    return Uncertainty(derived, covariance, fit.optimum.cost * float(own @ own) / float(own @ (spread.variance * own)))
-
-
-def _covariance(fit: Fit, prony: PronyFit | None) -> tuple[Array, Array]:
-    """Covariance of (mu, alpha), and their gain (2 N, n) on the weighted data."""
-    known, spread, free = nuisance(fit, prony), spread_of(fit).variance, free_directions(fit)
-    variance = float(np.mean(spread))
+    known, free = nuisance(fit, prony), free_directions(fit)
+    errors = errors_of(fit, known.effect)
+    variance, n = effective_variance(errors), sum(e.count for e in errors)
     gain = joint_gain(free_slopes(fit), known.effect, variance, prior_precision(fit))[:free.shape[1]]
-    data, prior = free @ gain[:, :spread.size], free @ gain[:, spread.size:]
-    return data @ (spread[:, None] * data.T) + variance * prior @ prior.T, data
+    data, prior = free @ gain[:, :n], free @ gain[:, n:]
+    from_data = propagated(errors, data)
+    covariance = from_data + variance * prior @ prior.T
+    reach = float(student.ppf(0.975, max(1.0, sum(e.points for e in errors) - 2 * fit.law.alpha.size)))
+    bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach)
+    return replace(bare, derived=intervals(bare, derived_quantities))
 
 
-def _gradients(law: Hyperfoam) -> dict[str, Array]:
-    """Derived quantity -> (2 N,) slope in (mu, alpha)."""
+def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Interval]:
+    """95 % intervals of any smooth `quantities` of a law: covariance and hidden order together."""
+    value = quantities(about.law)
+    wider = quantities(about.wider) if about.wider is not None else value
+    out = {}
+    for name, gradient in _gradients(about.law, quantities).items():
+        form = abs(wider[name] - value[name])
+        sd = float(np.hypot(np.sqrt(gradient @ about.covariance @ gradient), form))
+        out[name] = Interval(value[name], sd, form, value[name] - about.reach * sd, value[name] + about.reach * sd)
+    return out
+
+
+def _effective_points(fit: Fit, gain: Array, covariance: Array) -> float:
+    """Points of one noise level for which the quantity that suffers most from correlation has the same variance."""
+    worth = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
+             for g in _gradients(fit.law, derived_quantities).values()]
+    return min(worth)
+
+
+def _gradients(law: Hyperfoam, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Array]:
+    """Quantity -> (2 N,) slope in (mu, alpha)."""
     n = law.mu_Pa.size
     scale = np.r_[np.full(n, 1e-4 * law.mu_0_Pa), np.full(n, 1e-5)]
 
-    def at(shift: Array) -> dict[str, float]:
-        return derived_quantities(replace(law, mu_Pa=law.mu_Pa + shift[:n], alpha=law.alpha + shift[n:]))
+    def at(shift: Array) -> Mapping[str, float]:
+        return quantities(replace(law, mu_Pa=law.mu_Pa + shift[:n], alpha=law.alpha + shift[n:]))
 
     ends = [(at(row), at(-row)) for row in np.diag(scale)]
     return {name: np.array([(high[name] - low[name]) / (2 * s) for (high, low), s in zip(ends, scale, strict=True)])
-            for name in derived_quantities(law)}
+            for name in quantities(law)}
