@@ -30,7 +30,12 @@ def reduce_table(kind: str, recording: Recording) -> Experiment:
     if kind in ("uniaxial", "relaxation"):
         strain, value = _compression_negative(recording, strain, value, notes)
     time = columns.get("time")
-    return Experiment(kind=kind, strain=strain, value=value, time_s=time,
+    deviation = columns.get("deviation") if wanted[1] == "stress" else None
+    if deviation is not None and np.any(deviation < 0):
+        raise TestFileError(recording.paths[0], f"column '{recording.names['deviation']}' is a standard deviation and "
+                                                "falls below 0.", line=recording.first_line)
+    return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation,
+                      lateral=columns.get("lateral") if kind in ("uniaxial", "planar", "biaxial") else None,
                       source=tuple(p.name for p in recording.paths), decisions=tuple(notes))
 
 
