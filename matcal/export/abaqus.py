@@ -3,6 +3,9 @@
 The energy is the card's own, nu_i in place of beta_i. Data lines hold at most eight values of at most 20 characters:
 mu_1, alpha_1, ..., mu_N, alpha_N, then nu_1, ..., nu_N, without a break between the two; N <= 6.
 
+Relaxation by Abaqus's equation against the card's, uniaxial to -0.8 with the paper's Table 1: 5 % softer at
+the end of a ramp of 192 s, equal to 1e-4 on the hold after a ramp of 1 s (tests/matcal/test_export_relaxation.py).
+
 Sources: Abaqus Keywords Reference Guide, *HYPERFOAM and *VISCOELASTIC; Abaqus Analysis User's Guide, "Hyperelastic
 behavior in elastomeric foams" (22.5.2), "Time domain viscoelasticity" (22.7.1) and "Input syntax rules" (1.2.1);
 Abaqus Theory Guide, "Finite-strain viscoelasticity" (4.8.2).
@@ -35,7 +38,8 @@ def write(material: Material) -> Written:
               "It acts in *VISCO and *DYNAMIC steps; *STATIC, LONG TERM gives the relaxed response."]
     return Written(tuple(lines), tuple(notes), (
         "Abaqus convolves the Kirchhoff stress, its deviator carried along by the distortional deformation; the card "
-        "was fitted with the second Piola-Kirchhoff stress. Holds after a fast step agree, slow ramps differ a little.",
+        "was fitted with the second Piola-Kirchhoff stress. Holds after a fast step agree; at the end of a slow ramp "
+        "to large compression Abaqus differs by some per cent.",
     ))
 
 

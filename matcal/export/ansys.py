@@ -46,7 +46,8 @@ def write(material: Material) -> Written:
         lines += _relaxation(material, material.prony)
         notes.append("Relaxation: a_i, t_i for SHEAR and again for BULK, because the whole stress relaxes.")
         warnings += ("Ansys convolves deviator and pressure apart; the card was fitted with the second Piola-Kirchhoff "
-                     "stress. Holds after a fast step agree, slow ramps differ a little.",)
+                     "stress. Holds after a fast step agree; at the end of a slow ramp to large compression Ansys "
+                     "differs by some per cent.",)
     return Written(tuple(lines), tuple(notes), warnings)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 
 def number(value: float, width: int | None = None) -> str:
@@ -49,7 +49,7 @@ def identifier(name: str, longest: int = 80) -> str:
     return (plain if plain[0].isalpha() else f"M_{plain}")[:longest]
 
 
-def commented_file(mark: str):
+def commented_file(mark: str) -> Callable[[Sequence[str], Sequence[str]], str]:
     """An `assemble` for targets whose file is comment lines beginning with `mark`, then the input."""
     def assemble(sentences: Sequence[str], lines: Sequence[str]) -> str:
         return "\n".join([*comment(sentences, mark), *lines]) + "\n"
