@@ -1,69 +1,76 @@
-"""Moduli under Drucker stability: the least squares of variable projection with linear inequalities.
+"""Moduli under linear inequalities: the least squares of variable projection where some moduli are no material.
 
-With nu = 0 the Kirchhoff tangent is diagonal, 2 sum mu_i lambda^alpha_i on each axis, so a law is Drucker stable where
-h(lambda) = sum mu_i lambda^alpha_i > 0 at every principal stretch: for given exponents that is linear in the moduli.
+For given exponents everything that a law must satisfy here is linear in the moduli: that none of them explodes
+(|mu_i| <= MOST mu_0, which makes mu_0 positive as well), and that it is stable at a state and in a direction.
 Source: Lawson & Hanson, Solving Least Squares Problems (1974), chapter 23 (least distance programming).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from matcal.curves import Curve
+from matcal.errors import NotConverged
+from matcal.orders import EXPLODING as MOST
 from matcal.varpro import Solve, least_moduli
 
 Array = NDArray[np.float64]
+# (N,) exponents -> (m, N) rows whose product with the moduli must not fall below a floor
+Rows = Callable[[Array], Array]
 
-STABLE = ("drucker",)
-# stretches at which h is held, and its least value there as a share of the unconstrained mu_0
-_GRID, _FLOOR = 120, 0.005
+# least value of a stability row as a share of the unconstrained mu_0
+FLOOR = 0.005
 
 
-def stable_moduli(criterion: str, curves: Sequence[Curve], nu: float) -> Solve:
-    """A `Solve` whose moduli satisfy `criterion` at every principal stretch that the curves reach.
+def bounded_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
+    """Least-squares moduli (N,) of matrix (n, N) against target (n,) with |mu_i| <= MOST mu_0."""
+    free = least_moduli(matrix, target, alpha)
+    return nearest(matrix, free, bound_rows(alpha), 0.0)
 
-    Raises ValueError for a criterion or a nu for which this is not built.
-    """
-    if criterion not in STABLE:
-        raise ValueError(f"--stable {criterion} is not available; known: {', '.join(STABLE)}. Leave it out and see "
-                         "`matcal check` for where the law is elliptic.")
-    if nu != 0:
-        raise ValueError(f"--stable {criterion} is built for nu = 0 only, got nu = {nu:g}. Leave out --poisson.")
-    low, high = _reached(curves)
-    stretches = np.linspace(low, high, _GRID)
 
+def stable_moduli(rows: Rows) -> Solve:
+    """A `Solve` with `rows`(alpha) @ mu at least FLOOR times the unconstrained |mu_0|, and |mu_i| <= MOST mu_0."""
     def solve(matrix: Array, target: Array, alpha: Array) -> Array:
-        free = least_moduli(matrix, target, alpha)
-        return nearest(matrix, free, np.exp(stretches[:, None] * alpha), _FLOOR * abs(free.sum()))
+        free, held = least_moduli(matrix, target, alpha), rows(alpha)
+        floor = np.r_[np.full(held.shape[0], FLOOR * abs(free.sum())), np.zeros(2 * alpha.size)]
+        return nearest(matrix, free, np.vstack([held, bound_rows(alpha)]), floor)
 
     return solve
 
 
-def nearest(matrix: Array, free: Array, rows: Array, floor: float) -> Array:
-    """Moduli nearest to `free` in |matrix (mu - free)| with rows @ mu >= floor."""
+def bound_rows(alpha: Array) -> Array:
+    """(2 N, N) rows that are >= 0 where |mu_i| <= MOST mu_0."""
+    n = alpha.size
+    return MOST * np.ones((2 * n, n)) + np.vstack([np.eye(n), -np.eye(n)])
+
+
+def nearest(matrix: Array, free: Array, rows: Array, floor: Array | float) -> Array:
+    """Moduli nearest to `free` in |matrix (mu - free)| with rows @ mu >= floor; zeros where no moduli satisfy that.
+
+    Raises NotConverged where the inner non-negative least squares do not end.
+    """
     short = floor - rows @ free
     if np.all(short <= 0):
         return free
     size = np.linalg.norm(matrix, axis=0)
     r = np.linalg.qr(matrix / size)[1]
-    bent = np.linalg.solve(r.T, (rows / size).T)
-    columns = np.vstack([bent, short])
+    r = r + 1e-13 * np.diag(np.where(np.diag(r) < 0, -1.0, 1.0))
+    length = np.linalg.norm(rows / size, axis=1)
+    bent = np.linalg.solve(r.T, (rows / size / length[:, None]).T)
+    columns = np.vstack([bent, short / length])
     scale = np.linalg.norm(columns[:-1], axis=0)
     goal = np.r_[np.zeros(free.size), 1.0]
-    weight, _ = nnls(columns / scale, goal, maxiter=3000)
-    miss = (columns / scale) @ weight - goal
-    return free - np.linalg.solve(r, miss[:-1] / miss[-1]) / size
-
-
-def _reached(curves: Sequence[Curve]) -> tuple[float, float]:
-    """Least and largest logarithmic principal stretch of all curves, 0 among them."""
-    ends = [0.0]
-    for curve in curves:
-        e, kind = curve.experiment.strain, curve.experiment.kind
-        x = {"shear": np.arcsinh(e / 2), "volumetric": np.log(np.maximum(e, 1e-9)) / 3}.get(kind, np.log1p(e))
-        ends += [float(x.min()), float(x.max())] + ([-float(x.max()), -float(x.min())] if kind == "shear" else [])
-    return min(ends), max(ends)
+    unit = float(np.abs(columns[-1] / scale).max())
+    columns = np.vstack([columns[:-1], columns[-1:] / unit]) / scale
+    try:
+        weight, _ = nnls(columns, goal, maxiter=3000)
+    except RuntimeError:
+        raise NotConverged("moduli under inequalities: the non-negative least squares did not end. Lower the order.",
+                           estimate=free) from None
+    miss = columns @ weight - goal
+    if abs(miss[-1]) < 1e-12:
+        return np.zeros_like(free)
+    return free - np.linalg.solve(r, unit * miss[:-1] / miss[-1]) / size

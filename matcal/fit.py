@@ -1,41 +1,34 @@
-"""Hyperfoam law fitted to stress-strain curves: variable projection, order by BIC, cross prediction between modes."""
+"""Hyperfoam law fitted to stress-strain curves: variable projection, order by BIC, nu, stability, cross prediction."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from matcal.constrained import stable_moduli
-from matcal.curves import Curve, largest_log_stretch, weighted_design, weighted_stress
+from matcal.cross_prediction import Alone, alone_sentences, each_alone, relative_rms
+from matcal.curves import Curve, reached, weight_sentence, weighted_model, weighted_stress
 from matcal.hyperfoam import Hyperfoam
 from matcal.orders import OrderRow, chosen_order, confluence, order_sentences
-from matcal.tabulated import Table, tabulate
-from matcal.varpro import Exponents, Optimum, Solve, least_moduli, minimise
+from matcal.poisson import Poisson, checked_poisson, fitted_nu, nu_sentences
+from matcal.search import Problem, allowed_exponents, best_law, pose, search
+from matcal.stable_search import StabilityRows, search_stable
+from matcal.unequal import refine, with_nu
+from matcal.varpro import Optimum
+
+__all__ = ["ORDERS", "Alone", "Fit", "allowed_exponents", "fit", "modelled", "quick_law", "relative_rms"]
 
 Array = NDArray[np.float64]
 
 ORDERS = (1, 2, 3, 4, 5, 6)
-# exponents searched, and the largest |alpha ln lambda| that a column may reach
-_LOWEST, _HIGHEST, _LARGEST_POWER = -15.0, 25.0, 40.0
-# |ln lambda| times the least distance of two exponents: nearer ones look alike over the curves
-_LEAST_POWER_GAP = 0.3
-_NU_BOUNDS = (0.0, 0.45)
-
-
-@dataclass(frozen=True)
-class Alone:
-    """The law fitted to one mode only, and how it predicts the others; of a lower order where that needs no negative
-    mu_0."""
-
-    # fitted law
-    law: Hyperfoam
-    # mode -> relative RMS there
-    relative_rms: Mapping[str, float]
+# orders that "auto" always tries; each higher one only while the one before has the least BIC
+_ALWAYS = 4
+# starts of a search for nu or for a stable law
+_FEW = 3
 
 
 @dataclass(frozen=True)
@@ -58,42 +51,51 @@ class Fit:
     decisions: tuple[str, ...]
     # CPU seconds of all starts and orders, of the cross predictions too
     cpu_s: float
+    # the law without the stability that was asked for; None where none was
+    free: Hyperfoam | None = None
 
 
-def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: float | str = 0.0, starts: int = 8,
-        thorough: bool = True, stable: str | None = None) -> Fit:
+def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0.0, starts: int = 8,
+        thorough: bool = True, stable: str | None = None, stable_range: tuple[float, float] | None = None) -> Fit:
     """Long-term hyperfoam law with least weighted mean square residual over `curves`.
 
-    order: number of terms, or "auto" (1 to 4 by BIC, see `chosen_order`); poisson: one nu for all terms, or "fit";
-    thorough: also fit one more term, and each mode alone; stable: criterion that the law keeps over the stretches of
-    the curves (the single-mode laws and the wider one are left free). Raises ValueError for another choice, for no
-    curves, or for fewer points than parameters.
+    order: number of terms 1 to 6, or "auto" (by BIC, see `chosen_order`); poisson: one nu for all terms, one a term
+    (increasing alpha), "fit" or "fit-each"; thorough: also fit one more term, and each mode alone; stable: criterion
+    that the law keeps at all principal stretches within stable_range (by default those that the curves drive), the
+    single-mode laws and the wider one being left free. Raises ValueError for another choice, for no curves, or for
+    fewer different strains than parameters; NotConverged where no such stable law is found.
     """
     start = time.process_time()
     curves = tuple(curves)
-    orders = _orders(order, curves)
-    nu = _fitted_nu(curves, orders[0] if len(orders) == 1 else 3) if poisson == "fit" else _checked_nu(poisson)
-    table = _table(curves, nu)
-    solve = stable_moduli(stable, curves, nu) if stable else least_moduli
-    tried = {n: _minimise(table, curves, n, nu, starts, solve) for n in orders}
-    left_out = [n for n, o in tried.items() if o.mu_Pa.sum() <= 0]
-    tried = {n: o for n, o in tried.items() if n not in left_out} or tried
-    rows = tuple(_row(curves, optimum) for optimum in tried.values())
+    orders = _orders(order, curves, poisson)
+    choice = checked_poisson(poisson, curves)
+    log_range = _log_range(stable_range, curves)
+    nu = _shared_nu(choice, curves, orders)
+    problem = pose(curves, nu)
+    tried = _tried(problem, orders, starts, order == "auto")
+    rows = tuple(_row(problem, optimum) for optimum in tried.values())
     best = chosen_order(rows)
-    free = _minimise(table, curves, best.order, nu, starts) if stable else None
-    decisions = (*order_sentences(order, rows, best), *_mode_sentences(curves), *_cost_sentences(stable, best, free),
-                 _nu_sentence(nu, poisson), *(f"Order {n} was left out: its mu_0 is not positive." for n in left_out))
-    return Fit(_law(tried[best.order], nu, curves), curves, tried[best.order], rows,
-               _wider(table, curves, {} if stable else tried, best.order + 1, nu, starts) if thorough else None,
-               _alone(curves, best.order, nu, starts) if thorough else {}, decisions,
-               time.process_time() - start)
+    found = tried[best.order]
+    law = _law(found, nu, curves)
+    if not isinstance(choice, float | str) or choice == "fit-each":
+        law, found = _term_by_term(problem, choice, found)
+    free = law if stable else None
+    if stable:
+        law, found = _stable_law(problem, stable, log_range, law, found)
+    alone = each_alone(curves, lambda own: _law(best_law(pose(own, nu), best.order, starts), nu, own)
+                       ) if thorough else {}
+    decisions = (weight_sentence(curves), *order_sentences(order, rows, best, tried[best.order]),
+                 *alone_sentences(curves, alone), *nu_sentences(law.nu.tolist(), poisson, curves),
+                 *_cost_sentences(stable, log_range, law, free, curves))
+    return Fit(law, curves, found, rows, _wider(problem, {} if stable else tried, best.order + 1, starts, law)
+               if thorough else None, alone, decisions, time.process_time() - start, free)
 
 
 def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam:
     """The law alone, from fewer starts, three terms where the order is open: for the shape of a curve on the way."""
     curves = tuple(curves)
-    terms = min(3, _orders("auto", curves)[-1]) if order == "auto" else _orders(order, curves)[0]
-    return _law(_minimise(_table(curves, nu), curves, terms, nu, 3), nu, curves)
+    terms = min(3, _orders("auto", curves, nu)[-1]) if order == "auto" else _orders(order, curves, nu)[0]
+    return _law(best_law(pose(curves, nu), terms, _FEW), nu, curves)
 
 
 def modelled(law: Hyperfoam, curve: Curve) -> Array:
@@ -101,132 +103,139 @@ def modelled(law: Hyperfoam, curve: Curve) -> Array:
     return curve.model(law)
 
 
-def relative_rms(law: Hyperfoam, curve: Curve) -> float:
-    """rms(residual)/rms(stress) of a law on a curve."""
-    stress = curve.experiment.value
-    return float(np.sqrt(np.mean((stress - modelled(law, curve))**2) / np.mean(stress**2)))
-
-
-def allowed_exponents(curves: Sequence[Curve]) -> Exponents:
-    """Exponents searched: wide, but no column beyond e^40, and no two that look alike over the stretches reached;
-    positive for shear alone, which is even in each exponent."""
-    reach = max(largest_log_stretch(curves), 1e-3)
-    low = 0.05 if {c.experiment.kind for c in curves} == {"shear"} else max(_LOWEST, -_LARGEST_POWER / reach)
-    high = min(_HIGHEST, _LARGEST_POWER / reach)
-    return Exponents(low, high, min(_LEAST_POWER_GAP / reach, (high - low) / 8))
-
-
-def _orders(order: int | str, curves: tuple[Curve, ...]) -> tuple[int, ...]:
+def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson) -> tuple[int, ...]:
     if not curves:
         raise ValueError("no stress-strain curve to fit: give a uniaxial, biaxial, planar, shear or volumetric file.")
-    points = sum(c.experiment.value.size for c in curves)
+    listed = 0 if isinstance(poisson, str) else np.atleast_1d(poisson).size
+    if listed > 1 and order not in ("auto", listed):
+        raise ValueError(f"poisson lists {listed} values but the order is {order}. Give one value a term.")
+    order = listed if listed > 1 else order
+    points = sum(np.unique(np.concatenate([c.experiment.strain for c in curves if c.experiment.kind == kind])).size
+                 for kind in {c.experiment.kind for c in curves})
     if order == "auto":
         return tuple(n for n in ORDERS if 2 * n < points)
     if order not in ORDERS:
         raise ValueError(f"order '{order}' is unknown; known: auto, {', '.join(map(str, ORDERS))}.")
     if 2 * int(order) >= points:
-        raise ValueError(f"order {order} has {2 * int(order)} parameters but there are {points} points. "
+        raise ValueError(f"order {order} has {2 * int(order)} parameters but there are {points} different strains. "
                          "Lower the order or give more data.")
     return (int(order),)
 
 
-def _checked_nu(poisson: float | str) -> float:
-    nu = float(poisson)
-    if not -1 < nu < 0.5:
-        raise ValueError(f"poisson {nu:g} must lie between -1 and 0.5, or be 'fit'.")
-    return nu
+def _shared_nu(choice: float | str | tuple[float, ...], curves: tuple[Curve, ...], orders: tuple[int, ...]) -> float:
+    """The one nu of the search: as given, the mean of a list, or fitted."""
+    if not isinstance(choice, str):
+        return float(np.mean(choice))
+    terms = orders[0] if len(orders) == 1 else min(3, orders[-1])
+    return fitted_nu(curves, lambda nu: best_law(pose(curves, nu), terms, _FEW).cost)
 
 
-def _table(curves: tuple[Curve, ...], nu: float) -> Table:
-    allowed = allowed_exponents(curves)
-    return tabulate(curves, nu, (allowed.low, allowed.high))
+def _tried(problem: Problem, orders: Sequence[int], starts: int, auto: bool) -> dict[int, Optimum]:
+    out: dict[int, Optimum] = {}
+    for n in orders:
+        if auto and n > _ALWAYS and min(out, key=lambda k: _row(problem, out[k]).bic) != n - 1:
+            break
+        out[n] = best_law(problem, n, starts)
+    return out
 
 
-def _minimise(table: Table, curves: tuple[Curve, ...], order: int, nu: float, starts: int,
-              solve: Solve = least_moduli) -> Optimum:
-    """Best of the starts, searched on the table and evaluated with the exact design."""
-    found = minimise(table.design, table.slope, table.target, order, allowed_exponents(curves), starts, solve)
-    design, stress = weighted_design(curves, found.alpha, nu), weighted_stress(curves)
-    mu = solve(design, stress, found.alpha)
-    return replace(found, mu_Pa=mu, cost=float(np.sum((design @ mu - stress) ** 2)))
+def _term_by_term(problem: Problem, choice: str | tuple[float, ...], found: Optimum) -> tuple[Hyperfoam, Optimum]:
+    """The law with nu term by term, from the best laws with one nu."""
+    curves, n = problem.curves, found.alpha.size
+    if isinstance(choice, str):
+        starts, fit_nu = [_law(found, problem.nu, curves)], True
+    else:
+        others = [best_law(pose(curves, v), n, _FEW) for v in sorted({min(choice), max(choice)})]
+        starts, fit_nu = [with_nu(_law(o, problem.nu, curves), choice) for o in (found, *others)], False
+    refined = refine(curves, starts, problem.allowed, fit_nu)
+    return _with_ranges(refined.law, curves), _as_optimum(refined.law, found, refined.evaluations, curves)
 
 
-def _wider(table: Table, curves: tuple[Curve, ...], tried: Mapping[int, Optimum], order: int, nu: float,
-           starts: int) -> Hyperfoam | None:
-    if 2 * order >= sum(c.experiment.value.size for c in curves):
+def _stable_law(problem: Problem, criterion: str, log_range: tuple[float, float], law: Hyperfoam,
+                found: Optimum) -> tuple[Hyperfoam, Optimum]:
+    """The best law that keeps `criterion`, searched from the free one."""
+    searching = _stable_unequal if np.ptp(law.nu) else _stable_shared
+    held = search_stable(criterion, log_range, searching(problem, law))
+    return _with_ranges(held, problem.curves), _as_optimum(held, found, 0, problem.curves)
+
+
+def _stable_shared(problem: Problem, law: Hyperfoam) -> Callable[[StabilityRows], Hyperfoam]:
+    latest = [law]
+
+    def searching(rows: StabilityRows) -> Hyperfoam:
+        nu = np.full(law.alpha.size, problem.nu)
+        solve = stable_moduli(lambda alpha: rows(alpha, nu))
+        optimum = search(problem, nu.size, _FEW if len(latest) == 1 else 0, solve, [latest[-1].alpha])
+        latest.append(Hyperfoam(optimum.mu_Pa, optimum.alpha, nu))
+        return latest[-1]
+
+    return searching
+
+
+def _stable_unequal(problem: Problem, law: Hyperfoam) -> Callable[[StabilityRows], Hyperfoam]:
+    latest = [law]
+
+    def searching(rows: StabilityRows) -> Hyperfoam:
+        latest.append(refine(problem.curves, latest[-1:], problem.allowed, False, rows).law)
+        return latest[-1]
+
+    return searching
+
+
+def _as_optimum(law: Hyperfoam, found: Optimum, evaluations: int, curves: tuple[Curve, ...]) -> Optimum:
+    cost = float(np.sum((weighted_model(curves, law) - weighted_stress(curves)) ** 2))
+    return replace(found, mu_Pa=law.mu_Pa, alpha=law.alpha, cost=cost, starts=(cost,),
+                   evaluations=found.evaluations + evaluations)
+
+
+def _wider(problem: Problem, tried: Mapping[int, Optimum], order: int, starts: int,
+           law: Hyperfoam) -> Hyperfoam | None:
+    """The law of one more term with one nu; with nu term by term there is none to compare with."""
+    if 2 * order >= sum(np.unique(c.experiment.strain).size for c in problem.curves) or np.ptp(law.nu):
         return None
-    optimum = tried.get(order) or _minimise(table, curves, order, nu, max(1, starts // 2))
-    return _law(optimum, nu, curves) if optimum.mu_Pa.sum() > 0 else None
+    return _law(tried.get(order) or best_law(problem, order, max(1, starts // 2)), problem.nu, problem.curves)
 
 
-def _fitted_nu(curves: tuple[Curve, ...], order: int) -> float:
-    if not {c.experiment.kind for c in curves} - {"shear"}:
-        raise ValueError("poisson 'fit' needs another mode than shear, which does not depend on nu. Give a value.")
-
-    def cost(nu: float) -> float:
-        return _minimise(_table(curves, nu), curves, order, nu, 2).cost
-
-    found = minimize_scalar(cost, bounds=_NU_BOUNDS, method="bounded", options={"xatol": 1e-4})
-    return float(found.x)  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def _row(curves: tuple[Curve, ...], optimum: Optimum) -> OrderRow:
-    n = sum(c.experiment.value.size for c in curves)
+def _row(problem: Problem, optimum: Optimum) -> OrderRow:
+    n = sum(c.experiment.value.size for c in problem.curves)
     order = optimum.alpha.size
-    merged = confluence(optimum.mu_Pa, optimum.alpha, allowed_exponents(curves).gap)
-    bic = n * np.log(optimum.cost) + 2 * order * np.log(n)
+    merged = confluence(optimum.mu_Pa, optimum.alpha, problem.allowed.gap)
+    bic = n * np.log(max(optimum.cost, 1e-30)) + 2 * order * np.log(n)
     return OrderRow(order, float(np.sqrt(optimum.cost)), float(bic), merged)
 
 
 def _law(optimum: Optimum, nu: float, curves: tuple[Curve, ...]) -> Hyperfoam:
-    if optimum.mu_Pa.sum() <= 0:
-        names = ", ".join(s for c in curves for s in c.experiment.source)
-        raise ValueError(f"the best law of order {optimum.mu_Pa.size} has mu_0 = {optimum.mu_Pa.sum():.4g} Pa, which "
-                         f"is no material: {names} may begin with a toe. Cut the toe off, or lower the order.")
+    return _with_ranges(Hyperfoam(optimum.mu_Pa, optimum.alpha, np.full(optimum.alpha.size, nu)), curves)
+
+
+def _with_ranges(law: Hyperfoam, curves: tuple[Curve, ...]) -> Hyperfoam:
     ranges: dict[str, tuple[float, float]] = {}
     for curve in curves:
         e, kind = curve.experiment.strain, curve.experiment.kind
         low, high = ranges.get(kind, (np.inf, -np.inf))
         ranges[kind] = (min(low, float(e.min())), max(high, float(e.max())))
-    return Hyperfoam(optimum.mu_Pa, optimum.alpha, np.full(optimum.alpha.size, nu), "longterm", ranges)
+    return replace(law, strain_range=ranges)
 
 
-def _alone(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> dict[str, Alone]:
-    kinds = list(dict.fromkeys(c.experiment.kind for c in curves))
-    out: dict[str, Alone] = {}
-    for kind in kinds if len(kinds) > 1 else []:
-        own = tuple(c for c in curves if c.experiment.kind == kind)
-        table = _table(own, nu)
-        tried = (_minimise(table, own, n, nu, starts) for n in range(order, 0, -1))
-        if (optimum := next((o for o in tried if o.mu_Pa.sum() > 0), None)) is not None:
-            law = _law(optimum, nu, own)
-            out[kind] = Alone(law, {k: _rms_in(law, curves, k) for k in kinds})
-    return out
+def _log_range(stable_range: tuple[float, float] | None, curves: tuple[Curve, ...]) -> tuple[float, float]:
+    if stable_range is None:
+        return reached(curves)
+    low, high = stable_range
+    if not 0 < low < 1 < high or not np.isfinite(high):
+        raise ValueError(f"stable range {low:g} to {high:g}: give two principal stretches, the first between 0 and 1, "
+                         "the second above 1, for example 0.3,1.5.")
+    return float(np.log(low)), float(np.log(high))
 
 
-def _rms_in(law: Hyperfoam, curves: tuple[Curve, ...], kind: str) -> float:
-    squares = [relative_rms(law, c) ** 2 for c in curves if c.experiment.kind == kind]
-    return float(np.sqrt(np.mean(squares)))
-
-
-def _cost_sentences(stable: str | None, chosen: OrderRow, free: Optimum | None) -> list[str]:
+def _cost_sentences(stable: str | None, log_range: tuple[float, float], law: Hyperfoam, free: Hyperfoam | None,
+                    curves: tuple[Curve, ...]) -> list[str]:
     if stable is None or free is None:
         return []
-    return [f"The law is held {stable} stable over the stretches of the curves: weighted relative RMS {chosen.rms:.3%} "
-            f"instead of {np.sqrt(free.cost):.3%} without that."]
-
-
-def _nu_sentence(nu: float, poisson: float | str) -> str:
-    if poisson != "fit":
-        return f"nu = {nu:.4g} for every term, as given."
-    bound = min(abs(nu - end) for end in _NU_BOUNDS) < 1e-3
-    return f"nu = {nu:.4g} for every term, fitted" + (", at the bound of its search: do not read it." if bound else ".")
-
-
-def _mode_sentences(curves: tuple[Curve, ...]) -> list[str]:
-    kinds = {c.experiment.kind for c in curves}
-    if kinds == {"shear"}:
-        return ["Shear alone is even in each exponent: their signs are taken as positive, not measured."]
-    if len(kinds) == 1:
-        return [f"Only {kinds.pop()} was fitted: other modes are extrapolated and may be far off."]
-    return []
+    low, high = np.exp(log_range)
+    costs = ", ".join(f"{c.label} {relative_rms(law, c):.3%} instead of {relative_rms(free, c):.3%}" for c in curves)
+    out = [f"The law is held {stable} stable at every combination of principal stretches from {low:.3g} to {high:.3g}, "
+           f"and was checked there; relative RMS beside the law without that: {costs}."]
+    if stable == "drucker":
+        out.append("Drucker stability rejects legitimate foam plateaus, where |lambda P| falls under compression while "
+                   "P still rises; strong ellipticity (--stable elliptic) is what a finite element solution needs.")
+    return out

@@ -77,6 +77,13 @@ def second_piola(law: Hyperfoam, mode: str, strain: ArrayLike) -> Array:
     return _components(mode, e, x, kirchhoff(law, x))
 
 
+def lateral_strain(law: Hyperfoam, mode: str, strain: ArrayLike) -> Array:
+    """Nominal strain of the free faces, of the shape of `strain`, of a uniaxial, biaxial or planar test."""
+    if mode not in _AXES:
+        raise ValueError(f"mode '{mode}' has no free face; modes that have: {', '.join(_AXES)}.")
+    return np.expm1(log_stretches(law, mode, strain)[..., _AXES[mode][1][0]])
+
+
 def push_forward(mode: str, strain: ArrayLike) -> Array:
     """Weights w_c, (..., C), with which the second Piola-Kirchhoff components make the nominal stress."""
     e = _checked(mode, strain)
@@ -127,10 +134,10 @@ def _shared_nu_stretches(mode: str, e: Array, nu: float) -> Array:
 
 def _freed(law: Hyperfoam, mode: str, x: Array) -> Array:
     free = _AXES[mode][1]
-    scale = np.abs(law.mu_Pa).max()
     for _ in range(60):
-        residual = kirchhoff(law, x)[..., free[0]]
-        if np.all(np.abs(residual) <= 1e-13 * scale * np.exp(np.abs(x).max())):
+        parts = law.mu_Pa.reshape(-1, *[1] * (x.ndim - 1)) * kirchhoff_per_modulus(law.alpha, law.beta, x)[..., free[0]]
+        residual, size = parts.sum(axis=0), np.abs(parts).sum(axis=0) + 1e-3 * np.abs(law.mu_Pa).max()
+        if np.all(np.abs(residual) <= 1e-13 * size):
             return x
         slope = kirchhoff_tangent(law, x)[..., free[0], :][..., free].sum(axis=-1)
         x = x.copy()

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from matcal.varpro import Optimum
+
 Array = NDArray[np.float64]
 
 # single moduli beyond this many times mu_0 count as exploding
@@ -45,18 +47,27 @@ def confluence(mu_Pa: Array, alpha: Array, least: float) -> str:
     if gap.size and gap.min() < 1.01 * least:
         k = int(np.argmin(gap))
         return f"exponents {k + 1} and {k + 2} have merged to the least distance of {least:.2g} that is allowed"
-    if np.abs(mu_Pa).max() > EXPLODING * abs(mu_Pa.sum()):
+    if np.abs(mu_Pa).max() > 0.99 * EXPLODING * abs(mu_Pa.sum()):
         return f"single moduli reach {np.abs(mu_Pa).max() / abs(mu_Pa.sum()):.0f} times their sum"
     return ""
 
 
-def order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderRow) -> list[str]:
-    """What was tried, what was chosen and why, one sentence each."""
+def order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderRow, optimum: Optimum) -> list[str]:
+    """What was tried, what was chosen and why, one sentence each; `optimum` is that of the chosen order."""
     table = ", ".join(f"N = {r.order}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)
-    out = [f"Order {chosen.order}, {'by BIC' if order == 'auto' else 'as given'} (weighted relative RMS {table})."]
+    out = [f"Order {chosen.order}, {'by BIC' if order == 'auto' else 'as given'} (weighted RMS {table})."]
+    if optimum.unbounded is not None:
+        out.append(_bound_sentence(chosen, *optimum.unbounded))
     if chosen.confluence:
         out.append(f"At order {chosen.order} {chosen.confluence}: single mu and alpha are not measurable, read mu_0, "
                    "E_0 and the stress bands.")
     out += [f"Order {r.order} was passed over: it lowers the residual by less than a tenth and {r.confluence}."
             for r in rows if r is not chosen and r.confluence and r.bic < chosen.bic]
     return out
+
+
+def _bound_sentence(chosen: OrderRow, free_cost: float, free_mu_0_Pa: float) -> str:
+    why = (f"its mu_0 is not positive ({free_mu_0_Pa:.4g} Pa; the record may begin with a toe)" if free_mu_0_Pa <= 0
+           else f"single moduli exceed {EXPLODING:.0f} mu_0")
+    return (f"The best moduli of order {chosen.order} are no material, {why}: held to |mu_i| <= {EXPLODING:.0f} mu_0, "
+            f"weighted RMS {chosen.rms:.3%} instead of {np.sqrt(free_cost):.3%}.")

@@ -71,14 +71,35 @@ def _scan(law: Hyperfoam, criterion: str, mode: str) -> dict[str, object]:
     return {"stable": not ranges, "unstable_strain": ranges, "scanned": list(SCANNED[mode])}
 
 
-def _acoustic_margin(law: Hyperfoam, x: Array) -> Array:
-    """Least eigenvalue of J Q(n) over n, (n,), relative directions refined twice about the worst one."""
+def acoustic_form(law: Hyperfoam, x: Array, n: Array, m: Array) -> Array:
+    """m . J Q(n) m, Pa, (k,), of unit directions n, m (k, 3) in principal axes at logarithmic stretches x (k, 3)."""
     normal, shear, cross = _instantaneous_moduli(law, x)
+    on_axis = normal * n**2 + np.einsum("kpi,kp->ki", shear, n**2)
+    return np.sum(on_axis * m**2, axis=1) + np.einsum("kij,ki,kj->k", cross, n * m, n * m)
+
+
+def worst_acoustic_directions(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array]:
+    """(least eigenvalue of J Q(n) over n, (k,), Pa; that n (k, 3); its polarisation m (k, 3)) at x (k, 3)."""
+    squares = _worst_squares(law, x)
+    n = np.sqrt(squares)
+    value, vectors = np.linalg.eigh(_acoustic(*_instantaneous_moduli(law, x), squares[:, None]))
+    return value[:, 0, 0], n, vectors[:, 0, :, 0]
+
+
+def _acoustic_margin(law: Hyperfoam, x: Array) -> Array:
+    """Least eigenvalue of J Q(n) over n, (n,)."""
+    return worst_acoustic_directions(law, x)[0]
+
+
+def _worst_squares(law: Hyperfoam, x: Array) -> Array:
+    """Squared direction cosines (n, 3) of the worst direction, from a grid refined twice about its worst point."""
+    moduli = _instantaneous_moduli(law, x)
+    each = np.arange(x.shape[0])
     squares = np.broadcast_to(_triangle(12), (x.shape[0], 91, 3))
-    for step in (1 / 12, 1 / 60):
-        worst = squares[np.arange(x.shape[0]), np.argmin(_least(normal, shear, cross, squares), axis=1)]
-        squares = _around(worst, step)
-    return _least(normal, shear, cross, squares).min(axis=1)
+    for step in (1 / 12, 1 / 60, None):
+        worst = squares[each, np.argmin(_least(*moduli, squares), axis=1)]
+        squares = _around(worst, step) if step else worst
+    return squares
 
 
 def _instantaneous_moduli(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array]:
@@ -96,10 +117,15 @@ def _instantaneous_moduli(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array
 
 def _least(normal: Array, shear: Array, cross: Array, squares: Array) -> Array:
     """Least eigenvalue of J Q, (n, m), at squared direction cosines (n, m, 3)."""
+    return np.asarray(np.linalg.eigvalsh(_acoustic(normal, shear, cross, squares))[..., 0], dtype=float)
+
+
+def _acoustic(normal: Array, shear: Array, cross: Array, squares: Array) -> Array:
+    """J Q, (n, m, 3, 3), at squared direction cosines (n, m, 3)."""
     cosines = np.sqrt(squares)
     q = cross[:, None] * (cosines[..., :, None] * cosines[..., None, :])
     on_axis = normal[:, None] * squares + np.einsum("npi,nmp->nmi", shear, squares)
-    return np.asarray(np.linalg.eigvalsh(q + on_axis[..., None] * np.eye(3))[..., 0], dtype=float)
+    return q + on_axis[..., None] * np.eye(3)
 
 
 def _triangle(parts: int) -> Array:

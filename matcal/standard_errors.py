@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 from lmfit import Parameters, minimize
 
-from matcal.curves import weighted_design, weighted_stress
-from matcal.fit import Fit, allowed_exponents
+from matcal.curves import weighted_design, weighted_model, weighted_stress
+from matcal.fit import Fit
+from matcal.hyperfoam import Hyperfoam
+from matcal.search import allowed_exponents
 
 
 def standard_errors(fit: Fit) -> dict[str, dict[str, float | None]]:
     """{mu_0_Pa, mu_i_Pa, alpha_i: {value, stderr}} about the fit; stderr None where lmfit finds no covariance."""
-    law, nu, n = fit.law, float(fit.law.nu[0]), fit.law.mu_Pa.size
+    law, n = fit.law, fit.law.mu_Pa.size
     start = Parameters()
     for k, (mu, alpha) in enumerate(zip(law.mu_Pa, law.alpha, strict=True), 1):
         start.add(f"mu_{k}", value=mu / law.mu_0_Pa)
@@ -29,7 +31,9 @@ def standard_errors(fit: Fit) -> dict[str, dict[str, float | None]]:
     def residual(p: Parameters) -> np.ndarray:
         mu = law.mu_0_Pa * np.array([p[f"mu_{k}"].value for k in range(1, n + 1)])
         alpha = np.array([p[f"alpha_{k}"].value for k in range(1, n + 1)])
-        return weighted_design(fit.curves, alpha, nu) @ mu - target
+        if np.ptp(law.nu) == 0:
+            return weighted_design(fit.curves, alpha, float(law.nu[0])) @ mu - target
+        return weighted_model(fit.curves, Hyperfoam(mu, alpha, law.nu)) - target
 
     found = minimize(residual, start, method="leastsq", max_nfev=200)
     known = found.errorbars  # pyright: ignore[reportAttributeAccessIssue]
@@ -44,7 +48,7 @@ def standard_errors(fit: Fit) -> dict[str, dict[str, float | None]]:
 
 def _exponent(fit: Fit, k: int, value: float) -> dict[str, Any]:
     """How exponent k (from 0) may move: freely, with the one before, or not at all."""
-    allowed, alpha = allowed_exponents(fit.curves), fit.law.alpha
+    allowed, alpha = allowed_exponents(fit.curves, float(fit.law.nu.mean())), fit.law.alpha
     if k > 0 and alpha[k] - alpha[k - 1] < 1.01 * allowed.gap:
         return {"expr": f"alpha_{k} + {float(alpha[k] - alpha[k - 1])!r}"}
     return {"value": value, "vary": bool(allowed.low + 1e-3 < value < allowed.high - 1e-3)}

@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from matcal.curves import Curve, weighted_design, weighted_operator, weighted_stress
+from matcal.curves import Curve, projected_operator, weighted_design, weighted_stress
 from matcal.modes import second_piola_per_modulus
 
 Array = NDArray[np.float64]
 
 _STEP, _COARSE, _KEPT = 0.04, 80, 1e-11
+# numbers that are held at once
+_AT_ONCE = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -47,15 +49,17 @@ def tabulate(curves: Sequence[Curve], nu: float, bounds: tuple[float, float], mo
     target = weighted_stress(curves)
     coarse = weighted_design(curves, np.linspace(*bounds, _COARSE) + 1e-7, nu)
     vectors = np.column_stack([coarse, target] + ([more] if more is not None and more.size else []))
-    left, size, _ = np.linalg.svd(vectors / np.linalg.norm(vectors, axis=0), full_matrices=False)
-    basis = left[:, size > _KEPT * size[0]]
+    q, r = np.linalg.qr(vectors / np.linalg.norm(vectors, axis=0))
+    left, size, _ = np.linalg.svd(r)
+    basis = q @ left[:, size > _KEPT * size[0]]
     nodes = np.linspace(bounds[0] - _STEP, bounds[1] + _STEP, int((bounds[1] - bounds[0]) / _STEP) + 4)
     nodes = np.where(np.abs(nodes) < 1e-9, 1e-9, nodes)
     columns, first = np.zeros((nodes.size, basis.shape[1])), 0
     for curve in curves:
         n = curve.experiment.value.size
-        operator = basis[first:first + n].T @ weighted_operator(curve)
-        unit = second_piola_per_modulus(curve.experiment.kind, curve.experiment.strain, nodes, nu)
-        columns += unit.reshape(nodes.size, -1) @ operator.T
+        operator = projected_operator(curve, basis[first:first + n]).T
+        for rows in np.array_split(np.arange(nodes.size), 1 + nodes.size * n // _AT_ONCE):
+            unit = second_piola_per_modulus(curve.experiment.kind, curve.experiment.strain, nodes[rows], nu)
+            columns[rows] += unit.reshape(rows.size, -1) @ operator
         first += n
     return Table(basis, CubicSpline(nodes, columns), basis.T @ target)

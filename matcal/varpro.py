@@ -52,6 +52,8 @@ class Optimum:
     starts: tuple[float, ...]
     # evaluations of the design over all starts
     evaluations: int
+    # (cost, mu_0 in Pa) of the least squares without the bound on single moduli; None where that kept it anyway
+    unbounded: tuple[float, float] | None = None
 
 
 def least_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
@@ -72,12 +74,12 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
     def residual(steps: Array) -> Array:
         nonlocal calls
         calls += 1
-        alpha = _exponents(steps, allowed)
+        alpha = exponents(steps, allowed)
         matrix = design(alpha)
         return matrix @ solve(matrix, target, alpha) - target
 
     def jacobian(steps: Array) -> Array:
-        alpha = _exponents(steps, allowed)
+        alpha = exponents(steps, allowed)
         moving = np.tril(np.ones((order, order))) * (np.cumsum(steps) <= _ceiling(order, allowed))[:, None]
         return _projected_slopes(design(alpha), slope(alpha), target) @ moving
 
@@ -88,7 +90,7 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
         steps = np.clip(np.diff(start, prepend=0.0), lowest + 1e-6, highest - 1e-6)
         out = least_squares(residual, steps, jac=jacobian if solve is least_moduli else "2-point",
                             bounds=(lowest, highest), xtol=1e-9, ftol=1e-11, gtol=1e-14, max_nfev=200)
-        found.append((2 * float(out.cost), _exponents(out.x, allowed)))
+        found.append((2 * float(out.cost), exponents(out.x, allowed)))
     found.sort(key=lambda pair: pair[0])
     cost, alpha = found[0]
     return Optimum(solve(design(alpha), target, alpha), alpha, cost, tuple(c for c, _ in found), calls)
@@ -116,8 +118,8 @@ def _ceiling(order: int, allowed: Exponents) -> Array:
     return allowed.high - allowed.gap * np.arange(order)[::-1]
 
 
-def _exponents(steps: Array, allowed: Exponents) -> Array:
-    """Exponents from the first one and their gaps, the last ones kept a gap apart below the largest.
+def exponents(steps: Array, allowed: Exponents) -> Array:
+    """Exponents (N,) from the first one and their gaps, the last ones kept a gap apart below the largest.
 
     Exactly 0, where the law has a limit only, is stepped past.
     """

@@ -125,7 +125,8 @@ def test_drucker_can_be_held_and_costs_what_it_says() -> None:
     assert margin(held.law, "drucker", "uniaxial", np.linspace(-0.8, 0, 300)).min() > 0
     assert 0.02 < np.sqrt(held.optimum.cost) < 0.08
     assert any("held drucker stable" in d for d in held.decisions)
-    for choice, word in ((dict(stable="hill"), "drucker"), (dict(stable="drucker", poisson=0.1), "nu = 0")):
+    for choice, word in ((dict(stable="hill"), "drucker"),
+                         (dict(stable="drucker", stable_range=(1.2, 2.0)), "between 0 and 1")):
         with pytest.raises(ValueError, match=word):
             fit(curves, 3, **choice)
 
