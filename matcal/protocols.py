@@ -60,7 +60,12 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
     if len(recordings) == 1 and _is_reduced(first):
         return _said(reduce_table(kind, first), why)
     sizes, where = _specimen_of(kind, first, specimen)
-    return _said(_by_protocol(kind, recordings, sizes), why, where)
+    try:
+        return _said(_by_protocol(kind, recordings, sizes), why, where)
+    except TestFileError:
+        raise
+    except ValueError as error:
+        raise TestFileError(first.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.") from error
 
 
 def _is_reduced(recording: Recording) -> bool:
