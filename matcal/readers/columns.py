@@ -44,7 +44,7 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
                  notes: Sequence[str] = ()) -> Recording:
     """The recording of a grid; TestFileError where columns cannot be told apart, a unit is missing or of something
     else, a cell is no finite number, or values cannot be what their name says."""
-    said = list(notes)
+    said, header = list(notes), _widened(grid, header)
     if selection is not None and selection.columns:
         columns = _selected(grid, header, selection)
         said.append("columns as given: " + ", ".join(f"{q} = '{c.name}' (column {c.index + 1})"
@@ -62,6 +62,12 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
     return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
                      first_line=grid.lines[header.rows.start], metadata=metadata or {}, properties=sizes or {},
                      notes=tuple(said))
+
+
+def _widened(grid: Grid, header: Header) -> Header:
+    """The header with a nameless cell for each column of numbers beyond the names."""
+    width = max((len(grid.rows[n]) for n in header.rows[:50]), default=0)
+    return Header([*header.cells, *[("", None)] * (width - len(header.cells))], header.line, header.rows)
 
 
 def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Column]:

@@ -26,7 +26,7 @@ def flag_for(grid: Grid, header: Header) -> str:
 
 
 def _unit(header: Header, quantity: str, column: int) -> str:
-    own = header.cells[column][1]
+    own = header.cells[column][1] if column < len(header.cells) else None
     if own is not None and si_factor(own, quantity) is not None and own.strip():
         return ""
     if not QUANTITIES[quantity]:

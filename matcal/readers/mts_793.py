@@ -51,9 +51,12 @@ def read_793(text: str, path: Path, selection: Selection | None = None) -> Recor
     if not blocks:
         raise TestFileError(path, "an MTS 793 file without a block of acquired numbers. Export the test again.", line=1)
     sizes, said = sizes_of(grid, others)
-    read = [(k, _read(grid, block, selection)) for k, block in enumerate(blocks, 1) if block.rows]
-    if not read:
+    filled = [(k, block) for k, block in enumerate(blocks, 1) if block.rows]
+    if not filled:
         raise TestFileError(path, f"its {len(blocks)} blocks hold no numbers. Export the test again.")
+    if selection is not None and selection.columns:
+        filled = _with_one_header(grid, filled, said)
+    read = [(k, _read(grid, block, selection)) for k, block in filled]
     kept, notes = _alike(read, blocks)
     joined = _joined(kept, [*said, *notes])
     metadata = {"Format": first.strip()} | metadata_of(grid.rows[n] for n in others) \
@@ -109,6 +112,18 @@ def _read(grid: Grid, block: _Block, selection: Selection | None) -> Recording:
     return read_columns(grid, Header(cells, line, block.rows), "mts_793", selection)
 
 
+def _with_one_header(grid: Grid, blocks: list[tuple[int, _Block]], said: list[str]) -> list[tuple[int, _Block]]:
+    """The blocks whose columns have the names of those with the most rows: chosen columns mean only these."""
+    rows: dict[tuple[str, ...], int] = {}
+    for _, block in blocks:
+        names = tuple(grid.rows[block.title + 1])
+        rows[names] = rows.get(names, 0) + len(block.rows)
+    best = list(max(rows, key=lambda names: rows[names]))
+    said += [f"block {k} left out: its columns are {', '.join(map(shown, grid.rows[block.title + 1][:8]))}."
+             for k, block in blocks if grid.rows[block.title + 1] != best]
+    return [(k, block) for k, block in blocks if grid.rows[block.title + 1] == best]
+
+
 def _alike(read: list[tuple[int, Recording]], blocks: list[_Block]) -> tuple[list[tuple[int, Recording]], list[str]]:
     """The blocks with the columns that most rows have, and notes on the others."""
     rows: dict[frozenset[str], int] = {}
@@ -119,8 +134,7 @@ def _alike(read: list[tuple[int, Recording]], blocks: list[_Block]) -> tuple[lis
     notes = [f"{len(blocks)} acquisition blocks, {len(kept)} put together as one recording."]
     notes += [f"block {k} ({part.rows} rows of {', '.join(part.columns)}) left out: its columns are not those of the "
               "others." for k, part in read if frozenset(part.columns) != best]
-    numbered = {k for k, _ in read}
-    notes += [f"block {k} holds nothing." for k in range(1, len(blocks) + 1) if k not in numbered]
+    notes += [f"block {k} holds nothing." for k, block in enumerate(blocks, 1) if not block.rows]
     return kept, notes
 
 

@@ -9,9 +9,11 @@ from typing import Any
 from matcal.readers.recording import QUANTITIES, SIZES
 from matcal.readers.words import quantity_of
 
-_ALIASES = {"-": "", "1": "", "none": "", "%": "percent", "mm/mm": "", "m/m": "", "in/in": "", "ohms": "ohm",
-            "seconds": "s", "newton": "N", "cycles": "", "cycle": "", "ratio": "", "秒": "s", "毫米": "mm", "牛": "N",
-            "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sek": "s", "sek.": "s", "sec.": "s"}
+_NUMBERS = {"-", "1", "none", "mm/mm", "m/m", "in/in", "cycles", "cycle", "ratio"}
+# tried, in lower case, where a unit is not one as it stands: mPa is a millipascal, but Mpa is meant as MPa
+_ALIASES = {"ohms": "ohm", "seconds": "s", "sec": "s", "sec.": "s", "sek": "s", "sek.": "s", "newton": "N", "n": "N",
+            "kn": "kN", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "mm.": "mm", "秒": "s", "毫米": "mm", "牛": "N",
+            "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa"}
 _FACTOR = r"[^\W\d_]{1,14}(?:\^?-?\d)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s?[*/·]\s?{_FACTOR}){{0,3}}")
 _SI = QUANTITIES | SIZES
@@ -29,9 +31,15 @@ def si_factor(unit: str, quantity: str) -> float | None:
     """Factor from `unit` to SI for `quantity` (of QUANTITIES or SIZES); None where the unit is unknown or measures
     something else."""
     text = unit.strip().replace("²", "2").replace("³", "3")
-    text = _ALIASES.get(text.lower(), text)
-    if not text:
+    if not text or text.lower() in _NUMBERS:
         return 1.0 if not _SI[quantity] else None
+    if text == "%":
+        text = "percent"
+    value = _factor(text, quantity)
+    return _factor(_ALIASES[text.lower()], quantity) if value is None and text.lower() in _ALIASES else value
+
+
+def _factor(text: str, quantity: str) -> float | None:
     if not _UNIT.fullmatch(text):
         return None
     powers = re.sub(r"([^\W\d_])\^?(-?\d)", r"\1**(\2)", text).replace("·", "*")

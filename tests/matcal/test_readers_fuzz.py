@@ -24,8 +24,8 @@ ROWS = 120
 # CPU seconds that no small file may need, whatever is in it
 LONGEST = 5.0
 CELLS = ("", "nan", "inf", "-1e308", "1e400", "1,424.96200", "1.424,5", "١٢", "0x1F", "1_000", "strain", "\x00",
-         "\ufeff", '"', '"a,b', "100 µA", "#DIV/0!", "=1/0", "(mm)", "mm^99", "N" * 5000, "9" * 400, "-", "Zeit:", "Ch 1 Kraft",
-         "WE(1).Current (A)", "10" * 8, "1e-320", "True", "2024-01-01", "e", ".", ",", "+-3", "(((((((", "m" * 60 + "!")
+         "\ufeff", '"', '"a,b', "100 µA", "#DIV/0!", "=1/0", "(mm)", "mm^99", "N" * 5000, "9" * 400, "-", "Zeit:",
+         "Ch 1 Kraft", "WE(1).Current (A)", "10" * 8, "1e-320", "True", "2024-01-01", "e", ".", ",", "+-3", "(((((((", "m" * 60 + "!")
 
 
 def _curve() -> np.ndarray:
