@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from matcal.autocorrelation import inflation
+
 Array = NDArray[np.float64]
 
-# conductivity = polynomial of the strain + polynomial of the time, for the settling of the coating
-_STRAIN_DEGREE, _TIME_DEGREE = 3, 3
+# conductivity = polynomial of the strain + (1 + strain) x polynomial of the time, for the settling of the coating
+_STRAIN_DEGREE, _TIME_DEGREE = 3, 7
 _POINTS, _SHIFTS = 400, 600
+# sizes of backlash that are compared
+_SLACKS = 13
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,51 @@ def shift_by_break(frame_time: Array, load: Array, pot_time: Array, current: Arr
                  "the moment of tearing: load and current collapse")
 
 
+def with_backlash(travel: Array, slack: float) -> Array:
+    """What a gripped specimen does, (n,), behind a crosshead at `travel` (n,) that turns with `slack`, same unit.
+
+    At the first loading there is none; after each reversal the specimen stands still until the slack is taken up.
+    """
+    out, at = np.empty_like(travel), float(travel[0])
+    for n, value in enumerate(travel):
+        at = min(max(at, value), value + slack)
+        out[n] = at
+    return out
+
+
+def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_time: Array, conductance: Array,
+                        first: Shift) -> tuple[Shift, float, float]:
+    """Shift and slack, m, under which the conductance of a cycled strip agrees with its motion; the slack's error, m.
+
+    A slack delays every later half cycle alike, as a shift does, so that the record tells hardly more than their sum:
+    both are posterior means over slacks from 0 to a tenth of the largest travel, equally likely beforehand, the shift
+    taken at its best for each slack under the regression of `shift_by_motion`, from the shift `first`.
+    """
+    used = pot_time - first.seconds < frame_time[-1] - 0.01 * np.ptp(frame_time)
+    pot_time, conductance = pot_time[used], conductance[used]
+    slacks = np.linspace(0.0, 0.1 * float(travel.max()), _SLACKS)
+    delay = float(np.ptp(frame_time)) / max(float(np.abs(np.diff(travel)).sum()), 1e-12)
+    best = [_best_shift(first.seconds - slack * delay / 2, 10 * first.sd_s + slack * delay, frame_time,
+                        with_backlash(travel, slack) / length_m, pot_time, conductance) for slack in slacks]
+    shift, square = (np.array([getattr(out, name) for out in best]) for name in ("x", "fun"))
+    at = int(np.argmin(square))
+    basis, c = _regression(float(shift[at]), frame_time, with_backlash(travel, slacks[at]) / length_m, pot_time,
+                           conductance, _TIME_DEGREE)
+    points = pot_time.size / inflation(c - basis @ np.linalg.lstsq(basis, c, rcond=None)[0])
+    weight = np.exp(-(square / square[at] - 1) * points / 2)
+    weight = weight / weight.sum()
+    mean, slack = float(weight @ shift), float(weight @ slacks)
+    spread = float(np.sqrt(weight @ (shift - mean) ** 2 + first.sd_s**2))
+    wide = max(float(np.sqrt(weight @ (slacks - slack) ** 2)), float(slacks[1]) / 4)
+    return Shift(mean, spread, "the best agreement of conductance with motion, backlash beside it"), slack, wide
+
+
+def _best_shift(start: float, reach: float, frame_time: Array, strain: Array, pot_time: Array,
+                conductance: Array) -> Any:
+    return minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, _TIME_DEGREE),
+                           method="bounded", bounds=(start - reach, start + reach), options={"xatol": 1e-3 * reach})
+
+
 def _collapse(signal: Array) -> int | None:
     """Index of the first sample after the signal falls for good to under a quarter of what it was just before."""
     reach = max(3, signal.size // 100)
@@ -63,7 +114,8 @@ def _collapse(signal: Array) -> int | None:
 
 
 def shift_by_motion(frame_time: Array, strain: Array, pot_time: Array, conductance: Array, settling: bool) -> Shift:
-    """The shift under which (1 + strain) x conductance is best a cubic of the strain, and of the time if `settling`.
+    """The shift under which (1 + strain) x conductance is best a cubic of the strain and, if `settling`, with
+    level and slope of a course of seventh degree in the time.
 
     Its standard deviation comes from the curvature of the sum of squares. The frame is taken to stand still before its
     record begins; potentiostat samples after its end are left out. ValueError where the records cannot overlap.
@@ -102,8 +154,9 @@ def _regression(shift: float, frame_time: Array, strain: Array, pot_time: Array,
     used = pot_time - shift <= frame_time[-1]
     e = np.interp(pot_time[used] - shift, frame_time, strain)
     u = e / np.abs(strain).max()
-    tau = (pot_time[used] - pot_time[0]) / np.ptp(pot_time)
-    basis = np.column_stack([u[:, None] ** np.arange(_STRAIN_DEGREE + 1), tau[:, None] ** np.arange(1, degree + 1)])
+    tau = 2 * (pot_time[used] - pot_time[0]) / np.ptp(pot_time) - 1
+    settling = legvander(tau, degree)[:, 1:]
+    basis = np.column_stack([u[:, None] ** np.arange(_STRAIN_DEGREE + 1), settling, u[:, None] * settling])
     return basis, (1 + e) * conductance[used]
 
 

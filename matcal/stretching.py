@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from matcal.clocks import Shift, combined, shift_by_break, shift_by_motion
+from matcal.clocks import Shift, combined, shift_by_break, shift_by_motion, shift_with_backlash, with_backlash
 from matcal.conductivity import strip_conductivity
 from matcal.errors import TestFileError
 from matcal.experiment import Experiment
 from matcal.readers.recording import Recording
+from matcal.settling import Turns, cycle_table, settling_facts, settling_sentences, turning_points
 from matcal.specimen import Strip
 from matcal.stroke import Stroke, find_stroke
 from matcal.thinning import block_means, equal_blocks, sample_noise
@@ -52,6 +53,15 @@ def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
     circuit = _circuit(pot, strip)
     cyclic = stroke.loadings >= _CYCLIC
     shift = _align(frame, pot, circuit, strain, cyclic)
+    facts, said = {}, []
+    if cyclic and frame is not pot:
+        shift, slack, slack_sd = shift_with_backlash(frame.columns["time"], stroke.travel, strip.length_m,
+                                                     circuit.time_s, circuit.conductance_S, shift)
+        strain = with_backlash(stroke.travel, slack) / strip.length_m
+        facts = {"backlash_mm": slack * 1e3, "backlash_sd_mm": slack_sd * 1e3}
+        said = [f"Backlash of the crosshead at its reversals, {slack * 1e3:.3f} ± {slack_sd * 1e3:.3f} mm by the best "
+                "agreement of conductance with motion: after each reversal the strip is taken to stand still until it "
+                "is used up."]
     when = circuit.time_s - shift.seconds
     first, last = _span(frame.columns["time"], stroke, cyclic)
     used = (when >= first) & (when <= last)
@@ -66,15 +76,21 @@ def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
     noise = float(np.sqrt(np.mean([sample_noise(part) ** 2 for part in np.array_split(c, 10)]) / size))
     loading = slice(stroke.start, stroke.end + 1)
     rate = float(np.ptp(strain[loading]) / np.ptp(frame.columns["time"][loading]))
-    facts = {"clock_shift_s": shift.seconds, "clock_shift_sd_s": shift.sd_s, "strain_zero_sd": rate * shift.sd_s,
+    facts |= {"clock_shift_s": shift.seconds, "clock_shift_sd_s": shift.sd_s, "strain_zero_sd": rate * shift.sd_s,
              "resistance_rest_Ohm": float(np.median(resistance[when < frame.columns["time"][stroke.start]])),
              "ring_area_m2": strip.ring_area_m2, "samples_per_point": float(size)}
-    settled = _settling(when, resistance, frame.columns["time"], strain) if cyclic else {}
+    cycles = None
+    if cyclic:
+        rest, peak = _turning_points(pot, when, resistance, frame.columns["time"], strain)
+        cycles = cycle_table(rest, peak)
+        doubt = facts.get("backlash_sd_mm", 0.0) * 1e-3 / float(np.ptp(stroke.travel))
+        facts |= settling_facts(rest, peak, doubt)
+        said += settling_sentences(facts)
     return Experiment(
         kind="conductivity", strain=block_means(e[used], edges), value=block_means(c, edges), noise=noise,
         time_s=block_means(when[used] - first, edges), source=tuple(p.name for r in (frame, pot) for p in r.paths),
-        decisions=(*frame.notes, *pot.notes, *circuit.notes, *_sentences(shift, rate, strip, size, settled)),
-        facts={**facts, **settled})
+        decisions=(*frame.notes, *pot.notes, *circuit.notes, *_sentences(shift, rate, strip, size), *said),
+        facts=facts, cycles=cycles)
 
 
 def _frame_and_potentiostat(recordings: Sequence[Recording]) -> tuple[Recording, Recording]:
@@ -132,24 +148,16 @@ def _span(time: Array, stroke: Stroke, cyclic: bool) -> tuple[float, float]:
     return float(time[falls[-2]]), float(time[falls[-1]])
 
 
-def _settling(when: Array, resistance: Array, time: Array, strain: Array) -> Mapping[str, float]:
-    """Resistance at the lower turning point before the first cycle and after each, first and last of them, Ohm."""
-    e = np.interp(when, time, strain)
+def _turning_points(pot: Recording, when: Array, resistance: Array, time: Array, strain: Array) -> tuple[Turns, Turns]:
     inside = (when >= time[0]) & (when <= time[-1])
-    low = inside & (e < 0.05 * strain.max())
-    groups = np.split(np.flatnonzero(low), np.flatnonzero(np.diff(np.flatnonzero(low)) > 1) + 1)
-    means = [float(resistance[group].mean()) for group in groups if group.size]
-    return {"resistance_first_Ohm": means[0], "resistance_settled_Ohm": means[-1], "cycles": float(len(means) - 1),
-            "resistance_last_change": means[-1] / means[-2] - 1}
+    try:
+        return turning_points(np.interp(when[inside], time, strain), resistance[inside])
+    except ValueError as error:
+        raise TestFileError(pot.paths[0], f"{error}. Check that both files belong to one test.") from None
 
 
-def _sentences(shift: Shift, rate: float, strip: Strip, size: int, settled: Mapping[str, float]) -> list[str]:
-    out = [f"Potentiostat clock {shift.seconds:.3f} ± {shift.sd_s:.3f} s ahead of the frame's, from {shift.how}; in "
-           f"strain that is ± {rate * shift.sd_s:.1g}.",
-           f"c = L/(R A) with the current length and a coated ring of {strip.ring_area_m2 * 1e6:.4g} mm2, corners left "
-           f"out, thickness constant; gripped without slack; means of {size} samples."]
-    if settled:
-        out.append(f"Cyclic stage: resistance at rest settles from {settled['resistance_first_Ohm']:.0f} to "
-                   f"{settled['resistance_settled_Ohm']:.0f} Ohm in {settled['cycles']:.0f} cycles, the last "
-                   f"changing it by {settled['resistance_last_change']:.2%}; c is read from the last cycle.")
-    return out
+def _sentences(shift: Shift, rate: float, strip: Strip, size: int) -> list[str]:
+    return [f"Potentiostat clock {shift.seconds:.3f} ± {shift.sd_s:.3f} s ahead of the frame's, from {shift.how}; in "
+            f"strain that is ± {rate * shift.sd_s:.1g}.",
+            f"c = L/(R A) with the current length and a coated ring of {strip.ring_area_m2 * 1e6:.4g} mm2, corners "
+            f"left out, thickness constant; gripped without slack; means of {size} samples."]
