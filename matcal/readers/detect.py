@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matcal.errors import TestFileError
+from matcal.readers.columns import check_clock
 from matcal.readers.grid import Grid, text_grid
 from matcal.readers.instron import is_instron, read_instron
 from matcal.readers.mts_793 import is_793, read_793
@@ -27,8 +28,8 @@ def read(path: Path | str, selection: Selection | None = None) -> Recording:
     path = Path(path)
     files = files_of(path)
     if path.is_dir() or len(files) > 1:
-        return _read_parts(path, files, selection)
-    return _read_file(path, selection)
+        return check_clock(_read_parts(path, files, selection))
+    return check_clock(_read_file(path, selection))
 
 
 def files_of(path: Path) -> list[Path]:

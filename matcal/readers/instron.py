@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 
 from matcal.errors import TestFileError
-from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.columns import Header, read_columns
 from matcal.readers.grid import Grid
 from matcal.readers.recording import Recording
 from matcal.readers.selection import Selection
@@ -37,8 +37,8 @@ def read_instron(grid: Grid, selection: Selection | None = None, notes: Sequence
              for n, name in enumerate(names)]
     sizes, said = sizes_of(grid, range(at - 1))
     header = Header(cells, grid.lines[at], range(at + 1, len(grid.rows)))
-    return check_clock(read_columns(grid, header, "instron", selection, metadata=metadata_of(grid.rows[:at - 1]),
-                                    sizes=sizes, notes=[*notes, *said]))
+    return read_columns(grid, header, "instron", selection, metadata=metadata_of(grid.rows[:at - 1]), sizes=sizes,
+                        notes=[*notes, *said])
 
 
 def _units_rows(grid: Grid) -> list[int]:

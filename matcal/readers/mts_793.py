@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from matcal.errors import TestFileError
-from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.columns import Header, read_columns
 from matcal.readers.grid import Grid, Style, shown, text_grid
 from matcal.readers.recording import Recording
 from matcal.readers.selection import Selection
@@ -61,7 +61,7 @@ def read_793(text: str, path: Path, selection: Selection | None = None) -> Recor
     joined = _joined(kept, [*said, *notes])
     metadata = {"Format": first.strip()} | metadata_of(grid.rows[n] for n in others) \
         | {"Blocks": f"{len(blocks)}, {len(kept)} used"}
-    return check_clock(replace(joined, metadata=metadata, properties=sizes))
+    return replace(joined, metadata=metadata, properties=sizes)
 
 
 def _layout(first: str, path: Path) -> tuple[str, Style]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from matcal.errors import TestFileError
-from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.columns import Header, read_columns
 from matcal.readers.grid import text_grid
 from matcal.readers.recording import Recording
 from matcal.readers.selection import Selection
@@ -73,9 +73,9 @@ def join_parts(parts: Sequence[Recording], empty: Sequence[Path] = ()) -> Record
     if others:
         notes.append(f"{len(ordered)} parts joined in order of time.")
     notes += [f"{path.name} holds nothing and was left out." for path in empty]
-    return check_clock(Recording(paths=tuple(part.paths[0] for part in ordered), vendor=first.vendor, columns=columns,
-                                 names=first.names, units=first.units, first_line=ordered[0].first_line,
-                                 metadata=ordered[0].metadata, notes=tuple(notes)))
+    return Recording(paths=tuple(part.paths[0] for part in ordered), vendor=first.vendor, columns=columns,
+                     names=first.names, units=first.units, first_line=ordered[0].first_line,
+                     metadata=ordered[0].metadata, notes=tuple(notes))
 
 
 def _check_overlap(ordered: Sequence[Recording]) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from matcal.errors import TestFileError
-from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.columns import Header, read_columns
 from matcal.readers.grid import Grid
 from matcal.readers.recording import Recording
 from matcal.readers.selection import Selection
@@ -47,7 +47,7 @@ def read_nova(grid: Grid, selection: Selection | None = None, notes: Sequence[st
         raise TestFileError(grid.path, f"no {missing[0]} column; found: {found}.", line=grid.lines[at])
     if "time" in got.columns and got.columns["time"][0] != 0:
         got = replace(got, notes=(*got.notes, f"the procedure's clock starts at {got.columns['time'][0]:.6g} s."))
-    return check_clock(got)
+    return got
 
 
 def _names_row(grid: Grid) -> int | None:

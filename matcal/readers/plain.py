@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from matcal.errors import TestFileError
-from matcal.readers.columns import Header, check_clock, read_columns
+from matcal.readers.columns import Header, read_columns
 from matcal.readers.flags import flag_for
 from matcal.readers.grid import Grid, shown
 from matcal.readers.recording import Recording
@@ -27,7 +27,7 @@ def read_plain(grid: Grid, selection: Selection | None = None, notes: Sequence[s
     rows = range(first, len(grid.rows))
     header = _header(grid, above, rows) if above else _headerless(grid, rows, selection)
     said = [*notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in _comments(grid, first))]
-    return check_clock(read_columns(grid, header, "plain", selection, notes=said))
+    return read_columns(grid, header, "plain", selection, notes=said)
 
 
 def _comments(grid: Grid, first: int) -> list[str]:
