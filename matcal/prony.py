@@ -59,11 +59,15 @@ def convolve(law: Prony, time_s: ArrayLike, instantaneous: ArrayLike) -> Array:
     step = np.diff(t)
     if np.any(step < 0):
         raise ValueError("convolve: times must not decrease.")
-    return law.g_infinity * s0 + np.tensordot(law.g, _decaying(law.tau_s, step, s0), axes=1)
+    return law.g_infinity * s0 + np.tensordot(law.g, _recursion(law.tau_s, step, s0), axes=1)
 
 
-def _decaying(tau_s: Array, step: Array, s0: Array) -> Array:
-    """int exp(-(t-s)/tau_i) dS_0(s) of each term, (M, n, ...), for time steps (n - 1,)."""
+def decaying(law: Prony, time_s: ArrayLike, instantaneous: ArrayLike) -> Array:
+    """int exp(-(t-s)/tau_i) dS_0(s) of each term, (M, n, ...), as in `convolve`; the fractions do not matter."""
+    return _recursion(law.tau_s, np.diff(np.asarray(time_s, dtype=float)), np.asarray(instantaneous, dtype=float))
+
+
+def _recursion(tau_s: Array, step: Array, s0: Array) -> Array:
     z = step[:, None] / tau_s
     decay = np.exp(-z)
     weight = np.where(z > 0, -np.expm1(-z) / np.where(z > 0, z, 1.0), 1.0)
