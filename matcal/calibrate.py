@@ -8,32 +8,40 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from matcal.blocks import thinned
 from matcal.conductivity_fit import ConductivityFit, fit_conductivity
+from matcal.cross_prediction import Predicted, predictions, unstable_within
 from matcal.curves import Curve, weigh, with_history
+from matcal.data_stability import DataCheck, check_data, check_sentences
 from matcal.experiment import Experiment
 from matcal.fit import Fit, fit, quick_law
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import MODES
 from matcal.nuisance import refined_records, with_drift
+from matcal.poisson import FITTED, Poisson
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit, fit_prony
-from matcal.stability import margin, unstable_ranges
 from matcal.uncertainty import Uncertainty, linearised
 
 # turns of (series, law) at most, and the change of g below which they have settled
 _TURNS, _SETTLED = 6, 1e-5
+# starts of the fit that only refines the records
+_FEW = 3
+CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
 
 
 @dataclass(frozen=True)
 class Choices:
     """What the user may choose about a calibration."""
 
-    # terms of the law: 1 to 4, or "auto"
+    # terms of the law: 1 to 6, or "auto"
     order: int | str = "auto"
-    # one Poisson-like ratio for all terms, or "fit"
-    poisson: float | str = 0.0
-    # criterion that the law must satisfy over the fitted strains, or None
+    # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
+    poisson: Poisson = 0.0
+    # criterion that the law must satisfy, one of matcal.stability.CRITERIA, or None
     stable: str | None = None
+    # least and largest principal stretch between which it must; None: those that the curves drive
+    stable_range: tuple[float, float] | None = None
     # how residuals are measured, one of matcal.curves.RESIDUALS
     residual: str = "relative"
     # kind -> weight
@@ -58,6 +66,10 @@ class Calibration:
     stages: Mapping[str, tuple[str, ...]]
     # stage -> CPU seconds
     cpu_s: Mapping[str, float]
+    # tests kept out of the fit, and the errors with which its laws predict them
+    predicted: tuple[Predicted, ...] = ()
+    # what the records themselves say about stability
+    data_checks: tuple[DataCheck, ...] = ()
 
     @property
     def decisions(self) -> tuple[str, ...]:
@@ -65,14 +77,15 @@ class Calibration:
         return tuple(sentence for said in self.stages.values() for sentence in said)
 
 
-def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None) -> Calibration:
-    """Fit everything that the experiments allow.
+def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None,
+              predicted: Sequence[Experiment] = ()) -> Calibration:
+    """Fit everything that the experiments allow; `predicted` are stress-strain tests that are compared, not fitted.
 
-    Raises ValueError for an unknown choice or for tests that cannot be fitted.
+    Raises ValueError for an unknown choice or for tests that cannot be fitted or compared.
     """
     choices = choices or Choices()
     started = time.process_time()
-    experiments, said = with_drift(experiments)
+    experiments, said = with_drift([thinned(e) for e in experiments])
     relaxing = [e for e in experiments if e.kind == "relaxation"]
     curves = weigh(experiments, choices.residual, choices.weights)
     prony = _prony(relaxing, curves, choices) if relaxing else None
@@ -81,22 +94,25 @@ def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None)
     if curves:
         law, how = _law(curves, prony, choices)
         uncertainty = linearised(law, prony)
+    kept_out = _predicted(predicted, law, prony)
     law_s = time.process_time() - started - series_s
     stretched = [e for e in experiments if e.kind == "conductivity"]
     skin = fit_conductivity(stretched) if stretched else None
     total = time.process_time() - started
-    checks = (*_stiffness_sentences(prony), *_drucker_sentences(law)) if law else ()
+    data = check_data(law.curves, not np.any(law.law.nu)) if law else ()
+    checks = (*_stiffness_sentences(prony), *_stability_sentences(law, data), *_predicted_sentences(kept_out)
+              ) if law else ()
     stages = {"records": said, "relaxation": prony.decisions if prony else (), "law": how, "checks": checks,
               "skin": skin.decisions if skin else ()}
-    return Calibration(tuple(experiments), law, uncertainty, prony, skin, stages,
-                       {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total})
+    spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
+    return Calibration(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data)
 
 
 def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], choices: Choices) -> PronyFit:
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
         return fit_prony(relaxing, None)
-    nu = 0.0 if choices.poisson == "fit" else float(choices.poisson)
+    nu = 0.0 if isinstance(choices.poisson, str) else float(np.mean(choices.poisson))
     law: Hyperfoam = quick_law(curves, choices.order, nu)
     found = fit_prony(relaxing, law)
     for turn in range(2, _TURNS + 1):
@@ -119,10 +135,18 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) 
 
 def _law(curves: tuple[Curve, ...], prony: PronyFit | None, choices: Choices) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
-    first = fit(curves, choices.order, choices.poisson, starts=3, thorough=False)
+    first = fit(curves, *_with_one_nu(choices), starts=_FEW, thorough=False)
     curves, moved = refined_records(first)
-    found = fit(curves, choices.order, choices.poisson, stable=choices.stable)
+    found = fit(curves, choices.order, choices.poisson, stable=choices.stable, stable_range=choices.stable_range)
     return found, (_moduli_sentence(curves, prony.prony if prony else None), *moved, *found.decisions)
+
+
+def _with_one_nu(choices: Choices) -> tuple[int | str, float | str]:
+    """Order and nu of the fit that refines the records: one nu for all terms."""
+    if isinstance(choices.poisson, str):
+        return choices.order, "fit" if choices.poisson in FITTED else choices.poisson
+    values = np.atleast_1d(choices.poisson)
+    return choices.order if values.size == 1 else values.size, float(values.mean())
 
 
 def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:
@@ -143,27 +167,36 @@ def _stiffness_sentences(prony: PronyFit | None) -> list[str]:
             "compares one specimen with another."]
 
 
-def _drucker_sentences(found: Fit) -> list[str]:
-    """Where the law loses Drucker stability in the compression that was tested, and whether the record itself does."""
-    lowest = found.law.strain_range.get("uniaxial", (0.0, 0.0))[0]
-    if lowest > -0.02:
-        return []
-    ranges = unstable_ranges(lambda e: margin(found.law, "drucker", "uniaxial", e), np.linspace(lowest, 0.0, 161))
-    if not ranges:
-        return []
-    said = [f"The law is not Drucker stable in compression for strains {lo:.3f} to {hi:.3f}." for lo, hi in ranges]
-    e, stress = _compression(found)
-    falls = [abs((1 + hi) * np.interp(hi, e, stress)) > abs((1 + lo) * np.interp(lo, e, stress)) for lo, hi in ranges]
-    if any(falls) and not np.any(found.law.nu):
-        said.append("In the record itself |lambda P| falls there, so no law with nu = 0 that follows it can be "
-                    "Drucker stable; --stable drucker shows what stability costs.")
-    return said
+def _stability_sentences(found: Fit, data: Sequence[DataCheck]) -> list[str]:
+    """Where the law loses stability within the tests, and whether the records themselves do."""
+    lost = unstable_within(found.law, found.curves)
+    said = [f"The law is not {CRITERION_NAMES[criterion]} in {mode} for strains {lo:.3f} to {hi:.3f}, within the tests."
+            for criterion, modes in lost.items() for mode, ranges in modes.items() for lo, hi in ranges]
+    fitted = ", ".join(f"{mode} {lo:.3g} to {hi:.3g}" for mode, (lo, hi) in found.law.strain_range.items())
+    if not said:
+        said.append(f"The law is Drucker stable and strongly elliptic along all fitted tests: {fitted}.")
+    return [*said, *check_sentences(data, not np.any(found.law.nu))]
 
 
-def _compression(found: Fit) -> tuple[np.ndarray, np.ndarray]:
-    curve = min((c.experiment for c in found.curves if c.experiment.kind == "uniaxial"), key=lambda x: x.strain.min())
-    order = np.argsort(curve.strain)
-    return curve.strain[order], curve.value[order]
+def _predicted(experiments: Sequence[Experiment], found: Fit | None, prony: PronyFit | None) -> tuple[Predicted, ...]:
+    if not experiments:
+        return ()
+    if found is None:
+        raise ValueError("a test can only be predicted by a fitted law: give a uniaxial or shear file to fit as well.")
+    if strange := [e for e in experiments if not is_curve(e)]:
+        raise ValueError(f"{', '.join(strange[0].source)}: a {strange[0].kind} test cannot be predicted and compared; "
+                         f"known: {', '.join(MODES)}.")
+    curves = weigh([thinned(e) for e in experiments])
+    curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
+    laws = {"combined": found.law} | {f"{mode} alone": alone.law for mode, alone in found.alone.items()}
+    return predictions(laws | ({"free": found.free} if found.free else {}), curves)
+
+
+def _predicted_sentences(predicted: Sequence[Predicted]) -> list[str]:
+    return [f"Not fitted but predicted, {', '.join(p.curve.experiment.source)} ({p.curve.experiment.kind} "
+            f"{p.curve.experiment.strain.min():.3g} to {p.curve.experiment.strain.max():.3g}): relative RMS "
+            + ", ".join(f"{share:.1%} by the {name} law" for name, share in p.relative_rms.items()) + "."
+            for p in predicted]
 
 
 def labels(experiments: Sequence[Experiment]) -> list[str]:

@@ -49,9 +49,14 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
                                                    "FRAME_FILE,POTENTIOSTAT_FILE.")],
         specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens (TOML).")] = None,
         columns: ColumnsOption = None,
-        order: Annotated[str, typer.Option(help="Terms of the law, 1 to 4, or auto (by BIC).")] = "auto",
-        poisson: Annotated[str, typer.Option(help="One nu for all terms, or fit.")] = "0",
-        stable: Annotated[str | None, typer.Option(help="Hold the law drucker stable where it was fitted.")] = None,
+        order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
+        poisson: Annotated[str, typer.Option(help="nu of all terms, one a term A,B,... (increasing alpha), fit (one) "
+                                             "or fit-each (needs lateral strain or a volumetric test).")] = "0",
+        stable: Annotated[str | None, typer.Option(help="Hold the law drucker or elliptic stable.")] = None,
+        stable_range: Annotated[str | None, typer.Option(metavar="LO,HI", help="Principal stretches between which it "
+                                                         "is held; by default those that the tests drive.")] = None,
+        predicted: Annotated[list[str] | None, typer.Option("--predict", metavar="[KIND=]FILE",
+                                                            help="A test to compare with, not to fit.")] = None,
         residual: Annotated[str, typer.Option(help="relative (to each curve's rms), absolute, or deviation (point by "
                                               "point).")] = "relative",
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of a kind.")] = None,
@@ -74,11 +79,15 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
 
     _check_places(folder_of(out), report)
     inputs = [_input(text) for text in files]
-    choices = Choices(_order(order), _poisson(poisson), stable, residual, _weights(weight or []))
+    choices = Choices(_order(order), _poisson(poisson), stable, _stretches(stable_range), residual,
+                      _weights(weight or []))
+    others = [_input(text) for text in predicted or []]
     chosen = [parse_selection(text) for text in columns or []]
-    found = calibrate(reduce_tests(inputs, specimen, columns=chosen), choices)
+    found = calibrate(reduce_tests(inputs, specimen, columns=chosen), choices,
+                      reduce_tests(others, specimen, columns=chosen))
     draws, unfinished = _sampled(found, seed) if posterior else (None, None)
-    used = [p for _, paths in inputs for path in paths for p in files_of(path)] + ([specimen] if specimen else [])
+    used = [p for _, paths in [*inputs, *others] for path in paths for p in files_of(path)]
+    used += [specimen] if specimen else []
     card = make_card(found, out, used, seed, draws)
     write_record(card, found, out, draws)
     if as_json:
@@ -137,14 +146,19 @@ def check(card: CardFile, as_json: JsonOption = False) -> None:
     Example: matcal check card.json
     """
     from matcal.card import read_card, require
+    from matcal.data_stability import as_lines
     from matcal.stability import stability
     from matcal.summary import print_stability
 
-    found = stability(require(read_card(card), "hyperfoam", "a stability check"))
+    read = read_card(card)
+    found = stability(require(read, "hyperfoam", "a stability check"))
+    data = read.fit.get("data_stability", [])
     if as_json:
-        print_json(found)
+        print_json(found | ({"data": data} if data else {}))
     else:
         print_stability(found)
+        for line in as_lines(data):
+            print(line)
 
 
 @app.command()
@@ -205,14 +219,26 @@ def _input(text: str) -> tuple[str | None, tuple[Path, ...]]:
 
 def _order(text: str) -> int | str:
     if text != "auto" and not text.isdigit():
-        raise ValueError(f"--order '{text}' is unknown; give 1 to 4 or auto.")
+        raise ValueError(f"--order '{text}' is unknown; give 1 to 6 or auto.")
     return text if text == "auto" else int(text)
 
 
-def _poisson(text: str) -> float | str:
-    if text == "fit":
+def _poisson(text: str) -> float | str | tuple[float, ...]:
+    from matcal.poisson import FITTED
+
+    if text in FITTED:
         return text
-    return numbers(text, "--poisson")[0]
+    values = tuple(numbers(text, "--poisson"))
+    return values[0] if len(values) == 1 else values
+
+
+def _stretches(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    ends = numbers(text, "--stable-range")
+    if len(ends) != 2:
+        raise ValueError(f"--stable-range '{text}': write two principal stretches LO,HI, for example 0.3,1.5.")
+    return ends[0], ends[1]
 
 
 def _weights(texts: list[str]) -> dict[str, float]:

@@ -25,7 +25,8 @@ __all__ = ["ORDERS", "Alone", "Fit", "allowed_exponents", "fit", "modelled", "qu
 Array = NDArray[np.float64]
 
 ORDERS = (1, 2, 3, 4, 5, 6)
-# orders that "auto" always tries; each higher one only while the one before has the least BIC
+# orders that "auto" always tries; each higher one only while the one before has the least BIC and parameters that can
+# be read: beyond that, terms only chase what neighbouring residuals have in common
 _ALWAYS = 4
 # starts of a search for nu or for a stable law
 _FEW = 3
@@ -133,10 +134,15 @@ def _shared_nu(choice: float | str | tuple[float, ...], curves: tuple[Curve, ...
 def _tried(problem: Problem, orders: Sequence[int], starts: int, auto: bool) -> dict[int, Optimum]:
     out: dict[int, Optimum] = {}
     for n in orders:
-        if auto and n > _ALWAYS and min(out, key=lambda k: _row(problem, out[k]).bic) != n - 1:
+        if auto and n > _ALWAYS and not _worth_another(problem, out):
             break
         out[n] = best_law(problem, n, starts)
     return out
+
+
+def _worth_another(problem: Problem, tried: Mapping[int, Optimum]) -> bool:
+    rows = [_row(problem, optimum) for optimum in tried.values()]
+    return min(rows, key=lambda row: row.bic) is rows[-1] and not rows[-1].confluence
 
 
 def _term_by_term(problem: Problem, choice: str | tuple[float, ...], found: Optimum) -> tuple[Hyperfoam, Optimum]:

@@ -23,7 +23,7 @@ def fit_part(found: Calibration) -> dict[str, Any]:
     if found.fit and found.uncertainty:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
-        out |= _law_part(found.fit)
+        out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
         out["prony"] = _series_part(found.prony)
     if found.conductivity:
@@ -41,13 +41,33 @@ def _law_part(fit: Fit) -> dict[str, Any]:
     return {"parameters": standard_errors(fit),
             "orders": [{"order": r.order, "rms": r.rms, "bic": r.bic, "confluence": r.confluence} for r in fit.orders],
             "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
-                                        "relative_rms": dict(alone.relative_rms)} for mode, alone in fit.alone.items()}}
+                                        "relative_rms": dict(alone.relative_rms),
+                                        "relative_rms_of": dict(alone.relative_rms_of), "unstable": alone.unstable}
+                                 for mode, alone in fit.alone.items()}}
+
+
+def _comparison_part(found: Calibration) -> dict[str, Any]:
+    """What the records say about stability, what stability cost, and tests that were predicted; absent parts left out.
+    """
+    assert found.fit is not None
+    out: dict[str, Any] = {"data_stability": [
+        {"test": c.label, "criterion": c.criterion, "violated_strain": c.violated, "covered_strain": c.covered}
+        for c in found.data_checks]}
+    if (free := found.fit.free) is not None:
+        out["without_stability"] = {"mu_Pa": free.mu_Pa, "alpha": free.alpha, "nu": free.nu,
+                                    "relative_rms_of": {c.label: relative_rms(free, c) for c in found.fit.curves}}
+    if found.predicted:
+        out["predicted"] = [{"kind": p.curve.experiment.kind, "source": list(p.curve.experiment.source),
+                             "n": p.curve.experiment.value.size, "strain_range": _range(p.curve.experiment),
+                             "relative_rms": dict(p.relative_rms)} for p in found.predicted]
+    return out
 
 
 def _series_part(prony: PronyFit) -> dict[str, Any]:
     sd = np.sqrt(np.diag(prony.covariance))
     terms = prony.prony.g.size
-    return {"g_sd": sd[:terms], "tau_sd_s": sd[terms:]}
+    return {"g_sd": sd[:terms], "tau_sd_s": sd[terms:],
+            "g_infinity_sd": float(np.sqrt(prony.covariance[:terms, :terms].sum()))}
 
 
 def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
@@ -69,7 +89,8 @@ def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[st
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, curve)) | {"weight": curve.weight}
     elif experiment.kind == "relaxation" and found.prony:
         row |= _errors(experiment.value, found.prony.relative_rms[k])
-        row |= {"compared": "hold", "stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
+        row |= {"compared": "hold", "time_s": float(experiment.time_s[-1]) if experiment.time_s is not None else None}
+        row |= {"stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
     elif experiment.kind == "conductivity" and found.conductivity:
         row |= _errors(experiment.value, found.conductivity.relative_rms[k])
     return row

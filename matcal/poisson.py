@@ -46,7 +46,7 @@ def fitted_nu(curves: Sequence[Curve], cost: Callable[[float], float]) -> float:
     """The one nu of least cost(nu) plus `lateral_cost`, first on a coarse grid, then by bounded search about its best.
     """
     def total(nu: float) -> float:
-        return cost(nu) + lateral_cost(curves, Hyperfoam([1.0], [1.0], [nu]))
+        return cost(nu) + lateral_cost(curves, Hyperfoam(np.ones(1), np.ones(1), np.array([nu])))
 
     grid = np.linspace(*NU_BOUNDS, _COARSE)
     best = int(np.argmin([total(float(nu)) for nu in grid]))
@@ -74,13 +74,14 @@ def lateral_residual(curves: Sequence[Curve], law: Hyperfoam) -> Array:
 
 def nu_sentences(nu: Sequence[float], poisson: Poisson, curves: Sequence[Curve]) -> list[str]:
     """Which nu the law has and why, and what a lateral record that was not used says."""
-    values = list(dict.fromkeys(f"{v:.4g}" for v in nu))
+    nu = [float(f"{v:.4g}") for v in nu]
+    values = list(dict.fromkeys(f"{v:g}" for v in nu))
     text = f"nu = {values[0]} for every term" if len(values) == 1 else (
         "nu = " + ", ".join(f"{v:.4g}" for v in nu) + ", a term each in the order of increasing alpha")
     if not isinstance(poisson, str):
         return [f"{text}, as given.", *_unused_lateral(float(np.mean(nu)), curves)]
     low, high = NU_BOUNDS
-    at = [v for v in nu if min(v - low, high - v) < _AT_BOUND * (high - low)]
+    at = [v for v in dict.fromkeys(nu) if min(v - low, high - v) < _AT_BOUND * (high - low)]
     how = "the lateral strains among the data" if any(c.experiment.lateral is not None for c in curves) else (
         "the volumetric data among the data" if any(c.experiment.kind == "volumetric" for c in curves) else
         "stress alone, from how the modes differ")

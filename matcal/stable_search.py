@@ -69,13 +69,13 @@ def search_stable(criterion: str, log_range: tuple[float, float],
 def rows(criterion: str, states: States, alpha: Array, nu: Array) -> Array:
     """(m, N) quadratic form of each term per unit of its modulus at m states."""
     form = _drucker_form if criterion == "drucker" else acoustic_form
-    return np.stack([form(Hyperfoam([1.0], [a], [v]), states.x, states.n, states.m)
+    return np.stack([form(Hyperfoam(np.ones(1), np.array([a]), np.array([v])), states.x, states.n, states.m)
                      for a, v in zip(alpha, nu, strict=True)], axis=1)
 
 
 def triples(log_range: tuple[float, float], points: int) -> Array:
     """(m, 3) all x_1 <= x_2 <= x_3 of a grid of `points` stretches, equally spaced in the stretch."""
-    x = np.log(np.linspace(*np.exp(log_range), points))
+    x = np.log(np.linspace(np.exp(log_range[0]), np.exp(log_range[1]), points))
     i, j, k = np.meshgrid(*[np.arange(points)] * 3, indexing="ij")
     keep = (i <= j) & (j <= k)
     return np.stack([x[i[keep]], x[j[keep]], x[k[keep]]], axis=-1)
@@ -84,7 +84,7 @@ def triples(log_range: tuple[float, float], points: int) -> Array:
 def _first_states(criterion: str, log_range: tuple[float, float]) -> States:
     """One stretch at a time along the range, the others at rest: increments of that stretch."""
     x = np.zeros((60, 3))
-    x[:, 0] = np.log(np.linspace(*np.exp(log_range), 60))
+    x[:, 0] = np.log(np.linspace(np.exp(log_range[0]), np.exp(log_range[1]), 60))
     axis = np.broadcast_to([1.0, 0.0, 0.0], x.shape)
     first = States(x, axis, axis)
     if criterion == "drucker":

@@ -46,7 +46,8 @@ def refine(curves: Sequence[Curve], starts: Sequence[Hyperfoam], allowed: Expone
     NotConverged where no start gives a law whose free faces find a stress-free stretch.
     """
     target, calls = weighted_stress(curves), 0
-    worst = np.full(target.size + lateral_residual(curves, Hyperfoam([1.0], [1.0], [0.0])).size, _REJECTED)
+    lateral = sum(c.experiment.strain.size for c in curves if c.experiment.lateral is not None)
+    worst = np.full(target.size + lateral, _REJECTED)
 
     def residual(point: Array, start: Hyperfoam) -> Array:
         nonlocal calls
