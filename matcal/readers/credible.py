@@ -16,8 +16,9 @@ _LARGEST_STRAIN, _IMPOSSIBLE_STRAIN = 3.0, 20.0
 _LARGEST = {"time": 1e10, "displacement": 10.0, "force": 1e8, "stress": 1e12, "deviation": 1e12, "pressure": 1e12,
             "current": 1e6, "potential": 1e9, "resistance": 1e20, "conductivity": 1e12, "volume_ratio": 100.0,
             "cycle": 1e12, "block": 1e12, "lateral": 20.0, "lateral_stretch": 20.0}
-# fewer rows do not show equal steps; steps that vary less than this are equal
-_ENOUGH, _EQUAL = 10, 1e-3
+# fewer rows do not show equal steps; a column within this share of its range of equal steps has them, one beyond the
+# next has not
+_ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
 
 
 def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
@@ -71,17 +72,18 @@ def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: di
 
 
 def _check_steps(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], flag: str) -> None:
-    """A table is written over equal steps of strain; a "stress" in equal steps beside a "strain" in others is that."""
+    """A table is written over equal steps of strain; a "stress" in equal steps beside a curved "strain" is that."""
     measure = next((q for q in ("strain", "stretch") if q in values), None)
-    if measure is None or "stress" not in values or values["stress"].size < _ENOUGH:
+    if measure is None or "stress" not in values or "displacement" in values or values["stress"].size < _ENOUGH:
         return
-    if _in_equal_steps(values["stress"]) and not _in_equal_steps(values[measure]):
+    if _bend(values["stress"]) < _EQUAL and _bend(values[measure]) > _CURVED:
         raise TestFileError(grid.path, f"'{shown(names['stress'])}' advances in equal steps while "
                                        f"'{shown(names[measure])}' does not: the columns look exchanged. If they are "
                                        f"not, give {flag}", line=line)
 
 
-def _in_equal_steps(column: Array) -> bool:
-    steps = np.diff(column)
-    size = float(np.max(np.abs(steps)))
-    return size > 0 and float(np.ptp(steps)) <= _EQUAL * size
+def _bend(column: Array) -> float:
+    """How far a column is from equal steps between its ends, as a share of its range; infinite where it has none."""
+    reach = float(np.ptp(column))
+    line = np.linspace(column[0], column[-1], column.size)
+    return float(np.max(np.abs(column - line))) / reach if reach > 0 else np.inf

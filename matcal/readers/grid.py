@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,8 @@ _COMMA_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
 _DOT_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
 # rows of a file's end that tell its delimiter
 _TELLING = 20
+# numbers that settle how all are written
+_VOTES = 2000
 
 
 @dataclass(frozen=True)
@@ -163,32 +164,28 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 def style_of(rows: Iterable[Sequence[str]], path: Path) -> Style:
-    """How the numbers of a table are written, from the cells that leave no choice; TestFileError where none does."""
-    dots = commas = grouped_commas = grouped_dots = 0
-    doubtful = ""
-    for cell in islice(_number_cells(rows), 2_000_000):
+    """How the numbers of a table are written, from cells that leave no choice; TestFileError where none does.
+
+    Where 1,424 stands beside 0.5 it is 1424, beside 0,5 it is 1.424; alone it is refused.
+    """
+    dots, commas, doubtful = 0, 0, ""
+    for cell in _number_cells(rows):
         dot, comma = cell.rfind("."), cell.rfind(",")
-        if dot >= 0 and comma >= 0:
-            if dot > comma:
-                dots, grouped_commas = dots + 1, grouped_commas + 1
-            else:
-                commas, grouped_dots = commas + 1, grouped_dots + 1
-        elif comma >= 0:
-            if _COMMA_GROUPS.fullmatch(cell):
-                doubtful, grouped_commas = cell, grouped_commas + 1
+        if comma > dot:
+            if dot < 0 and _COMMA_GROUPS.fullmatch(cell):
+                doubtful = cell
             else:
                 commas += 1
-        elif dot >= 0:
-            if _DOT_GROUPS.fullmatch(cell):
-                grouped_dots += 1
-            else:
-                dots += 1
+        elif comma >= 0 or not _DOT_GROUPS.fullmatch(cell):
+            dots += 1
+        if dots + commas >= _VOTES:
+            break
     if commas > dots:
-        return Style(",", "." if grouped_dots else "")
+        return Style(",", ".")
     if doubtful and not dots:
         raise TestFileError(path, f"numbers such as '{doubtful}' may have a decimal comma or groups of thousands, and "
                                   "no number in the file tells which. Write them with a decimal point.")
-    return Style(".", "," if grouped_commas else "")
+    return Style(".", ",")
 
 
 def _number_cells(rows: Iterable[Sequence[str]]) -> Iterable[str]:

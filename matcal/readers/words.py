@@ -70,7 +70,7 @@ def size_of(name: str) -> str | None:
     """The size (a key of `recording.SIZES`) that the name of a property stands for, or None."""
     text = _plain(re.split(r"[:：]", name.rstrip(" :："))[-1])
     text = re.sub(r" (in|en) \w{1,4}$| ?[(\[][^()\[\]]*[)\]]$", "", text)
-    text = re.sub(r"^(specimen|sample|initial|original) (?=\w)", "", text)
+    text = re.sub(r"^(?:(specimen|sample|initial|original) |试样|样品|试件)(?=\w)", "", text)
     return next((size for size, pattern in _SIZES if re.fullmatch(pattern, text)), None)
 
 
