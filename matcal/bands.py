@@ -7,12 +7,11 @@ that were not fitted are given over the principal stretches that the fitted ones
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from matcal.conductivity import outside
 from matcal.modes import MODES, nominal_stress
@@ -27,35 +26,41 @@ Array = NDArray[np.float64]
 Ranges = Mapping[str, tuple[float, float]]
 
 # points of each mode; strains that no band leaves
-_POINTS, _LOWEST, _HIGHEST = 81, -0.9, 3.0
+_POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1
 
 
 def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
-    """mode -> strains over which its band is given: those fitted in it and those of equal principal stretch."""
+    """mode -> strains over which its band is given.
+
+    A fitted mode has its own strains and up to a quarter of their width beyond, any other mode those of the principal
+    stretches that the fitted ones reached; a fitted mode goes no further than these either.
+    """
     least, most = _stretches(fitted)
     alike = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
     out = {}
     for mode in MODES:
         lo, hi = alike.get(mode, (least - 1, most - 1))
-        own = fitted.get(mode, (lo, hi))
-        out[mode] = max(min(lo, own[0]), _LOWEST), min(max(hi, own[1]), _HIGHEST)
+        if mode in fitted:
+            low, high = fitted[mode]
+            reach = 0.25 * (high - low)
+            lo, hi = min(low, max(lo, low - reach)), max(high, min(hi, high + reach))
+        out[mode] = max(lo, _LOWEST if mode != "volumetric" else _LEAST_VOLUME), min(hi, _HIGHEST)
     return out
 
 
-def stress_bands(law: Hyperfoam, uncertainty: Uncertainty, wider: Hyperfoam | None,
-                 draws: Draws | None) -> pd.DataFrame:
+def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> pd.DataFrame:
     """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes."""
-    from matcal.draws import stress_band
+    from matcal.draws import Draws, stress_band
 
     tables = []
     for mode, span in spans(law.strain_range).items():
         strain = _grid(mode, span)
-        stress = nominal_stress(law, mode, strain)
-        low, high = (stress_band(draws, mode, strain) if draws is not None else
-                     _linear_band(law, uncertainty, wider, mode, strain))
+        low, high = (stress_band(source, mode, strain) if isinstance(source, Draws) else
+                     _linear_band(source, mode, strain))
         lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
-        tables.append(pd.DataFrame({"mode": mode, "strain": strain, "stress_Pa": stress, "stress_lo_Pa": low,
-                                    "stress_hi_Pa": high, "extrapolated": (strain < lo) | (strain > hi)}))
+        tables.append(pd.DataFrame({"mode": mode, "strain": strain, "stress_Pa": nominal_stress(law, mode, strain),
+                                    "stress_lo_Pa": low, "stress_hi_Pa": high,
+                                    "extrapolated": (strain < lo) | (strain > hi)}))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -72,6 +77,13 @@ def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> pd.DataFrame
     middle = powers(strain) @ (law.c0_S_per_m * np.r_[1.0, law.a])
     return pd.DataFrame({"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
                          "conductivity_hi_S_per_m": high, "extrapolated": outside(law, strain)})
+
+
+def conductivity_at(band: pd.DataFrame, strain: float) -> tuple[float, float, float]:
+    """Conductivity and the ends of its band, S/m, at a strain, linear between the rows of `conductivity_band`."""
+    columns = ("conductivity_S_per_m", "conductivity_lo_S_per_m", "conductivity_hi_S_per_m")
+    value, low, high = (float(np.interp(strain, band["strain"], band[name])) for name in columns)
+    return value, low, high
 
 
 def _stretches(fitted: Ranges) -> tuple[float, float]:
@@ -93,23 +105,10 @@ def _grid(mode: str, span: tuple[float, float]) -> Array:
     return np.unique(np.r_[np.linspace(*span, _POINTS), rest])
 
 
-def _linear_band(law: Hyperfoam, uncertainty: Uncertainty, wider: Hyperfoam | None, mode: str,
-                 strain: ArrayLike) -> tuple[Array, Array]:
+def _linear_band(about: Uncertainty, mode: str, strain: Array) -> tuple[Array, Array]:
     """Ends of the band, Pa, from the covariance of (mu, alpha), and from what one more term would change."""
-    stress, slopes = nominal_stress(law, mode, strain), _slopes(law, mode, strain)
-    form = 0.0 if wider is None else nominal_stress(wider, mode, strain) - stress
-    sd = np.sqrt(np.einsum("in,ij,jn->n", slopes, uncertainty.covariance, slopes).clip(0) + form**2)
-    known = uncertainty.derived["mu_0_Pa"]
-    half = (known.hi - known.lo) / (2 * known.sd) * sd
-    return stress - half, stress + half
+    from matcal.uncertainty import intervals
 
-
-def _slopes(law: Hyperfoam, mode: str, strain: ArrayLike) -> Array:
-    """(2 N, n) slopes of the stress in (mu, alpha), by central differences."""
-    n = law.mu_Pa.size
-    steps = np.diag(np.r_[np.full(n, 1e-4 * law.mu_0_Pa), np.full(n, 1e-5)])
-
-    def at(step: Array) -> Array:
-        return nominal_stress(replace(law, mu_Pa=law.mu_Pa + step[:n], alpha=law.alpha + step[n:]), mode, strain)
-
-    return np.stack([(at(row) - at(-row)) / (2 * row.max()) for row in steps])
+    found = intervals(about, lambda law: {f"{e:.17g}": float(s) for e, s in
+                                          zip(strain, nominal_stress(law, mode, strain), strict=True)})
+    return np.array([row.lo for row in found.values()]), np.array([row.hi for row in found.values()])

@@ -92,7 +92,7 @@ def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path)
     write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")
     draws = posterior.draws if posterior is not None else None
     if found.fit and found.uncertainty:
-        bands = stress_bands(found.fit.law, found.uncertainty, found.fit.wider, draws)
+        bands = stress_bands(found.fit.law, draws or found.uncertainty)
         bands.to_parquet(folder / "bands.parquet", index=False)
     if found.conductivity:
         band = conductivity_band(found.conductivity, draws)

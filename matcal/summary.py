@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,11 @@ from rich.text import Text
 from matcal import result_tables as tables
 from matcal.card import MaterialCard
 from matcal.cautions import cautions, tests
+from matcal.decisions import grouped
 from matcal.modes import MODES
 
 # columns of a table in a pipe, where nothing says how wide the reader's page is
 _PIPE = 120
-# what a stage of `matcal.calibrate.Calibration` is called
-_STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperfoam law", "checks": "checks of the law",
-           "skin": "conductivity"}
 
 
 def print_columns(columns: dict[str, Any], title: str) -> None:
@@ -107,26 +105,10 @@ def _posterior(card: MaterialCard) -> str:
 
 
 def _decisions(console: Console, card: MaterialCard) -> None:
-    """The provenance's sentences under the test or stage that took them."""
-    for name, sentences in grouped(card.provenance):
-        source = card.fit.get(name, {}).get("source") if isinstance(card.fit.get(name), Mapping) else None
-        label = f"{name} ({', '.join(source)})" if source else _STAGES.get(name, name)
-        console.print(Text(label, style="bold"), soft_wrap=True)
+    for title, sentences in grouped(card):
+        console.print(Text(title, style="bold"), soft_wrap=True)
         for sentence in sentences:
             _item(console, "-", sentence)
-
-
-def grouped(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """(test or stage, its decisions without the test's name) in order; one group where the card does not part them."""
-    sentences: Sequence[str] = provenance.get("decisions", ())
-    counts: Mapping[str, int] = provenance.get("decisions_of", {})
-    if sum(counts.values()) != len(sentences):
-        return [("all", [*sentences])] if sentences else []
-    out, first = [], 0
-    for name, count in counts.items():
-        out.append((name, [s.removeprefix(f"{name}: ") for s in sentences[first:first + count]]))
-        first += count
-    return out
 
 
 def _next(card: MaterialCard, out: Path) -> list[tuple[str, str]]:

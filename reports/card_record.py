@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from matcal.card import MaterialCard, read_card
 from matcal.errors import TestFileError
@@ -88,6 +88,11 @@ def read_record(path: Path) -> Record:
     beside = {stem: pd.read_parquet(table) for stem, table in tables.items() if not _is_test(stem)}
     missing = "" if tests else f"The folder {card.data} holds no reduced test, so no data are drawn."
     return Record(path, card, tests, files, missing, beside)
+
+
+def rows_where(table: pd.DataFrame, keep: ArrayLike) -> pd.DataFrame:
+    """Rows of a table where `keep` (n,) holds."""
+    return pd.DataFrame(table[np.asarray(keep, dtype=bool)])
 
 
 def _is_test(stem: str) -> bool:

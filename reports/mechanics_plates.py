@@ -12,13 +12,13 @@ from matcal.hyperfoam import Hyperfoam
 from matcal.modes import hereditary_stress, nominal_stress
 from matcal.prony import Prony, relaxation
 from reports import style
-from reports.card_record import Array, Test
-from reports.numerals import number, percent
+from reports.card_record import Array, Test, rows_where
+from reports.numerals import number, pascals, percent
 from reports.page import Plate
 
 STRAIN = {"shear": "Shear strain γ (–)", "volumetric": "Volume ratio J (–)"}
-# (n,) strains -> lower and upper end of the 95 % band of the long-term stress, Pa
-Band = tuple[Array, Array, Array]
+# one mark a specimen
+MARKS = ("o", "s", "^", "D", "v", "P")
 
 
 def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
@@ -30,67 +30,82 @@ def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
 
 
 def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapping[str, Hyperfoam],
-         errors: Mapping[str, float], band: Band | None) -> Plate:
+         errors: Mapping[str, float], band: pd.DataFrame | None, source: str) -> Plate:
     """One mode: data, the law of all modes with its band, the laws of single modes, residuals.
 
-    `law` and `alone` (mode -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode.
+    `law` and `alone` (mode -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode; `band`: the
+    mode's rows of bands.parquet, from `source` in words.
     """
     kind = tests[0].kind
     sign = -1.0 if all(test.compressed for test in tests) else 1.0
-    figure = style.sheet(88)
+    factor, unit = pascals(np.concatenate([test.value for test in tests]))
+    figure = style.sheet(82)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
-    data = _draw_tests(upper, lower, tests, sign, "fitted to all modes" if alone else "fitted")
+    data = _draw_tests(upper, tests, sign, factor, "fitted to all modes" if alone else "fitted")
+    fine_unit = _draw_residuals(lower, tests, sign)
     for k, (name, other) in enumerate(alone.items()):
         for i, test in enumerate(tests):
             stress = along_history(other, prony, test)
-            upper.plot(sign * test.strain, sign * stress / 1e3, color=style.SERIES[k + 1], ls=style.DASHES[k + 1],
-                       label=f"fitted to {name} alone" if i == 0 else None)
+            upper.plot(sign * test.strain, sign * factor * stress, color=style.SERIES[(k + 1) % 4],
+                       ls=style.DASHES[(k + 1) % 4], label=f"fitted to {name} alone" if i == 0 else None)
             data[test.label][f"{name}_alone_stress_Pa"] = stress
-    _draw_longterm(upper, kind, law, tests, sign, band)
-    _frame_data(upper, [sign * test.value / 1e3 for test in tests])
+    data |= _draw_longterm(upper, kind, law, tests, sign, factor, band)
+    _frame_data(upper, [sign * factor * test.value for test in tests])
     what = "compressive" if sign < 0 else "nominal"
-    style.label(upper, "", f"{what.capitalize()} stress (kPa)")
-    style.label(lower, STRAIN.get(kind, f"{what.capitalize()} strain (–)"), "Residual (Pa)")
-    upper.legend(loc="upper left")
-    return Plate(kind, figure, _mode_caption(kind, tests, errors, prony, band), data)
+    style.label(upper, "", f"{what.capitalize()} stress ({unit})")
+    style.label(lower, STRAIN.get(kind, f"{what.capitalize()} strain (–)"), f"Residual ({fine_unit})")
+    upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
+    return Plate(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
 
 
-def _draw_tests(upper: Axes, lower: Axes, tests: Sequence[Test], sign: float, title: str) -> dict[str, pd.DataFrame]:
+def _draw_tests(axes: Axes, tests: Sequence[Test], sign: float, factor: float, title: str) -> dict[str, pd.DataFrame]:
     data = {}
     for i, test in enumerate(tests):
-        upper.plot(sign * test.strain, sign * test.value / 1e3, "o", color=style.INK, ms=2, mew=0,
-                   label="measured" if i == 0 else None)
+        said = "measured" if len(tests) == 1 else f"measured, {test.label}"
+        axes.plot(sign * test.strain, sign * factor * test.value, MARKS[i % len(MARKS)], color=style.INK, ms=2, mew=0,
+                  alpha=1 - 0.5 * i / len(tests), label=said)
         data[test.label] = pd.DataFrame({"strain": test.strain, "stress_Pa": test.value})
-        if test.fitted is None:
-            continue
-        upper.plot(sign * test.strain, sign * test.fitted / 1e3, color=style.ACCENT,
-                   label=title if i == 0 else None)
-        lower.plot(sign * test.strain, sign * (test.value - test.fitted), "o", color=style.ACCENT, ms=1.6, mew=0)
-        data[test.label]["fit_stress_Pa"] = test.fitted
-    lower.axhline(0, color=style.GREY, lw=0.6)
+        if test.fitted is not None:
+            axes.plot(sign * test.strain, sign * factor * test.fitted, color=style.ACCENT,
+                      label=title if i == 0 else None)
+            data[test.label]["fit_stress_Pa"] = test.fitted
     return data
 
 
-def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test], sign: float,
-                   band: Band | None) -> None:
-    strain = np.linspace(min(t.strain.min() for t in tests), max(t.strain.max() for t in tests), 200)
-    if band is not None:
-        at, lo, hi = band
-        axes.fill_between(sign * at, sign * lo / 1e3, sign * hi / 1e3, color=style.ACCENT, alpha=0.2, lw=0,
-                          label="95 % band of the long-term law")
-    axes.plot(sign * strain, sign * nominal_stress(law, kind, strain) / 1e3, color=style.ACCENT, lw=0.8, ls="-.",
+def _draw_residuals(axes: Axes, tests: Sequence[Test], sign: float) -> str:
+    """Measured minus fitted; the unit in which they are drawn."""
+    residuals = [test.value - test.fitted for test in tests if test.fitted is not None]
+    factor, unit = pascals(np.concatenate(residuals) if residuals else [0.0])
+    for i, test in enumerate(t for t in tests if t.fitted is not None):
+        axes.plot(sign * test.strain, sign * factor * residuals[i], MARKS[i % len(MARKS)], color=style.ACCENT, ms=1.6,
+                  mew=0, alpha=1 - 0.5 * i / len(tests))
+    axes.axhline(0, color=style.GREY, lw=0.6)
+    return unit
+
+
+def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test], sign: float, factor: float,
+                   band: pd.DataFrame | None) -> dict[str, pd.DataFrame]:
+    lo, hi = min(t.strain.min() for t in tests), max(t.strain.max() for t in tests)
+    strain = np.linspace(lo, hi, 200)
+    axes.plot(sign * strain, sign * factor * nominal_stress(law, kind, strain), color=style.ACCENT, lw=0.8, ls="-.",
               label="long-term law")
+    if band is None:
+        return {}
+    rows = rows_where(band, (band["strain"] >= lo - 1e-9) & (band["strain"] <= hi + 1e-9))
+    axes.fill_between(sign * rows["strain"], sign * factor * rows["stress_lo_Pa"], sign * factor * rows["stress_hi_Pa"],
+                      color=style.ACCENT, alpha=0.2, lw=0, label="95 % band of the long-term law")
+    return {f"{kind}_band": rows.drop(columns="mode")}
 
 
 def _frame_data(axes: Axes, values: Sequence[Array]) -> None:
     """Limits that hold the data; a law that runs away leaves the frame."""
     low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
-    margin = 0.08 * (high - low)
+    margin = 0.08 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + 2.5 * margin)
 
 
 def _mode_caption(kind: str, tests: Sequence[Test], errors: Mapping[str, float], prony: Prony | None,
-                  band: Band | None) -> str:
+                  band: pd.DataFrame | None, source: str) -> str:
     others = {name: error for name, error in errors.items() if name != "all"}
     to_all = " fitted to all modes" if others else ""
     said = [f"{kind.capitalize()}: the law{to_all} misses these data by {percent(errors['all'], 3)} (relative RMS)"]
@@ -100,10 +115,15 @@ def _mode_caption(kind: str, tests: Sequence[Test], errors: Mapping[str, float],
         caption += (" The fits follow the test's own rate through the Prony series; the long-term law is what is left "
                     "when everything has relaxed.")
     if band is None:
-        return caption + " No band is drawn: there is no posterior."
-    _, lo, hi = band
-    width = float(np.max(hi - lo)) / float(np.max(np.abs(lo + hi)))
-    return caption + f" The 95 % band is at most ± {percent(width)} of the largest stress."
+        return caption + " No band is drawn: the card's folder holds none."
+    width = half_width(rows_where(band, ~band["extrapolated"]))
+    return caption + f" The 95 % band, {source}, is at most ± {percent(width)} of the largest stress."
+
+
+def half_width(rows: pd.DataFrame) -> float:
+    """Widest half band over the largest stress, of rows of bands.parquet."""
+    half = (rows["stress_hi_Pa"].to_numpy() - rows["stress_lo_Pa"].to_numpy()) / 2
+    return float(half.max() / np.abs(rows["stress_Pa"].to_numpy()).max())
 
 
 def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> Plate:

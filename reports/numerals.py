@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from matcal import digits
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -40,15 +44,22 @@ def interval(lo: float, hi: float, digits: int = 3) -> str:
     return f"{number(ends[0], digits)} to {number(ends[1], digits)}"
 
 
+def within(value: float, lo: float, hi: float) -> tuple[str, str]:
+    """A value and its interval "lo to hi", all to the second significant digit of half the interval's width."""
+    middle, ends = digits.within(value, lo, hi)
+    return typeset(middle), typeset(ends)
+
+
+def typeset(words: str) -> str:
+    """Words with a true minus sign before each number that is negative, powers of ten as they are written."""
+    words = re.sub(r"(\d)e([+-]\d+)", lambda m: f"{m[1]} × 10{exponent_mark(int(m[2]))}", words)
+    return re.sub(r"(?<![\w.)-])-(?=\d)", "−", words)
+
+
 def plus_minus(value: float, error: float) -> str:
     """A value and its standard error, both to the second significant digit of the error."""
-    if not (math.isfinite(value) and math.isfinite(error) and error > 0):
-        return f"{number(value, 4)} ± {number(error, 2)}"
-    power = math.floor(math.log10(error))
-    if power >= 5 or power < -8:
-        return f"{number(value, 4)} ± {number(error, 2)}"
-    decimals = max(1 - power, 0)
-    return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
+    middle, own = digits.with_error(value, error)
+    return typeset(f"{middle} ± {own}")
 
 
 def r_squared(value: float) -> str:
@@ -64,10 +75,20 @@ def counted(count: int, noun: str, plural: str | None = None) -> str:
     return f"{count} {noun if count == 1 else plural or noun + 's'}"
 
 
+def prefixed(values: ArrayLike, unit: str,
+             prefixes: Sequence[str] = ("G", "M", "k", "", "m", "µ")) -> tuple[float, str]:
+    """Factor and unit in which the largest of these values has one to three digits before its point, where it can."""
+    largest = float(np.max(np.abs(np.asarray(values, dtype=float)), initial=0.0))
+    powers = {"G": 9, "M": 6, "k": 3, "": 0, "m": -3, "µ": -6}
+    chosen = next((p for p in prefixes if largest >= 0.9995 * 10 ** powers[p]), prefixes[-1])
+    return 10.0 ** -powers[chosen], chosen + unit
+
+
 def volts(values: ArrayLike) -> tuple[float, str]:
     """Factor and unit (V, mV, µV) in which the largest of these voltages has at most three digits before its point."""
-    largest = float(np.max(np.abs(values), initial=0.0))
-    for factor, unit in ((1.0, "V"), (1e3, "mV")):
-        if largest * factor >= 1:
-            return factor, unit
-    return 1e6, "µV"
+    return prefixed(values, "V", ("", "m", "µ"))
+
+
+def pascals(values: ArrayLike) -> tuple[float, str]:
+    """Factor and unit (GPa, MPa, kPa, Pa) in which the largest of these stresses reads best."""
+    return prefixed(values, "Pa", ("G", "M", "k", ""))

@@ -17,6 +17,8 @@ from matplotlib.figure import Figure
 from reports import style
 
 CONTENTS = "contents.json"
+# a last page whose text ends above this is not worth a page
+NEARLY_EMPTY_MM = 90.0
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,10 @@ class Report:
     absent: Mapping[str, str] = field(default_factory=dict)
     # further paragraphs or lists of sentences, by name
     prose: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
+    # what the reader must know before the numbers are used, one sentence each
+    cautions: Sequence[str] = ()
+    # lists of sentences under headings, by name
+    groups: Mapping[str, Sequence[tuple[str, Sequence[str]]]] = field(default_factory=dict)
 
 
 def write_pdf(report: Report, out: Path) -> None:
@@ -96,8 +102,9 @@ def _stage(report: Report, work: Path) -> None:
         "title": report.title, "subtitle": report.subtitle, "footer": report.footer, "findings": report.findings,
         "plates": {plate.name: plate.caption for plate in report.plates},
         "tables": {name: asdict(table) for name, table in report.tables.items()},
-        "absent": report.absent, "prose": report.prose,
-        "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK},
+        "absent": report.absent, "prose": report.prose, "cautions": report.cautions, "groups": report.groups,
+        "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK,
+                  "warning": style.SECOND},
     }
     (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
 
@@ -124,10 +131,27 @@ def _forget(beside: Path) -> None:
 
 
 def _compile(template: str, work: Path) -> bytes:
+    """The PDF; set a little tighter where its last page would else hold next to nothing."""
+    source = work / f"{template}.typ"
+    pdf = _compiled(source, work, 0)
+    tight = next((step for step in range(3) if not _empty_end(source, work, step)), 0)
+    return _compiled(source, work, tight) if tight else pdf
+
+
+def _compiled(source: Path, work: Path, tight: int) -> bytes:
     try:
-        pdf, warnings = typst.compile_with_warnings(work / f"{template}.typ", root=work, ignore_system_fonts=True)
+        pdf, warnings = typst.compile_with_warnings(source, root=work, ignore_system_fonts=True,
+                                                    sys_inputs={"tight": str(tight)})
     except typst.TypstError as error:
-        raise RuntimeError(f"the report template {template}.typ does not compile: {error}") from error
+        raise RuntimeError(f"the report template {source.name} does not compile: {error}") from error
     if warnings:
-        raise RuntimeError(f"the report template {template}.typ compiles with a warning: {warnings[0]}")
+        raise RuntimeError(f"the report template {source.name} compiles with a warning: {warnings[0]}")
     return pdf
+
+
+def _empty_end(source: Path, work: Path, tight: int) -> bool:
+    """Whether the text ends near the top of a page that is not the first."""
+    found = typst.query(source, "<end>", field="value", one=True, root=work, ignore_system_fonts=True,
+                        sys_inputs={"tight": str(tight)})
+    end = json.loads(found)
+    return end["page"] > 1 and end["y"] < NEARLY_EMPTY_MM

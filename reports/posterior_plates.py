@@ -1,23 +1,25 @@
-"""Bands and figures from whole-parameter draws of a card."""
+"""Figure of the derived quantities over the whole-parameter draws of a card."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from matcal.card import MaterialCard
-from matcal.draws import Draws, law_of, quantiles, read_draws, stress_band
+from matcal.draws import Draws, law_of, read_draws
 from matcal.modes import nominal_stress
 from reports import style
-from reports.calibration_tables import PLATEAU_STRAIN
+from reports.calibration_summary import PLATEAU_STRAIN
 from reports.card_record import Array
-from reports.numerals import counted, interval, number
+from reports.numerals import counted, number, pascals, within
 from reports.page import Plate
 
-# (n,) strains, lower and upper end of a 95 % band
-Band = tuple[Array, Array, Array]
+# subscripts of captions, as the figures' mathematics has them
+_SUBSCRIPTS = str.maketrans({"₀": "$_0$"})
 
 
 def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
@@ -30,51 +32,87 @@ def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
     return read_draws(path), ""
 
 
-def stress(draws: Draws, mode: str, lo: float, hi: float) -> Band:
-    """95 % band of the long-term stress in a mode, Pa."""
-    strain = np.linspace(lo, hi, 60)
-    return strain, *stress_band(draws, mode, strain)
-
-
-def conductivity(draws: Draws, lo: float, hi: float) -> Band | None:
-    """95 % band of the conductivity, S/m; None where it was not drawn."""
-    coefficients = draws.conductivity_S_per_m
-    if coefficients is None:
-        return None
-    strain = np.linspace(lo, hi, 80)
-    powers = np.vander(strain, 4, increasing=True)
-    return strain, *quantiles(lambda k: powers @ coefficients[k], len(draws))
-
-
 def derived(draws: Draws, card: MaterialCard) -> Plate:
-    """Histograms of modulus, plateau stress and exponents over the draws."""
-    mu_0 = draws.mu_Pa.sum(axis=1) / 1e3
-    plateau = np.array([-float(nominal_stress(law_of(draws, k), "uniaxial", PLATEAU_STRAIN))
-                        for k in range(len(draws))]) / 1e3
-    figure = style.sheet(50)
-    first, second, third = figure.subplots(1, 3)
-    for axes, values, name in ((first, mu_0, "μ$_0$, long-term (kPa)"), (second, plateau, "Plateau stress (kPa)")):
-        axes.hist(values, bins=30, histtype="stepfilled", color=style.ACCENT)
-        style.label(axes, name, "Draws (–)")
-    edges = np.linspace(draws.alpha.min(), draws.alpha.max(), 60)
-    for i in range(draws.alpha.shape[1]):
-        third.hist(draws.alpha[:, i], bins=list(edges), histtype="step", color=style.SERIES[i % 4],
-                   ls=style.DASHES[i % 4], label=f"α$_{i + 1}$")
-    third.legend()
-    style.label(third, "Exponents (–)", "Draws (–)")
-    spans = ", ".join(_middle(draws.alpha[:, i], 2) for i in range(draws.alpha.shape[1]))
-    caption = (f"Posterior over {counted(len(draws), 'draw')}: at 95 % μ₀ lies within {_middle(mu_0, 4)} kPa and the "
-               f"plateau stress within {_middle(plateau, 4)} kPa, while the exponents run over {spans}."
+    """Histograms of the derived quantities over the draws, each with its middle 95 % and the linearised result."""
+    quantities = _quantities(draws, card)
+    count = len(quantities) + 1
+    columns = count if count <= 4 else 3
+    figure = style.sheet(44 * -(-count // columns))
+    panels = list(figure.subplots(-(-count // columns), columns, squeeze=False).flat)
+    for axes, (name, column) in zip(panels, quantities.items(), strict=False):
+        _histogram(axes, name, column, card)
+    _exponents(panels[len(quantities)], draws.alpha)
+    for axes in panels[count:]:
+        axes.axis("off")
+    said = "; ".join(f"{column.words} {_middle(column.values)} {column.unit}".replace(" –", "")
+                     for column in quantities.values())
+    spans = ", ".join(_middle(draws.alpha[:, i]) for i in range(draws.alpha.shape[1]))
+    caption = (f"Posterior over {counted(len(draws), 'draw')}, 95 % shaded, in orange the linearised intervals: "
+               f"{said}. The exponents run over {spans}."
                + _checked(card))
-    data = pd.DataFrame({"mu_0_kPa": mu_0, "plateau_kPa": plateau}
+    data = pd.DataFrame({name: column.values for name, column in quantities.items()}
                         | {f"alpha_{i + 1}": draws.alpha[:, i] for i in range(draws.alpha.shape[1])})
     return Plate("posterior", figure, caption, {"posterior": data})
 
 
-def _middle(values: Array, digits: int) -> str:
+@dataclass(frozen=True)
+class _Column:
+    """A derived quantity over the draws."""
+
+    # what it is, for a caption and an axis
+    words: str
+    unit: str
+    # (D,) in that unit
+    values: Array
+    # key of card.fit["derived"] and the factor from it to the unit, where the card has it
+    key: str = ""
+    factor: float = 1.0
+
+
+def _quantities(draws: Draws, card: MaterialCard) -> dict[str, _Column]:
+    """Name with unit -> what the draws say of it."""
+    factor, unit = pascals(draws.mu_Pa.sum(axis=1))
+    plateau = np.array([-float(nominal_stress(law_of(draws, k), "uniaxial", PLATEAU_STRAIN))
+                        for k in range(len(draws))])
+    second, other = pascals(plateau)
+    out = {f"mu_0_{unit}": _Column("μ₀, long-term", unit, factor * draws.mu_Pa.sum(axis=1), "mu_0_Pa", factor),
+           f"plateau_{other}": _Column("Plateau stress", other, second * plateau, "plateau_Pa", second)}
+    if draws.g is not None:
+        out["g_infinity"] = _Column("Long-term share", "–", 1 - draws.g.sum(axis=1))
+    if draws.conductivity_S_per_m is not None:
+        c = draws.conductivity_S_per_m
+        out["c0_S_per_m"] = _Column("c₀", "S/m", c[:, 0])
+        out["c_at_minus_half_S_per_m"] = _Column("c at a strain of −0.5", "S/m", c @ (-0.5) ** np.arange(4))
+    return out
+
+
+def _histogram(axes: Axes, name: str, column: _Column, card: MaterialCard) -> None:
+    lo, hi = np.quantile(column.values, [0.025, 0.975])
+    axes.axvspan(lo, hi, color=style.ACCENT, alpha=0.12, lw=0)
+    axes.hist(column.values, bins=30, histtype="stepfilled", color=style.ACCENT)
+    if known := card.fit.get("derived", {}).get(column.key):
+        axes.set_ylim(top=1.2 * axes.get_ylim()[1])
+        height = 0.93 * axes.get_ylim()[1]
+        axes.errorbar(column.factor * known["value"], height, capsize=2, fmt="o", ms=2.5, color=style.SECOND, lw=1,
+                      xerr=[[column.factor * (known["value"] - known["lo"])],
+                            [column.factor * (known["hi"] - known["value"])]])
+    axes.locator_params(axis="x", nbins=4)
+    style.label(axes, f"{column.words.translate(_SUBSCRIPTS)} ({column.unit})", "Draws (–)")
+
+
+def _exponents(axes: Axes, alpha: Array) -> None:
+    edges = np.linspace(alpha.min(), alpha.max(), 60)
+    for i in range(alpha.shape[1]):
+        axes.hist(alpha[:, i], bins=list(edges), histtype="step", color=style.SERIES[i % 4], ls=style.DASHES[i % 4],
+                  label=f"α$_{i + 1}$")
+    axes.legend()
+    style.label(axes, "Exponents (–)", "Draws (–)")
+
+
+def _middle(values: Array) -> str:
     """The middle 95 % of some draws."""
-    lo, hi = np.quantile(values, [0.025, 0.975])
-    return interval(float(lo), float(hi), digits)
+    lo, middle, hi = np.quantile(values, [0.025, 0.5, 0.975])
+    return within(float(middle), float(lo), float(hi))[1]
 
 
 def _checked(card: MaterialCard) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from matcal.bands import conductivity_at
 from matcal.conductivity import Conductivity, conductivity
 from reports import style
 from reports.card_record import Array, Test
@@ -16,11 +17,10 @@ from reports.page import Plate
 
 # compression to which every touch may drive the law
 DEEPEST = -0.9
-# (n,) strains, lower and upper end of the 95 % band, S/m
-Band = tuple[Array, Array, Array]
 
 
-def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[float], band: Band | None) -> Plate:
+def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[float],
+                     band: pd.DataFrame | None) -> Plate:
     """Data and cubic over the fitted strains, and the cubic on to deep compression."""
     figure = style.sheet(78)
     panels = figure.subplot_mosaic([["near", "far"], ["residual", "far"]], height_ratios=[3, 1])
@@ -48,6 +48,7 @@ def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[
                                                  "conductivity_S_per_m": conductivity(law, extended)})
     if band is not None:
         _draw_band(near, far, band, (lo, hi))
+        data["conductivity_band"] = band
     style.label(near, "", "Conductivity (S/m)", "over the fitted strains")
     style.label(residual, "Nominal strain (–)", "Residual (S/m)")
     style.label(far, "Nominal strain, compression negative (–)", "Conductivity (S/m)", "on to compression")
@@ -56,11 +57,11 @@ def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[
     return Plate("conductivity", figure, _caption(law, errors, extended, stopped, band), data)
 
 
-def _draw_band(near: Axes, far: Axes, band: Band, span: tuple[float, float]) -> None:
-    at, low, high = band
-    inside = (at >= span[0]) & (at <= span[1])
-    near.fill_between(at[inside], low[inside], high[inside], color=style.ACCENT, alpha=0.2, lw=0, label="95 % band")
-    far.fill_between(at, low, high, color=style.ACCENT, alpha=0.2, lw=0, label="95 % band")
+def _draw_band(near: Axes, far: Axes, band: pd.DataFrame, span: tuple[float, float]) -> None:
+    inside = band[(band["strain"] >= span[0] - 1e-6) & (band["strain"] <= span[1] + 1e-6)]
+    for axes, rows in ((near, inside), (far, band)):
+        axes.fill_between(rows["strain"], rows["conductivity_lo_S_per_m"], rows["conductivity_hi_S_per_m"],
+                          color=style.ACCENT, alpha=0.2, lw=0, label="95 % band")
 
 
 def _extended(law: Conductivity, hi: float) -> tuple[Array, bool]:
@@ -75,7 +76,8 @@ def _extended(law: Conductivity, hi: float) -> tuple[Array, bool]:
     return strain[:0], True
 
 
-def _caption(law: Conductivity, errors: Sequence[float], extended: Array, stopped: bool, band: Band | None) -> str:
+def _caption(law: Conductivity, errors: Sequence[float], extended: Array, stopped: bool,
+             band: pd.DataFrame | None) -> str:
     lo, hi = law.strain_range
     ends = conductivity(law, np.array([lo, hi]))
     caption = (f"Conductivity: from {number(ends[0])} to {number(ends[1])} S/m over the fitted strains of "
@@ -85,5 +87,5 @@ def _caption(law: Conductivity, errors: Sequence[float], extended: Array, stoppe
     else:
         caption += (f" Touches compress the skin, where nothing was measured: at {number(DEEPEST)} the cubic gives "
                     f"{number(float(conductivity(law, DEEPEST)))} S/m")
-        caption += "." if band is None else f" (95 %: {number(band[1][0])} to {number(band[2][0])})."
-    return caption + (" No band is drawn: there is no posterior of it." if band is None else "")
+        caption += "." if band is None else f" (95 %: {interval(*conductivity_at(band, DEEPEST)[1:])})."
+    return caption + (" No band is drawn: the card's folder holds none." if band is None else "")

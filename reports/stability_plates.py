@@ -10,11 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from matcal.cautions import NAMES, overlaps
 from reports import style
 from reports.numerals import interval
 from reports.page import Plate
 
-NAMES = {"drucker": "Drucker", "elliptic": "ellipticity"}
+_SHORT = {"drucker": "Drucker", "elliptic": "ellipticity"}
 SCANNED, UNSTABLE = "#dcdcdc", style.SECOND
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -40,7 +41,7 @@ def ranges(stability: Mapping[str, Any], fitted: Ranges) -> Plate:
 
 
 def _finish(axes: Axes, rows: Sequence[tuple[str, str]]) -> None:
-    axes.set_yticks(range(len(rows)), [f"{mode}, {NAMES.get(criterion, criterion)}" for mode, criterion in rows])
+    axes.set_yticks(range(len(rows)), [f"{mode}, {_SHORT.get(criterion, criterion)}" for mode, criterion in rows])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.axvline(0, color=style.GREY, lw=0.5)
@@ -51,15 +52,11 @@ def _finish(axes: Axes, rows: Sequence[tuple[str, str]]) -> None:
     style.label(axes, "Nominal strain; γ in shear, J in volumetric (–)", "")
 
 
-def inside(mode: str, a: float, b: float, fitted: Ranges) -> bool:
-    """Whether an unstable range overlaps the strains that were fitted in its mode."""
-    return mode in fitted and max(a, fitted[mode][0]) < min(b, fitted[mode][1])
-
-
 def _caption(told: Sequence[tuple[str, str, float, float]], fitted: Ranges) -> str:
     if not told:
         return "The law is stable at every scanned strain, by every criterion."
-    within = [f"{NAMES.get(c, c)} in {mode} ({interval(a, b)})" for mode, c, a, b in told if inside(mode, a, b, fitted)]
+    within = [f"{NAMES.get(c, c)} in {mode} ({interval(a, b)})" for mode, c, a, b in told
+              if mode in fitted and overlaps((a, b), fitted[mode])]
     if within:
         return "Stability is lost inside the fitted strains: " + "; ".join(within) + "."
     return f"Stability is lost in {len(told)} scanned ranges, none of them inside the fitted strains."

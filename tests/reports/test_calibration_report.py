@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from matcal.bands import stress_bands
 from matcal.card import MaterialCard, write_card
 from matcal.conductivity import Conductivity, conductivity
 from matcal.curves import weigh, with_history
-from matcal.draws import Draws, write_draws
+from matcal.draws import Draws, stress_band, write_draws
 from matcal.errors import TestFileError
 from matcal.experiment import Experiment
 from matcal.fit import modelled
@@ -69,7 +70,7 @@ def fit_part(tables: dict[str, pd.DataFrame]) -> dict[str, Any]:
     part["cross_prediction"] = {"uniaxial": alone | {"relative_rms": {"uniaxial": 0.0123, "shear": 0.456}},
                                 "shear": alone | {"relative_rms": {"uniaxial": 78.9, "shear": 0.0111}}}
     part["prony"] = {"g_sd": [0.003, 0.001, 0.004], "tau_sd_s": [0.008, 0.04, 5.0]}
-    part["conductivity"] = {"chi_square": 113.67, "freedom": 98, "coefficient_sd_S_per_m": [0.01, 0.2, 1.2, 2.0]}
+    part["conductivity"] = {"chi_square": 113.67, "freedom": 98, "c0_sd_S_per_m": 0.01, "a_sd": [0.03, 0.2, 0.4]}
     return part
 
 
@@ -95,6 +96,18 @@ def card_path(tmp_path: Path, unstable: dict[str, Any]) -> Path:
     return tmp_path / "card.json"
 
 
+def write_bands(folder: Path, draws: Draws) -> None:
+    """The tables of bands as `matcal fit` writes them."""
+    stress_bands(LAW, draws).to_parquet(folder / "bands.parquet")
+    strain = np.linspace(-0.9, 0.4, 40)
+    assert draws.conductivity_S_per_m is not None
+    drawn = np.vander(strain, 4, increasing=True) @ draws.conductivity_S_per_m.T
+    low, middle, high = np.quantile(drawn, [0.025, 0.5, 0.975], axis=1)
+    pd.DataFrame({"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
+                  "conductivity_hi_S_per_m": high, "extrapolated": strain < 0}
+                 ).to_parquet(folder / "conductivity_band.parquet")
+
+
 def change(path: Path, drop: tuple[str, ...] = (), **parts: Any) -> None:
     raw = json.loads(path.read_text())
     path.write_text(json.dumps({key: value for key, value in (raw | parts).items() if key not in drop}))
@@ -103,8 +116,9 @@ def change(path: Path, drop: tuple[str, ...] = (), **parts: Any) -> None:
 def test_a_calibration_report_holds_the_numbers_of_its_card(tmp_path: Path, card_path: Path, read_pdf: Reader) -> None:
     write(card_path, tmp_path / "c.pdf")
     text = read_pdf(tmp_path / "c.pdf").whole
-    for value in ("9.530", "9.390 to 9.670", "14.4 ± 2.5", "0.2880", "0.1505 ± 0.0030", "81.7 ± 5.0", "30.00",
-                  "113.7 on 98", "45.6 %", "7890 %", "1.81 %", "−0.546 to −0.306", "0.748 to 1.75", "38.1 %", "2.75 s",
+    for value in ("9.53", "9.39 to 9.67", "14.4 ± 2.5", "0.2880", "0.1505 ± 0.0030", "81.7 ± 5.0", "30.000 ± 0.010",
+                  "−2.000 ± 0.030", "113.7 on 98", "45.6 %", "7890 %",
+                  "1.81 %", "−0.546 to −0.306", "0.748 to 1.75", "38.1 %", "2.75 s",
                   "seed 31"):
         assert value in text, value
     for unit in ("Compressive stress (kPa)", "Compressive strain (–)", "Residual (Pa)", "γ (–)", "Conductivity (S/m)",
@@ -128,7 +142,7 @@ def test_captions_and_tables_state_the_errors_of_the_drawn_data(card_path: Path)
     strain, time = table["strain"].to_numpy(), table["time_s"].to_numpy()
     other = along_history(WEAK, PRONY, Test("x", "shear", strain, strain, None, time))
     assert np.allclose(drawn["uniaxial_alone_stress_Pa"], other)
-    assert "Drucker in uniaxial" in plates["stability"].caption
+    assert "Drucker stability in uniaxial" in plates["stability"].caption
 
 
 def test_laws_are_drawn_along_the_history_that_the_fit_used() -> None:
@@ -156,18 +170,23 @@ def test_a_posterior_gives_bands_and_its_checks(tmp_path: Path, card_path: Path,
     draws = Draws(LAW.mu_Pa * scale, np.repeat(LAW.alpha[None], 60, axis=0), 0.0, None, None,
                   SKIN.c0_S_per_m * np.r_[1.0, SKIN.a] * scale)
     write_draws(draws, card_path.parent / "card.d" / "posterior.nc")
+    write_bands(card_path.parent / "card.d", draws)
     change(card_path, posterior={"file": "card.d/posterior.nc", "n": 60, "prior": "alpha flat.",
                                  "derived": {"mu_0_Pa": {"median": 9500.0, "sd": 500.0, "lo": 8456.0, "hi": 10567.0}},
                                  "checks": {"rhat": 1.0042, "ess": 7000.0, "converged": True}})
     write(card_path, tmp_path / "c.pdf")
     text = read_pdf(tmp_path / "c.pdf").whole
     lo, hi = np.quantile(9.53 * scale, [0.025, 0.975])
-    assert f"{lo:.3f} to {hi:.2f}" in text
+    assert f"{lo:.2f} to {hi:.2f}" in text
     assert "R-hat 1.004" in text
     assert "Prior: alpha flat." in text
     assert text.count("95 % band of the long-term law") == 2
     assert "60 draws" in text
-    assert "8.456 to 10.57" in text
+    assert "8.5 to 10.6" in text
+    drawn = pd.read_csv(tmp_path / "c_files" / "shear_band.csv")
+    low, high = stress_band(draws, "shear", drawn["strain"])
+    assert np.allclose(drawn["stress_lo_Pa"], low)
+    assert np.allclose(drawn["stress_hi_Pa"], high)
 
 
 def test_chains_that_did_not_converge_are_said(card_path: Path) -> None:
@@ -196,7 +215,7 @@ def test_a_missing_folder_is_said(tmp_path: Path, card_path: Path, read_pdf: Rea
     write(card_path, tmp_path / "c.pdf")
     text = read_pdf(tmp_path / "c.pdf").whole
     assert "The folder card.d that the card names is not beside it" in text
-    assert [p.name for p in (tmp_path / "c_files").glob("*.svg")] == ["stability.svg"]
+    assert sorted(p.name for p in (tmp_path / "c_files").glob("*.svg")) == ["orders.svg", "stability.svg"]
 
 
 def test_a_card_of_the_skin_alone(tmp_path: Path, card_path: Path, read_pdf: Reader) -> None:

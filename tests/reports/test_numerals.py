@@ -4,7 +4,18 @@ import math
 
 import pytest
 
-from reports.numerals import counted, interval, number, percent, plus_minus, r_squared, volts
+from reports.numerals import (
+    counted,
+    interval,
+    number,
+    pascals,
+    percent,
+    plus_minus,
+    r_squared,
+    typeset,
+    volts,
+    within,
+)
 
 
 @pytest.mark.parametrize(("value", "digits", "text"), [
@@ -29,9 +40,27 @@ def test_r_squared_near_one_shows_what_it_lacks(value: float, text: str) -> None
 
 
 @pytest.mark.parametrize(("value", "error", "text"), [(9.5123, 4.6, "9.5 ± 4.6"), (-17.0, 0.0123, "−17.000 ± 0.012"),
-                                                      (1234.5, 120.0, "1234 ± 120"), (2.0, 0.0, "2.000 ± 0")])
+                                                      (1234.5, 120.0, "1230 ± 120"), (2.0, 0.0, "2.000 ± 0")])
 def test_a_value_ends_where_its_error_does(value: float, error: float, text: str) -> None:
     assert plus_minus(value, error) == text
+
+
+def test_an_interval_gives_the_digits_of_its_value() -> None:
+    assert within(9750.11, 9639.7, 9860.5) == ("9750", "9640 to 9860")
+    assert within(-9.5123, -9.6, -9.4) == ("−9.51", "−9.60 to −9.40")
+    assert within(2.5e8, 2.4e8, 2.6e8) == ("2.50 × 10⁸", "2.40 × 10⁸ to 2.60 × 10⁸")
+    assert within(1.0, 1.0, 1.0) == ("1.000", "1.000 to 1.000")
+
+
+@pytest.mark.parametrize(("words", "text"), [("strain -0.5 to -0.3", "strain −0.5 to −0.3"), ("1e-05 s", "1 × 10⁻⁵ s"),
+                                             ("ISO 3386-1, x-y", "ISO 3386-1, x-y")])
+def test_signs_and_powers_are_set(words: str, text: str) -> None:
+    assert typeset(words) == text
+
+
+@pytest.mark.parametrize(("value", "unit"), [(123.0, "Pa"), (9.5e3, "kPa"), (2e8, "MPa"), (0.0, "Pa"), (0.3, "Pa")])
+def test_stresses_get_the_unit_that_fits_the_largest(value: float, unit: str) -> None:
+    assert pascals([value, -value / 2])[1] == unit
 
 
 def test_words_around_numbers() -> None:

@@ -1,0 +1,63 @@
+"""Figure of cyclic tests over their cycles: settling resistance (paper, figure 6b), or loss and set of a foam."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from reports import style
+from reports.numerals import number, prefixed
+from reports.page import Plate
+
+# column -> what it is, unit of the column
+COLUMNS = {"resistance_rest_Ohm": ("at rest", "Ω"), "resistance_peak_Ohm": ("at the peak", "Ω"),
+           "peak_stress_Pa": ("Peak stress", "Pa"), "loss_Pa": ("Loss in a cycle", "Pa"),
+           "residual_strain": ("Residual strain", "–")}
+# change of a cycle, of its value, below which a course counts as steady
+STEADY = 0.01
+
+
+def cycles(label: str, table: pd.DataFrame) -> Plate:
+    """What a cyclic test measured in each cycle, with the fitted courses where the table has them."""
+    held = [name for name in COLUMNS if name in table]
+    resistance = [name for name in held if name.startswith("resistance")]
+    panels = [resistance] if resistance else [[name] for name in held]
+    figure = style.sheet(58)
+    for axes, names in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        _draw(axes, table, names)
+    what = "resistance" if resistance else "cycles of loading"
+    caption = f"Settling, {label}: {what} over {len(table)} cycles. " + " ".join(_course(table, name) for name in held)
+    return Plate(f"{label}_cycles", figure, caption, {f"{label}_cycles": table})
+
+
+def _draw(axes: Axes, table: pd.DataFrame, names: list[str]) -> None:
+    values = table[names].to_numpy(dtype=float)
+    unit = COLUMNS[names[0]][1]
+    factor, shown = (1.0, "–") if unit == "–" else prefixed(values[np.isfinite(values)], unit)
+    for k, name in enumerate(names):
+        colour, words = style.SERIES[k], COLUMNS[name][0]
+        axes.plot(table["cycle"], factor * table[name], "o", color=colour, ms=2.6, mew=0, label=words)
+        if f"fit_{name}" in table:
+            axes.plot(table["cycle"], factor * table[f"fit_{name}"], color=colour, ls=style.DASHES[k],
+                      label=f"{words}, fitted")
+    style.label(axes, "Cycle (–)", f"{'Resistance' if unit == 'Ω' else COLUMNS[names[0]][0]} ({shown})")
+    if len(names) > 1 or f"fit_{names[0]}" in table:
+        axes.legend(loc="best")
+
+
+def _course(table: pd.DataFrame, name: str) -> str:
+    """From where to where a column runs, and from which cycle on it is steady."""
+    words, unit = COLUMNS[name]
+    values, cycle = table[name].to_numpy(dtype=float), table["cycle"].to_numpy(dtype=float)
+    values, cycle = values[np.isfinite(values)], cycle[np.isfinite(values)]
+    factor, shown = (1.0, "") if unit == "–" else prefixed(values, unit)
+    ends = f"{number(factor * values[0])} to {number(factor * values[-1])} {shown}".rstrip()
+    said = f"{words[0].upper()}{words[1:]}: {ends}"
+    steps = np.abs(np.diff(values)) > STEADY * np.abs(values[1:])
+    moving = np.flatnonzero(steps)
+    if not moving.size:
+        return f"{said}, steady to {number(100 * STEADY, 1)} % a cycle throughout."
+    if moving[-1] == steps.size - 1:
+        return f"{said}, still changing by more than {number(100 * STEADY, 1)} % a cycle at the end."
+    return f"{said}, steady to {number(100 * STEADY, 1)} % a cycle from cycle {cycle[moving[-1] + 1]:.0f} on."
