@@ -53,11 +53,11 @@ def _header(grid: Grid, above: list[int], rows: range) -> Header:
     if not below:
         return Header(named, grid.lines[at], rows)
     units, line = grid.rows[below[0]], grid.lines[below[0]]
-    if len(units) < max(n for n, (name, _) in enumerate(named, 1) if name):
+    if len(units) < max((n for n, (name, _) in enumerate(named, 1) if quantity_of(name) is not None), default=0):
         raise TestFileError(grid.path, f"the line of units has {len(units)} cells, that of names {len(named)}.",
                             line=line)
-    return Header([(name, units[n].strip("()[]") if unit is None else unit) for n, (name, unit) in enumerate(named)],
-                  line, rows)
+    below_each = [*(cell.strip("()[]") for cell in units), *[""] * len(named)]
+    return Header([(name, below_each[n] if unit is None else unit) for n, (name, unit) in enumerate(named)], line, rows)
 
 
 def _widest(grid: Grid, above: list[int]) -> int:
