@@ -73,7 +73,7 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     from matcal.card import as_json as card_json
     from matcal.protocols import reduce_tests
     from matcal.readers.detect import files_of
-    from matcal.readers.selection import parse_selection
+    from matcal.readers.selection import parse_selection, selections_of
     from matcal.record import folder_of, make_card, write_record
     from matcal.summary import print_fit
 
@@ -82,9 +82,9 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     choices = Choices(_order(order), _poisson(poisson), stable, _stretches(stable_range), residual,
                       _weights(weight or []))
     others = [_input(text) for text in predicted or []]
-    chosen = [parse_selection(text) for text in columns or []]
-    found = calibrate(reduce_tests(inputs, specimen, columns=chosen), choices,
-                      reduce_tests(others, specimen, columns=chosen))
+    chosen = selections_of([*inputs, *others], [parse_selection(text) for text in columns or []])
+    found = calibrate(reduce_tests(inputs, specimen, columns=chosen[:len(inputs)]), choices,
+                      reduce_tests(others, specimen, columns=chosen[len(inputs):]))
     draws, unfinished = _sampled(found, seed) if posterior else (None, None)
     used = [p for _, paths in [*inputs, *others] for path in paths for p in files_of(path)]
     used += [specimen] if specimen else []

@@ -10,11 +10,15 @@ from matcal.experiment import KINDS
 from matcal.readers.recording import Recording
 from matcal.toml_file import read_toml
 
-# word in a test's title or a file's name -> kind; the first match wins, so the more telling words stand first
+# word in a test's title or a file's name -> kind, in English, German, French, Spanish, Italian, Chinese and Japanese;
+# the first match wins, so the more telling words stand first
 _WORDS = (
-    ("relaxation", r"relax"), ("conductivity", r"conductiv|resistiv|resistance|coated"), ("shear", r"shear|\bss\b"),
-    ("biaxial", r"biax"), ("planar", r"planar|pure shear"), ("volumetric", r"volumetric|hydrostatic"),
-    ("uniaxial", r"uniax|compress|tension|tensile|\buc\b|\but\b"),
+    ("relaxation", r"relax|rilass|relaj|松弛|緩和"),
+    ("conductivity", r"conductiv|resistiv|resistance|coated|leitf[äa]hig|widerstand|电阻|电导"),
+    ("planar", r"planar|pure shear|平面"), ("shear", r"shear|\bss\b|scher|schub|cisaill|cizall|taglio|剪切|せん断"),
+    ("biaxial", r"biax|zweiachs|双轴"), ("volumetric", r"volumetr|hydrostat|体积|静水"),
+    ("uniaxial", r"uniax|compres|tension|tensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
+                 r"|\bzug\b|\bdruck\b|traction|tracci[óo]n|trazione|单轴|压缩|拉伸|圧縮|引張"),
 )
 
 
@@ -42,8 +46,13 @@ def _told_by(recording: Recording) -> tuple[str, str] | None:
         return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."
     if {"current", "conductivity"} & set(recording.columns):
         return "conductivity", f"{recording.label}: conductivity, from its columns."
+    if {"volume_ratio", "pressure"} & set(recording.columns):
+        return "volumetric", f"{recording.label}: volumetric, from its columns."
     if (kind := _from_words(path.stem)) is not None:
         return kind, f"{recording.label}: {kind}, from its name."
+    # the controller calls every file specimen.dat and the folder by the name of the test
+    if recording.vendor == "mts_793" and (kind := _from_words(path.absolute().parent.name)) is not None:
+        return kind, f"{recording.label}: {kind}, from the name of its folder, '{path.absolute().parent.name}'."
     return None
 
 

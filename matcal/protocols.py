@@ -11,7 +11,7 @@ from matcal.experiment import Experiment
 from matcal.kinds import decide_kind
 from matcal.readers.detect import read
 from matcal.readers.recording import Recording
-from matcal.readers.selection import Selection, selections_of
+from matcal.readers.selection import Selection
 from matcal.specimen import Block, Strip, read_specimen
 from matcal.tables import reduce_table
 
@@ -20,17 +20,18 @@ REDUCED = ("uniaxial", "shear", "relaxation", "conductivity")
 
 
 def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]],
-                 specimen: Path | None = None, columns: Sequence[Selection] = ()) -> list[Experiment]:
+                 specimen: Path | None = None,
+                 columns: Sequence[Mapping[Path, Selection]] = ()) -> list[Experiment]:
     """One experiment an input, each input being (kind or None, files); every decision is a sentence in its `decisions`.
 
     The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
-    parts of a split export (these may also be inputs of their own: they are read once). `columns` says which columns
-    mean what in files that do not. Raises TestFileError for a file that cannot be used and ValueError for a kind that
-    is unknown or has no protocol, or columns that fit no file.
+    parts of a split export (these may also be inputs of their own: they are read once). `columns` says of each
+    input which columns mean what (`matcal.readers.selection.selections_of`). Raises TestFileError for a file that
+    cannot be used and ValueError for a kind that is unknown or has no protocol.
     """
     out: list[Experiment] = []
     seen: set[tuple[Path, ...]] = set()
-    for (kind, paths), chosen in zip(inputs, selections_of(inputs, columns), strict=True):
+    for (kind, paths), chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
         recordings = _recordings(paths, chosen)
         key = tuple(path.resolve() for recording in recordings for path in recording.paths)
         if len(key) > len(paths) and key in seen:

@@ -76,8 +76,8 @@ def _read_parts(path: Path, files: list[Path], selection: Selection | None) -> R
             continue
         part = _read_file(file, selection)
         if part.vendor != "mts_testsuite":
-            raise TestFileError(file, "not a part of a TestSuite test. Keep other files out of its folder, or give the "
-                                      "files one by one.")
+            raise TestFileError(file, "not a part of a TestSuite test. A folder stands for one test that TestSuite "
+                                      "split into parts; keep other files out of it, or give the files one by one.")
         parts.append(part)
     if not parts:
         raise TestFileError(path, f"no TestSuite text file with numbers in it{_contents(path)}. A folder stands for "

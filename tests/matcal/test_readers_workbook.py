@@ -12,7 +12,7 @@ import pytest
 from matcal.errors import TestFileError
 from matcal.protocols import reduce_tests
 from matcal.readers.detect import read
-from matcal.readers.selection import parse_selection
+from matcal.readers.selection import parse_selection, selections_of
 
 SHARED = Path(__file__).parents[3] / "shared" / "rawsamples"
 TABLE = [["strain", "stress", "note"], ["-", "kPa", None], [0, 0, "start"], [-0.1, -1.6125, None], [-0.25, -2.9, "x"]]
@@ -82,7 +82,8 @@ def test_real_workbooks() -> None:
         read(foam)
     chosen = [parse_selection("uniaxial=stretch=1,stress=2,deviation=3:kPa"),
               parse_selection("shear=strain=4,stress=leap-shr-stress,deviation=6:kPa")]
-    uniaxial, shear = reduce_tests([("uniaxial", (foam,)), ("shear", (foam,))], columns=chosen)
+    inputs = [("uniaxial", (foam,)), ("shear", (foam,))]
+    uniaxial, shear = reduce_tests(inputs, columns=selections_of(inputs, chosen))
     csv = read(SHARED / "foam_leap" / "foam_leap_UC.csv").columns
     np.testing.assert_allclose(uniaxial.value[:101], csv["stress"], rtol=1e-6, atol=1)
     assert uniaxial.deviation is not None
