@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 # (N,) exponents -> (m, N) rows whose product with the moduli must not fall below a floor
 Rows = Callable[[Array], Array]
 
-# least value of a stability row as a share of the unconstrained mu_0
+# least value of a stability row per mu_0
 FLOOR = 0.005
 
 
@@ -32,13 +32,19 @@ def bounded_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
 
 
 def stable_moduli(rows: Rows) -> Solve:
-    """A `Solve` with `rows`(alpha) @ mu at least FLOOR times the unconstrained |mu_0|, and |mu_i| <= MOST mu_0."""
+    """A `Solve` with `rows`(alpha) @ mu at least `least`(rows) times the unconstrained |mu_0|, and |mu_i| <= MOST mu_0.
+    """
     def solve(matrix: Array, target: Array, alpha: Array) -> Array:
         free, held = least_moduli(matrix, target, alpha), rows(alpha)
-        floor = np.r_[np.full(held.shape[0], FLOOR * abs(free.sum())), np.zeros(2 * alpha.size)]
+        floor = np.r_[abs(free.sum()) * least(held), np.zeros(2 * alpha.size)]
         return nearest(matrix, free, np.vstack([held, bound_rows(alpha)]), floor)
 
     return solve
+
+
+def least(rows: Array) -> Array:
+    """(m,) least values of stability rows (m, N) per mu_0: a share, of the largest term where all terms fade."""
+    return FLOOR * np.minimum(1.0, np.abs(rows).max(axis=1))
 
 
 def bound_rows(alpha: Array) -> Array:
@@ -58,7 +64,7 @@ def nearest(matrix: Array, free: Array, rows: Array, floor: Array | float) -> Ar
     size = np.linalg.norm(matrix, axis=0)
     r = np.linalg.qr(matrix / size)[1]
     r = r + 1e-13 * np.diag(np.where(np.diag(r) < 0, -1.0, 1.0))
-    length = np.linalg.norm(rows / size, axis=1)
+    length = np.maximum(np.linalg.norm(rows / size, axis=1), 1e-300)
     bent = np.linalg.solve(r.T, (rows / size / length[:, None]).T)
     columns = np.vstack([bent, short / length])
     scale = np.linalg.norm(columns[:-1], axis=0)

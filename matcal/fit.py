@@ -169,10 +169,9 @@ def _stable_shared(problem: Problem, law: Hyperfoam) -> Callable[[StabilityRows]
     latest = [law]
 
     def searching(rows: StabilityRows) -> Hyperfoam:
-        nu = np.full(law.alpha.size, problem.nu)
-        solve = stable_moduli(lambda alpha: rows(alpha, nu))
-        optimum = search(problem, nu.size, _FEW if len(latest) == 1 else 0, solve, [latest[-1].alpha])
-        latest.append(Hyperfoam(optimum.mu_Pa, optimum.alpha, nu))
+        solve = stable_moduli(lambda alpha: rows(alpha, np.full(alpha.size, problem.nu)))
+        optimum = search(problem, law.alpha.size, _FEW, solve, [latest[-1].alpha])
+        latest.append(Hyperfoam(optimum.mu_Pa, optimum.alpha, law.nu))
         return latest[-1]
 
     return searching

@@ -3,7 +3,7 @@
 Both criteria are quadratic forms that are linear in the moduli, v.T(x) v for drucker and m.Q(x, n) m for ellipticity.
 The search holds them at a few states and directions; the law that it finds is checked on a fine grid of all principal
 stretches within the range, the worst violations are added, and so on until none is left. What is returned has
-therefore been checked, by an eigenvalue (drucker) or by the closed form of `matcal.ellipticity`.
+therefore been checked, in closed form for both (see `matcal.ellipticity`).
 Source: Reemtsen & Ruckmann, Semi-Infinite Programming (1998), DOI 10.1007/978-1-4757-2868-2 (exchange methods).
 """
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from matcal.ellipticity import strongly_elliptic
 from matcal.errors import NotConverged
-from matcal.hyperfoam import Hyperfoam, kirchhoff_tangent
+from matcal.hyperfoam import Hyperfoam
 from matcal.stability import CRITERIA, acoustic_form, worst_acoustic_directions
 
 Array = NDArray[np.float64]
@@ -28,6 +28,8 @@ StabilityRows = Callable[[Array, Array], Array]
 _SEARCHED, _ACCEPTED = 21, 41
 # rounds at most, violations added in each
 _ROUNDS, _ADDED = 20, 12
+# two equal stretches that part
+_TWIST = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -85,19 +87,18 @@ def _first_states(criterion: str, log_range: tuple[float, float]) -> States:
     """One stretch at a time along the range, the others at rest: increments of that stretch."""
     x = np.zeros((60, 3))
     x[:, 0] = np.log(np.linspace(np.exp(log_range[0]), np.exp(log_range[1]), 60))
+    if criterion == "drucker":
+        twist = np.broadcast_to(_TWIST, x.shape)
+        return States(x[:, [0, 0, 0]], twist, twist)
     axis = np.broadcast_to([1.0, 0.0, 0.0], x.shape)
     first = States(x, axis, axis)
-    if criterion == "drucker":
-        return first
     return first + States(x, axis, np.broadcast_to([0.0, 1.0, 0.0], x.shape))
 
 
 def _violations(criterion: str, law: Hyperfoam, x: Array) -> States:
     """Some of the states among x (m, 3) where the criterion does not hold, far from one another, the worst first."""
     if criterion == "drucker":
-        value, vectors = np.linalg.eigh(kirchhoff_tangent(law, x))
-        worst, broken = vectors[..., 0], value[..., 0] <= 0
-        found, size = States(x[broken], worst[broken], worst[broken]), value[broken, 0]
+        found, size = _not_drucker(law, x)
     else:
         x = x[~strongly_elliptic(law, x)]
         size, n, m = worst_acoustic_directions(law, x)
@@ -118,4 +119,31 @@ def _apart(x: Array, order: NDArray[np.intp]) -> list[int]:
 
 
 def _drucker_form(law: Hyperfoam, x: Array, n: Array, m: Array) -> Array:
-    return np.einsum("ki,kij,kj->k", n, kirchhoff_tangent(law, x), m)
+    """n . T m of the Kirchhoff tangent T = diag(d) + V 1 1, without the cancellation of its parts."""
+    d, volume = _tangent_parts(law, x)
+    return np.sum(d * n * m, axis=1) + volume * n.sum(axis=1) * m.sum(axis=1)
+
+
+def _not_drucker(law: Hyperfoam, x: Array) -> tuple[States, Array]:
+    """States where T = diag(d) + V 1 1 is not positive definite, with the increment that shows it, and how badly.
+
+    All d must be positive (two equal stretches that part), and then 1 + V sum 1/d.
+    """
+    d, volume = _tangent_parts(law, x)
+    low = np.argmin(d, axis=1)
+    least = np.take_along_axis(d, low[:, None], 1)[:, 0]
+    soft = least <= 0
+    safe = np.where(d > 0, d, 1.0)
+    balance = 1 + volume * np.sum(1 / safe, axis=1)
+    sunk = ~soft & (balance <= 0)
+    equal = np.repeat(np.take_along_axis(x, low[:, None], 1)[soft], 3, axis=1)
+    along = 1 / safe[sunk]
+    directions = np.vstack([np.broadcast_to(_TWIST, equal.shape), along / np.linalg.norm(along, axis=1)[:, None]])
+    return States(np.vstack([equal, x[sunk]]), directions, directions), np.r_[least[soft], balance[sunk]]
+
+
+def _tangent_parts(law: Hyperfoam, x: Array) -> tuple[Array, Array]:
+    """d_k = 2 sum mu_i e^(alpha_i x_k), (m, 3), and V = 2 sum mu_i beta_i J^(-alpha_i beta_i), (m,), Pa."""
+    d = 2 * np.tensordot(np.exp(x[..., None] * law.alpha), law.mu_Pa, axes=1)
+    volume = 2 * np.exp(-x.sum(axis=1)[:, None] * law.alpha * law.beta) @ (law.mu_Pa * law.beta)
+    return d, volume

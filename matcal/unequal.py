@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from matcal.constrained import FLOOR, bound_rows
+from matcal.constrained import bound_rows, least
 from matcal.curves import Curve, weighted_model, weighted_stress
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
@@ -83,7 +83,8 @@ def _shortfall(mu: Array, alpha: Array, nu: Array, rows: Callable[[Array, Array]
     """What mu, in units of mu_0, lack of the inequalities, weighed."""
     held = bound_rows(alpha) @ mu
     if rows is not None:
-        held = np.r_[held, rows(alpha, nu) @ mu - FLOOR]
+        stable = rows(alpha, nu)
+        held = np.r_[held, stable @ mu - least(stable)]
     return _PENALTY * np.maximum(-held, 0.0)
 
 

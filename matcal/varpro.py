@@ -19,6 +19,8 @@ from scipy.optimize import least_squares
 Array = NDArray[np.float64]
 # (N,) exponents -> (n, N) weighted design
 Design = Callable[[Array], Array]
+# (K, N) increasing positions in a grid
+Combinations = NDArray[np.intp]
 # (design (n, N), target (n,)) -> moduli (N,); least squares, or least squares under a constraint
 Solve = Callable[[Array, Array, Array], Array]
 
@@ -88,7 +90,7 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
     highest = np.r_[allowed.high, np.full(order - 1, allowed.high - allowed.low)]
     slopes: Any = jacobian if solve is least_moduli else "2-point"
     found = []
-    for start in [*_starts(design, target, order, allowed, starts), *more]:
+    for start in [*_starts(design, target, order, allowed, starts, solve), *more]:
         steps = np.clip(np.diff(start, prepend=0.0), lowest + 1e-6, highest - 1e-6)
         out = least_squares(residual, steps, jac=slopes,
                             bounds=(lowest, highest), xtol=1e-9, ftol=1e-11, gtol=1e-14, max_nfev=200)
@@ -112,7 +114,7 @@ def _projected_slopes(matrix: Array, slope: Array, target: Array) -> Array:
     if np.abs(np.diag(r)).min() > 1e-10:
         miss = q @ (r @ mu) - target
         out -= q @ np.linalg.solve(r.T, np.diag(slope.T @ miss))
-    return np.asarray(out, dtype=float)
+    return out.astype(np.float64)
 
 
 def _ceiling(order: int, allowed: Exponents) -> Array:
@@ -129,28 +131,35 @@ def exponents(steps: Array, allowed: Exponents) -> Array:
     return np.where(np.abs(alpha) < 1e-6, 1e-6, alpha)
 
 
-def _starts(design: Design, target: Array, order: int, allowed: Exponents, count: int) -> list[Array]:
+def _starts(design: Design, target: Array, order: int, allowed: Exponents, count: int, solve: Solve) -> list[Array]:
     """The `count` combinations of grid exponents that fit best, grown by one exponent at a time from the best so far.
     """
+    if not count:
+        return []
     grid = np.array([a for a in _GRID if allowed.low < a < allowed.high])
     if grid.size < order:
         grid = np.linspace(allowed.low, allowed.high, order + 4)[1:-1]
     matrix = design(grid)
-    q, r = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))
+    q, r = np.linalg.qr(matrix)
     seen = q.T @ target
+
+    def missed(choices: Combinations) -> Array:
+        if solve is not least_moduli:
+            return np.array([np.sum((r[:, c] @ solve(r[:, c], seen, grid[c]) - seen) ** 2) for c in choices])
+        basis = np.linalg.qr(np.moveaxis((r / np.linalg.norm(r, axis=0))[:, choices], 1, 0))[0]
+        return -np.sum(np.einsum("kgn,g->kn", basis, seen) ** 2, axis=1)
+
     choices = np.arange(grid.size)[:, None]
     for _ in range(order - 1):
-        choices = _best(r, seen, _extended(choices, grid.size))[:_BEAM]
-    return [grid[c] for c in _best(r, seen, choices)[:count]]
+        choices = _extended(_by(missed, choices)[:_BEAM], grid.size)
+    return [grid[c] for c in _by(missed, choices)[:count]]
 
 
-def _extended(choices: NDArray[np.intp], size: int) -> NDArray[np.intp]:
+def _extended(choices: Combinations, size: int) -> Combinations:
     """Every increasing combination that adds one of `size` members to a combination, (K, N) -> (K', N + 1)."""
     grown = np.sort([[*c, k] for c in choices for k in range(size) if k not in c], axis=1)
     return np.unique(grown, axis=0)
 
 
-def _best(r: Array, seen: Array, choices: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Combinations of columns of r (K, N), those first that explain most of `seen`."""
-    basis = np.linalg.qr(np.moveaxis(r[:, choices], 1, 0))[0]
-    return choices[np.argsort(-np.sum(np.einsum("kgn,g->kn", basis, seen) ** 2, axis=1), kind="stable")]
+def _by(missed: Callable[[Combinations], Array], choices: Combinations) -> Combinations:
+    return choices[np.argsort(missed(choices), kind="stable")]
