@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from matcal.correlation import Errors, correlated_errors
 from matcal.experiment import Experiment
-from matcal.holds import Hold, HoldTable, doubted, hold_of, tabulate_hold
+from matcal.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
 from matcal.hyperfoam import Hyperfoam
 from matcal.linear_response import propagated
 from matcal.prony import Prony, convolve

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
-from matcal.holds import HoldTable
+from matcal.hold_table import HoldTable
 from matcal.prony import Prony
 
 Array = NDArray[np.float64]

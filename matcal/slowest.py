@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.correlation import Errors
-from matcal.holds import Hold, HoldTable
+from matcal.hold_table import Hold, HoldTable
 from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
 from matcal.series_search import residual, search_series
