@@ -46,7 +46,7 @@ def _told_by(recording: Recording) -> tuple[str, str] | None:
         return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."
     if {"current", "conductivity"} & set(recording.columns):
         return "conductivity", f"{recording.label}: conductivity, from its columns."
-    if {"volume_ratio", "pressure"} & set(recording.columns):
+    if {"volume_ratio", "pressure"} & set(recording.columns) and "displacement" not in recording.columns:
         return "volumetric", f"{recording.label}: volumetric, from its columns."
     if (kind := _from_words(path.stem)) is not None:
         return kind, f"{recording.label}: {kind}, from its name."
