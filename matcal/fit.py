@@ -14,7 +14,7 @@ from matcal.cross_prediction import Alone, alone_sentences, each_alone, relative
 from matcal.curves import Curve, reached, weight_sentence, weighted_model, weighted_stress
 from matcal.hyperfoam import Hyperfoam
 from matcal.orders import OrderRow, chosen_order, confluence, order_sentences
-from matcal.poisson import Poisson, checked_poisson, fitted_nu, nu_sentences
+from matcal.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_sentences
 from matcal.search import Problem, allowed_exponents, best_law, pose, search
 from matcal.stable_search import StabilityRows, search_stable
 from matcal.unequal import refine, with_nu
@@ -30,6 +30,8 @@ ORDERS = (1, 2, 3, 4, 5, 6)
 _ALWAYS = 4
 # starts of a search for nu or for a stable law
 _FEW = 3
+# nu of the first and last term apart from the shared one, at further starts of a search term by term
+_TILT = 0.1
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,9 @@ def _term_by_term(problem: Problem, choice: str | tuple[float, ...], found: Opti
     """The law with nu term by term, from the best laws with one nu."""
     curves, n = problem.curves, found.alpha.size
     if isinstance(choice, str):
-        starts, fit_nu = [_law(found, problem.nu, curves)], True
+        tilt = np.linspace(-_TILT, _TILT, n) if n > 1 else np.zeros(1)
+        shared = _law(found, problem.nu, curves)
+        starts, fit_nu = [with_nu(shared, np.clip(problem.nu + t, *NU_BOUNDS)) for t in (0 * tilt, tilt, -tilt)], True
     else:
         others = [best_law(pose(curves, v), n, _FEW) for v in sorted({min(choice), max(choice)})]
         starts, fit_nu = [with_nu(_law(o, problem.nu, curves), choice) for o in (found, *others)], False

@@ -135,13 +135,12 @@ def _shared_nu_stretches(mode: str, e: Array, nu: float) -> Array:
 def _freed(law: Hyperfoam, mode: str, x: Array) -> Array:
     free = _AXES[mode][1]
     for _ in range(60):
-        parts = law.mu_Pa.reshape(-1, *[1] * (x.ndim - 1)) * kirchhoff_per_modulus(law.alpha, law.beta, x)[..., free[0]]
-        residual, size = parts.sum(axis=0), np.abs(parts).sum(axis=0) + 1e-3 * np.abs(law.mu_Pa).max()
-        if np.all(np.abs(residual) <= 1e-13 * size):
-            return x
         slope = kirchhoff_tangent(law, x)[..., free[0], :][..., free].sum(axis=-1)
+        step = kirchhoff(law, x)[..., free[0]] / np.where(slope == 0, np.finfo(float).tiny, slope)
         x = x.copy()
-        x[..., free] -= np.clip(residual / slope, -0.3, 0.3)[..., None]
+        x[..., free] -= np.clip(step, -0.3, 0.3)[..., None]
+        if np.all(np.abs(step) <= 1e-12):
+            return x
     raise NotConverged(f"{mode}: no lateral stretch without stress was found for nu = {law.nu.tolist()}; the law may "
                        "have lost stability at this strain. Use one nu for all terms.", estimate=x)
 

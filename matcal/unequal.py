@@ -62,8 +62,9 @@ def refine(curves: Sequence[Curve], starts: Sequence[Hyperfoam], allowed: Expone
 
     found: list[tuple[float, Hyperfoam]] = []
     for start in starts:
-        out = least_squares(residual, _point(start, allowed, fit_nu), args=(start,), xtol=1e-10, ftol=1e-12,
-                            bounds=_bounds(start.alpha.size, allowed, fit_nu), x_scale="jac", max_nfev=150)
+        out = least_squares(residual, _point(start, allowed, fit_nu), args=(start,), jac="3-point",
+                            bounds=_bounds(start.alpha.size, allowed, fit_nu), x_scale="jac", xtol=1e-10, ftol=1e-10,
+                            gtol=1e-14, max_nfev=100)
         if np.any(out.fun[:worst.size] != _REJECTED):
             mu, alpha, nu = _parameters(out.x, start, allowed, fit_nu)
             found.append((float(out.cost), Hyperfoam(start.mu_0_Pa * mu, alpha, nu)))
