@@ -26,7 +26,8 @@ _COLUMNS = (
     ("lateral", r"(lateral|transverse) (nominal |engineering )?strain|(eps|epsilon|ε) ?(2|lat|t|lateral|transverse)"
                 r"|querdehnung|deformation transversale|横向应变"),
     ("stretch", r"stretch|lambda|λ|stretch ratio"),
-    ("strain", r"(nominal |engineering |compressive |tensile |shear |axial )?strain|eps|epsilon|ε|gamma|γ|e"
+    ("strain", r"(nominal |engineering |compressive |tensile |shear |axial |volumetric |volume )?strain"
+               r"|eps|epsilon|ε|gamma|γ|e"
                r"|(nenn|technische )?dehnung|stauchung|(nenn)?verzerrung|scherung|deformacion|deformazione|rek"
                r"|(压缩|拉伸|剪切|工程|名义)?应变|ひずみ"),
     ("stress", r"(nominal |engineering |compressive |tensile |shear |piola |axial )?stress|sigma|σ|tau|τ|p|pk1"
