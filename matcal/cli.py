@@ -13,7 +13,7 @@ from matcal.errors import NotConverged
 from matcal.terminal import application, counter, numbers, print_json, run
 
 if TYPE_CHECKING:
-    from matcal.calibrate import Calibration
+    from matcal.calibrate import Calibration, Choices
     from matcal.posterior import Posterior
 
 app = application("Calibrate a foam and its conductive skin from test files into a material card.")
@@ -49,6 +49,8 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
                                                    "FRAME_FILE,POTENTIOSTAT_FILE.")],
         specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens (TOML).")] = None,
         columns: ColumnsOption = None,
+        branch: Annotated[str, typer.Option(help="Loading of a cyclic test that is used: last (preconditioned) or "
+                                            "first.")] = "last",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str, typer.Option(help="nu of all terms, one a term A,B,... (increasing alpha), fit (one) "
                                              "or fit-each (needs lateral strain or a volumetric test).")] = "0",
@@ -60,6 +62,7 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
         residual: Annotated[str, typer.Option(help="relative (to each curve's rms), absolute, or deviation (point by "
                                               "point).")] = "relative",
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of a kind.")] = None,
+        prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
         posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior with emcee.")] = False,
         seed: Annotated[int, typer.Option(help="Seed of the sampler.")] = 0,
         out: Annotated[Path, typer.Option(help="Card to write; its data go beside it.")] = Path("card.json"),
@@ -71,7 +74,7 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     """
     from matcal.calibrate import Choices, calibrate
     from matcal.card import as_json as card_json
-    from matcal.protocols import reduce_tests
+    from matcal.protocols import read_and_reduce
     from matcal.readers.detect import files_of
     from matcal.readers.selection import parse_selection, selections_of
     from matcal.record import folder_of, make_card, write_record
@@ -80,14 +83,15 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     _check_places(folder_of(out), report)
     inputs = [_input(text) for text in files]
     choices = Choices(_order(order), _poisson(poisson), stable, _stretches(stable_range), residual,
-                      _weights(weight or []))
+                      _weights(weight or []), prony_terms=_terms(prony_terms))
     others = [_input(text) for text in predicted or []]
     chosen = selections_of([*inputs, *others], [parse_selection(text) for text in columns or []])
-    found = calibrate(reduce_tests(inputs, specimen, columns=chosen[:len(inputs)]), choices,
-                      reduce_tests(others, specimen, columns=chosen[len(inputs):]))
-    draws, unfinished = _sampled(found, seed) if posterior else (None, None)
+    reduced = read_and_reduce(inputs, specimen, chosen[:len(inputs)], branch)
+    compared = read_and_reduce(others, specimen, chosen[len(inputs):], branch)
+    found = calibrate(reduced.experiments, choices, compared.experiments)
+    draws, unfinished = _sampled(found, choices, seed) if posterior else (None, None)
     used = [p for _, paths in [*inputs, *others] for path in paths for p in files_of(path)]
-    used += [specimen] if specimen else []
+    used = list(dict.fromkeys([*used, *reduced.beside, *compared.beside]))
     card = make_card(found, out, used, seed, draws)
     write_record(card, found, out, draws)
     if as_json:
@@ -100,15 +104,15 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
         _write_report(out, report, quiet=as_json)
 
 
-def _sampled(found: Calibration, seed: int) -> tuple[Posterior, NotConverged | None]:
+def _sampled(found: Calibration, choices: Choices, seed: int) -> tuple[Posterior, NotConverged | None]:
     """The posterior, and the error to raise once it has been saved where it did not converge."""
+    from matcal.poisson import FITTED
     from matcal.posterior import MOST_STEPS, sample
 
-    if found.fit is None or found.uncertainty is None:
-        raise ValueError("--posterior needs a stress-strain curve: give a uniaxial or shear file as well.")
     with counter(MOST_STEPS, "posterior") as advance:
         try:
-            return sample(found.fit, found.uncertainty, found.prony, found.conductivity, seed, advance), None
+            return sample(found.fit, found.uncertainty, found.prony, found.conductivity, seed, advance,
+                          choices.poisson in FITTED), None
         except NotConverged as error:
             return error.estimate, error
 
@@ -220,6 +224,12 @@ def _input(text: str) -> tuple[str | None, tuple[Path, ...]]:
 def _order(text: str) -> int | str:
     if text != "auto" and not text.isdigit():
         raise ValueError(f"--order '{text}' is unknown; give 1 to 6 or auto.")
+    return text if text == "auto" else int(text)
+
+
+def _terms(text: str) -> int | str:
+    if text != "auto" and not text.isdigit():
+        raise ValueError(f"--prony-terms '{text}' is unknown; give 1 to 6 or auto.")
     return text if text == "auto" else int(text)
 
 

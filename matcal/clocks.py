@@ -81,7 +81,7 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
     delay = float(np.ptp(frame_time)) / max(float(np.abs(np.diff(travel)).sum()), 1e-12)
     best = [_best_shift(first.seconds - slack * delay / 2, 10 * first.sd_s + slack * delay, frame_time,
                         with_backlash(travel, slack) / length_m, pot_time, conductance) for slack in slacks]
-    shift, square = (np.array([getattr(out, name) for out in best]) for name in ("x", "fun"))
+    shift, square = np.array(best).T
     at = int(np.argmin(square))
     basis, c = _regression(float(shift[at]), frame_time, with_backlash(travel, slacks[at]) / length_m, pot_time,
                            conductance, _TIME_DEGREE)
@@ -95,9 +95,12 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
 
 
 def _best_shift(start: float, reach: float, frame_time: Array, strain: Array, pot_time: Array,
-                conductance: Array) -> Any:
-    return minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, _TIME_DEGREE),
-                           method="bounded", bounds=(start - reach, start + reach), options={"xatol": 1e-3 * reach})
+                conductance: Array) -> tuple[float, float]:
+    """The shift within `reach` of `start` with the least misfit, and that misfit."""
+    found: Any = minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, _TIME_DEGREE),
+                                 method="bounded", bounds=(start - reach, start + reach),
+                                 options={"xatol": 1e-3 * reach})
+    return float(found.x), float(found.fun)
 
 
 def _collapse(signal: Array) -> int | None:
@@ -132,8 +135,8 @@ def shift_by_motion(frame_time: Array, strain: Array, pot_time: Array, conductan
     coarse = np.linspace(lo, hi, _SHIFTS)
     cost = [_misfit(s, frame_time, strain, pot_time[::every], conductance[::every], degree) for s in coarse]
     best, step = float(coarse[int(np.argmin(cost))]), float(coarse[1] - coarse[0])
-    found = minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, degree), method="bounded",
-                            bounds=(best - step, best + step), options={"xatol": 1e-4 * step})
+    found: Any = minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, degree),
+                            method="bounded", bounds=(best - step, best + step), options={"xatol": 1e-4 * step})
     at = float(found.x)
     return Shift(at, _standard_deviation(at, frame_time, strain, pot_time, conductance, degree),
                  "the best agreement of conductance with motion")

@@ -1,14 +1,16 @@
-"""A load frame's record of a block of foam, corrected: zero, drift, compliance, contact; then strain and stress."""
+"""A load frame's record of a block of foam, corrected: zero, drift, compliance, contact; then strain and stress.
+
+Of a cyclic test one loading is kept, the last or the first; preconditioning is the user's choice, never an accident.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from matcal.branches import BRANCHES, Loading, one_loading
 from matcal.contact import Contact, find_contact
 from matcal.errors import TestFileError
 from matcal.readers.recording import Recording
@@ -26,39 +28,30 @@ _SIGNS = {"compression": -1.0, "tension": 1.0}
 _DIRECTION_WORDS = {"compression": r"compress", "tension": r"tension|tensile|stretch"}
 
 
-@dataclass(frozen=True)
-class Loading:
-    """The corrected record from contact on, signs as in `Experiment`."""
+def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
+    """Strain and stress of a block from displacement, force and time, from contact on or over one later loading.
 
-    # (n,) time since contact, s; None where the file has no clock
-    time_s: Array | None
-    # (n,) nominal strain, compression negative
-    strain: Array
-    # (n,) nominal stress, Pa, compression negative
-    stress_Pa: Array
-    # index of the first sample at the end of the loading
-    end: int
-    # standard deviation of the noise of one sample of stress, Pa
-    noise_Pa: float
-    # sentences and numbers of the reduction
-    decisions: tuple[str, ...]
-    facts: Mapping[str, float]
-
-
-def correct(kind: str, recording: Recording, block: Block) -> Loading:
-    """Strain and stress of a block from displacement, force and time; TestFileError where a column is missing,
-    nothing moves, or nothing tells compression from tension."""
+    Raises TestFileError where a column is missing or constant, nothing moves or is touched, or nothing tells
+    compression from tension; ValueError for an unknown branch.
+    """
+    if branch not in BRANCHES:
+        raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
     stroke = _stroke(recording)
     force, time = recording.columns["force"], recording.columns.get("time")
     noise = sample_noise(force)
     load_sign = 1.0 if force[stroke.end] > np.median(force[:max(stroke.start, 1)]) else -1.0
     sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
-    notes = [*recording.notes, *why, _start_sentence(recording, stroke)]
+    notes = [*recording.notes, *block.notes, *why, _start_sentence(recording, stroke)]
+    _check_touch(recording, stroke, load_sign * force, noise)
     load, drift, drift_sd = _without_drift(stroke, load_sign * force, time, block, noise)
     if drift_sd is not None:
         notes.append(f"Load drift of {load_sign * drift * 1e3:.3g} ± {drift_sd * 1e3:.1g} mN/s between the rests "
                      "before and after the test, both clear of the specimen, taken off.")
-    contact, moved = _contact(stroke, load, block, noise, notes)
+    try:
+        contact, moved = _contact(stroke, load, block, noise, notes)
+    except ValueError as error:
+        raise TestFileError(recording.paths[0], f"{error}, so the contact cannot be found. Give preload_N and the "
+                                                "height at it, or a record with more samples.") from None
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
     first = int(np.argmax(moved >= contact.travel_m))
@@ -69,16 +62,22 @@ def correct(kind: str, recording: Recording, block: Block) -> Loading:
              "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
     if drift_sd is not None:
         facts["drift_sd_N_per_s"] = drift_sd
-    return Loading(time_s=None if time is None else time[first:] - _contact_time(time, moved, first, contact.travel_m),
-                   strain=sign * (moved[first:] - contact.travel_m) / block.length_m,
-                   stress_Pa=sign * (load[first:] - contact.zero_N) / block.area_m2, end=stroke.end - first,
-                   noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts)
+    whole = Loading(time_s=None if time is None else time[first:] - _contact_time(time, moved, first, contact.travel_m),
+                    strain=sign * (moved[first:] - contact.travel_m) / block.length_m,
+                    stress_Pa=sign * (load[first:] - contact.zero_N) / block.area_m2, end=stroke.end - first,
+                    noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts)
+    spans = tuple((max(begin - first, 0), end - first) for begin, end in stroke.spans)
+    return whole if kind == "relaxation" else one_loading(whole, spans, branch, block.length_m)
 
 
 def _stroke(recording: Recording) -> Stroke:
     path = recording.paths[0]
     if missing := [q for q in ("displacement", "force") if q not in recording.columns]:
         raise TestFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}.")
+    if np.ptp(recording.columns["force"]) == 0:
+        raise TestFileError(path, f"column '{recording.names['force']}' never changes, so there is no load in it.")
+    if "time" in recording.columns and np.any(np.diff(recording.columns["time"]) < 0):
+        raise TestFileError(path, "the time runs backwards, so the file is no record of one test.")
     try:
         return find_stroke(recording.columns["displacement"])
     except ValueError as error:
@@ -91,9 +90,19 @@ def _check_size(recording: Recording, strain: float) -> None:
                                                 "specimen and the unit of the displacement.")
 
 
+def _check_touch(recording: Recording, stroke: Stroke, load: Array, noise: float) -> None:
+    """TestFileError where the load of the first loading does not rise above its noise."""
+    size = max(1, min(20, (stroke.end - stroke.start) // 20))
+    rest = float(np.median(load[:max(stroke.start, 1)]))
+    top = float(load[max(stroke.end - size, 0):stroke.end + 1].mean()) - rest
+    if top < 6 * noise / np.sqrt(size):
+        raise TestFileError(recording.paths[0], f"the load rises by {top:.3g} N where its noise is {noise:.2g} N: the "
+                                                "specimen was not touched, or the load cell is far too large for it.")
+
+
 def _start_sentence(recording: Recording, stroke: Stroke) -> str:
     start = recording.columns["displacement"][0] * 1e3
-    more = f"; the first of {stroke.loadings} loadings is used" if stroke.loadings > 1 else ""
+    more = f"; {stroke.loadings} loadings" if stroke.loadings > 1 else ""
     return (f"Travel counted from the rest position {start:.4g} mm, loading where the displacement "
             f"{'grows' if stroke.sign > 0 else 'falls'}{more}.")
 
@@ -132,8 +141,9 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
         notes.append(f"Only {before} samples before the load rises: the first reading is taken as zero load and its "
                      "position as contact.")
         return Contact(0.0, 0.0, float(load[0])), moved
-    notes.append(f"Contact found {contact.travel_m * 1e3:.3f} ± {contact.sd_m * 1e3:.3f} mm after the start, by the "
-                 f"change point of a cubic load curve over the first 10 % of strain; zero load from {before} samples.")
+    notes.append(f"Contact found {contact.travel_m * 1e3:.3f} ± {contact.sd_m * 1e3:.3f} mm after the start, where a "
+                 f"smooth curve of unknown shape over {contact.reach:.0%} of strain begins; zero load from {before} "
+                 "samples.")
     return contact, moved
 
 
@@ -158,6 +168,8 @@ def _direction(kind: str, recording: Recording, block: Block, sign: float,
     """-1 for compression, 1 for tension and shear, and what it was told from."""
     if kind == "shear":
         return 1.0, ()
+    if kind == "volumetric":
+        return -1.0, ("Compression, as every volumetric test.",)
     text = " ".join([recording.metadata.get("Test", ""), recording.paths[0].stem]).lower()
     named = [d for d, words in _DIRECTION_WORDS.items() if re.search(words, text)]
     if block.direction is not None:
@@ -166,5 +178,7 @@ def _direction(kind: str, recording: Recording, block: Block, sign: float,
         return _SIGNS[named[0]], (f"{named[0].capitalize()}, from the test's own name.",)
     if sign < 0 and load_sign < 0:
         return -1.0, ("Displacement and load both fall: taken as compression.",)
+    if kind in ("planar", "biaxial") and not named:
+        return 1.0, (f"Nothing tells the direction: tension is assumed, as a sheet in a {kind} test is pulled.",)
     raise TestFileError(recording.paths[0], "nothing tells whether this is compression or tension. Write direction = "
                                             f"\"compression\" or \"tension\" in [{kind}] of the specimen file.")

@@ -3,33 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from matcal.branches import BRANCHES
 from matcal.errors import TestFileError
 from matcal.experiment import Experiment
+from matcal.geometry import specimen_of
 from matcal.kinds import decide_kind
 from matcal.readers.detect import read
 from matcal.readers.recording import Recording
 from matcal.readers.selection import Selection
-from matcal.specimen import Block, Strip, read_specimen
+from matcal.specimen import Block, Strip
 from matcal.tables import reduce_table
-
-# kinds that have a protocol
-REDUCED = ("uniaxial", "shear", "relaxation", "conductivity")
+from matcal.toml_file import read_toml
 
 
-def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]],
-                 specimen: Path | None = None,
-                 columns: Sequence[Mapping[Path, Selection]] = ()) -> list[Experiment]:
+@dataclass(frozen=True)
+class Reduced:
+    """Tests, reduced."""
+
+    # one a test, in the order given
+    experiments: list[Experiment]
+    # files that were read beside those given: specimens' sizes and kinds
+    beside: tuple[Path, ...]
+
+
+def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], specimen: Path | None = None,
+                 columns: Sequence[Mapping[Path, Selection]] = (), branch: str = "last") -> list[Experiment]:
+    """The experiments of `read_and_reduce`."""
+    return read_and_reduce(inputs, specimen, columns, branch).experiments
+
+
+def read_and_reduce(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], specimen: Path | None = None,
+                    columns: Sequence[Mapping[Path, Selection]] = (), branch: str = "last") -> Reduced:
     """One experiment an input, each input being (kind or None, files); every decision is a sentence in its `decisions`.
 
     The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
     parts of a split export (these may also be inputs of their own: they are read once). `columns` says of each
-    input which columns mean what (`matcal.readers.selection.selections_of`). Raises TestFileError for a file that
-    cannot be used and ValueError for a kind that is unknown or has no protocol.
+    input which columns mean what (`matcal.readers.selection.selections_of`), `branch` which loading of a cyclic test is
+    used, one of `branches.BRANCHES`. Raises TestFileError for a file that cannot be used and ValueError for a kind or
+    branch that is unknown.
     """
+    if branch not in BRANCHES:
+        raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
     out: list[Experiment] = []
+    beside: list[Path] = []
     seen: set[tuple[Path, ...]] = set()
     for (kind, paths), chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
         recordings = _recordings(paths, chosen)
@@ -37,8 +56,16 @@ def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]],
         if len(key) > len(paths) and key in seen:
             continue
         seen.add(key)
-        out.append(_reduce(kind, recordings, specimen))
-    return out
+        experiment, files = _reduce(kind, recordings, specimen, branch)
+        out.append(experiment)
+        beside += [*_sidecars(recordings), *files]
+    return Reduced(out, tuple(dict.fromkeys(beside)))
+
+
+def _sidecars(recordings: Sequence[Recording]) -> list[Path]:
+    """TOML files of the recordings' names that say their kind."""
+    toml = [recording.paths[0].with_suffix(".toml") for recording in recordings]
+    return [path for path in toml if path.exists() and "kind" in read_toml(path)]
 
 
 def _recordings(paths: tuple[Path, ...], chosen: Mapping[Path, Selection]) -> list[Recording]:
@@ -50,19 +77,18 @@ def _recordings(paths: tuple[Path, ...], chosen: Mapping[Path, Selection]) -> li
     return out
 
 
-def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | None) -> Experiment:
+def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | None,
+            branch: str) -> tuple[Experiment, tuple[Path, ...]]:
     first = recordings[0]
     kind, why = decide_kind(explicit, recordings)
-    if kind not in REDUCED:
-        raise ValueError(f"{first.label}: reducing {kind} tests is not built yet; built: {', '.join(REDUCED)}.")
     if len(recordings) > (2 if kind == "conductivity" else 1):
         raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
                          f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give replicates apart.")
     if len(recordings) == 1 and _is_reduced(first):
-        return _said(reduce_table(kind, first), why)
-    sizes, where = _specimen_of(kind, first, specimen)
+        return _said(reduce_table(kind, first), why), ()
+    sizes, where, files = specimen_of(kind, first, specimen)
     try:
-        return _said(_by_protocol(kind, recordings, sizes), why, where)
+        return _said(_by_protocol(kind, recordings, sizes, branch), why, *where), files
     except TestFileError:
         raise
     except ValueError as error:
@@ -73,7 +99,7 @@ def _is_reduced(recording: Recording) -> bool:
     return not {"displacement", "current"} & set(recording.columns)
 
 
-def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip) -> Experiment:
+def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip, branch: str) -> Experiment:
     if isinstance(sizes, Strip):
         from matcal.stretching import reduce_stretch
 
@@ -84,21 +110,7 @@ def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip) -
         return reduce_relaxation(recordings[0], sizes)
     from matcal.quasistatic import reduce_quasistatic
 
-    return reduce_quasistatic(kind, recordings[0], sizes)
-
-
-def _specimen_of(kind: str, recording: Recording, specimen: Path | None) -> tuple[Block | Strip, str]:
-    """Sizes for `kind` from `specimen`, else a TOML of the file's name, else specimen.toml beside it; and which."""
-    path = recording.paths[0]
-    candidates = [specimen] if specimen else [path.with_suffix(".toml"), path.parent / "specimen.toml"]
-    for candidate in candidates:
-        if candidate == specimen or candidate.exists():
-            sizes = read_specimen(candidate)
-            if kind in sizes:
-                return sizes[kind], f"Specimen from [{kind}] of {candidate.name}."
-    looked = " or ".join(str(candidate) for candidate in candidates)
-    raise TestFileError(path, f"displacement and force need the specimen's size: no table [{kind}] in {looked}. "
-                              "Give --specimen specimen.toml.")
+    return reduce_quasistatic(kind, recordings[0], sizes, branch)
 
 
 def _said(experiment: Experiment, *sentences: str) -> Experiment:

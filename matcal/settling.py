@@ -63,7 +63,7 @@ def turning_points(strain: Array, resistance: Array) -> tuple[Turns, Turns]:
         raise ValueError("no whole cycle lies in the electrical record")
     rest = [_read(strain[g], resistance[g], 0.0) for g in low]
     peak = [_read(strain[g], resistance[g], largest) for g in high]
-    return _turns(np.arange(len(rest)), rest), _turns(np.arange(len(peak)) + 0.5, peak)
+    return _turns(0.0, rest), _turns(0.5, peak)
 
 
 def _groups(inside: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
@@ -81,9 +81,9 @@ def _read(strain: Array, resistance: Array, at: float) -> tuple[float, float]:
     return float(factors[0]), float(np.sqrt(scatter * np.linalg.pinv(basis.T @ basis)[0, 0]))
 
 
-def _turns(cycle: Array, found: list[tuple[float, float]]) -> Turns:
-    value, sd = np.array(found).T
-    return Turns(cycle.astype(float), value, np.maximum(sd, 1e-6 * np.abs(value)))
+def _turns(first: float, found: list[tuple[float, float]]) -> Turns:
+    value, sd = np.array(found, dtype=float).T
+    return Turns(np.arange(value.size, dtype=float) + first, value, np.maximum(sd, 1e-6 * np.abs(value)))
 
 
 def fit_course(turns: Turns) -> Course | None:

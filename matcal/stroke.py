@@ -12,7 +12,7 @@ from matcal.thinning import sample_noise
 Array = NDArray[np.float64]
 
 # a loading passes the upper share of the largest travel after the travel was below the lower one
-_UPPER, _LOWER = 0.75, 0.25
+_UPPER, _LOWER = 0.75, 0.60
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def find_stroke(displacement: Array) -> Stroke:
     """The loadings of a displacement record (n,), m; ValueError where nothing moves.
 
     A loading passes three quarters of the largest travel, ends where the travel first comes within its noise of the
-    local extreme, and begins with the last sample at its lowest before; a fall below a quarter ends it, so that a new
+    local extreme, and begins with the last sample at its lowest before; a fall below 60 % ends it, so that a new
     rise is a further loading.
     """
     noise = sample_noise(displacement)
@@ -60,7 +60,8 @@ def find_stroke(displacement: Array) -> Stroke:
         lowest = float(travel[begin:rise].min()) if k else 0.0
         low = np.flatnonzero(travel[begin:rise] <= lowest + margin)
         spans.append((begin + int(low[-1]) + 1 if low.size else begin, _end(travel, rise, fall, margin)))
-    return Stroke(travel, sign, *spans[0], tuple(spans), noise)
+    start, end = spans[0]
+    return Stroke(travel, sign, start, end, tuple(spans), noise)
 
 
 def _at_rest(displacement: Array) -> int:

@@ -65,6 +65,6 @@ def test_shift_and_backlash_lie_within_their_errors(slack: float) -> None:
     conductance = 5e-4 * (1 - 2 * e) / (1 + e) / (1 + 0.3 * np.exp(-(pot - shift) / 360))
     seen = conductance + 1.5e-6 * rng.standard_normal(pot.size)
     found, size, sd = shift_with_backlash(time, travel, 75e-3, pot, seen, Shift(shift + 0.4, 0.05, "a first guess"))
-    print(f"slack {size * 1e3:.3f} +- {sd * 1e3:.3f} mm, shift off by {found.seconds - shift:.3f} +- {found.sd_s:.3f} s")
+    print(f"slack {size * 1e3:.3f} +- {sd * 1e3:.3f} mm, shift off {found.seconds - shift:.3f} +- {found.sd_s:.3f} s")
     assert abs(size - slack) < 3 * sd < 0.3e-3
     assert abs(found.seconds - shift) < 3 * found.sd_s
