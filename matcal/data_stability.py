@@ -16,15 +16,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from matcal.curves import Curve
 from matcal.experiment import Experiment
 
 Array = NDArray[np.float64]
 
-# least points of a window, windows per record, standard errors that a fall must exceed, least drop as a share of the
-# largest value of the measure
-_LEAST_POINTS, _WINDOWS, _ERRORS, _DROP = 7, 30, 4.0, 0.005
+# least points of a window, windows that a record is long at each width, positions in half a window, chance that a fall
+# is none, least drop as a share of the largest value of the measure
+_LEAST_POINTS, _WIDTHS, _PER_HALF, _CHANCE, _DROP = 7, (30, 12, 6, 4), 2, 1e-5, 0.005
 
 
 @dataclass(frozen=True)
@@ -78,16 +79,14 @@ def falling(strain: Array, coordinate: Array, measure: Array) -> list[list[float
     """[[lo, hi], ...] of `strain` (n,) where `measure` falls with `coordinate`, beyond its own noise."""
     order = np.argsort(coordinate, kind="stable")
     s, x, y = strain[order], coordinate[order], measure[order]
-    size = max(_LEAST_POINTS, s.size // _WINDOWS)
-    if s.size < 2 * size:
-        return []
-    starts = np.unique(np.linspace(0, s.size - size, 2 * _WINDOWS).astype(int))
-    at = np.array([s[k:k + size].mean() for k in starts])
-    slope, error = np.array([_slope(x[k:k + size], y[k:k + size]) for k in starts]).T
-    falls = slope < -_ERRORS * error
-    level = np.array([y[k:k + size].mean() for k in starts])
-    return [sorted(map(float, (at[a], at[b]))) for a, b in _runs(falls)
-            if level[a] - level[b] > _DROP * np.abs(y).max()]
+    flags = np.zeros(s.size, dtype=bool)
+    for size in sorted({max(_LEAST_POINTS, s.size // parts) for parts in _WIDTHS}):
+        limit = float(student.ppf(1 - _CHANCE, size - 2))
+        for k in range(0, s.size - size + 1, max(1, size // (2 * _PER_HALF))):
+            slope, error = _slope(x[k:k + size], y[k:k + size])
+            flags[k + size // 4:k + size - size // 4] |= slope < -limit * error
+    return [[float(s[a]), float(s[b])] for a, b in _runs(flags)
+            if -_slope(x[a:b + 1], y[a:b + 1])[0] * (x[b] - x[a]) > _DROP * np.abs(y).max()]
 
 
 def _measures(e: Experiment, nu_is_zero: bool) -> dict[str, tuple[Array, Array, Array]]:
@@ -110,7 +109,7 @@ def _slope(x: Array, y: Array) -> tuple[float, float]:
         return 0.0, 0.0
     slope = float(apart @ y) / spread
     miss = y - y.mean() - slope * apart
-    return slope, float(np.sqrt(miss @ miss / (x.size - 2) / spread))
+    return slope, float(np.sqrt(miss @ miss / max(x.size - 2, 1) / spread))
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

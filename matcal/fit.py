@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from matcal.constrained import stable_moduli
 from matcal.cross_prediction import Alone, alone_sentences, each_alone, relative_rms
 from matcal.curves import Curve, reached, weight_sentence, weighted_model, weighted_stress
+from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 from matcal.orders import OrderRow, chosen_order, confluence, order_sentences
 from matcal.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_sentences
@@ -157,7 +158,11 @@ def _term_by_term(problem: Problem, choice: str | tuple[float, ...], found: Opti
     else:
         others = [best_law(pose(curves, v), n, _FEW) for v in sorted({min(choice), max(choice)})]
         starts, fit_nu = [with_nu(_law(o, problem.nu, curves), choice) for o in (found, *others)], False
-    refined = refine(curves, starts, problem.allowed, fit_nu)
+    try:
+        refined = refine(curves, starts, problem.allowed, fit_nu)
+    except NotConverged:  # a stable law has one free stretch, and so have those near it
+        held = _stable_law(problem, "drucker", reached(curves), _law(found, problem.nu, curves), found)[0]
+        refined = refine(curves, [with_nu(held, held.nu if fit_nu else choice)], problem.allowed, fit_nu)
     return _with_ranges(refined.law, curves), _as_optimum(refined.law, found, refined.evaluations, curves)
 
 
