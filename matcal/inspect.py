@@ -104,13 +104,13 @@ def print_description(path: str, found: dict[str, Any]) -> None:
         scale = si_factor(column["unit"], quantity) or 1.0
         table.add_row(quantity, Text(column["name"]), f"{column['min'] / scale:.6g}", f"{column['max'] / scale:.6g}",
                       Text(column["unit"]))
-    console.print(Padding(table, (1, 2)))
+    console.print(Padding(table, (1, 2), expand=False))
     facts = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     facts.add_column(style="dim", no_wrap=True)
     facts.add_column(overflow="fold")
     for name, sentence in _facts(found):
         facts.add_row(name, Text(sentence))
-    console.print(Padding(facts, (0, 2, 1, 2)))
+    console.print(Padding(facts, (0, 2, 1, 2), expand=False))
 
 
 def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:

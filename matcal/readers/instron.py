@@ -18,6 +18,8 @@ from matcal.readers.sizes import metadata_of, sizes_of
 
 # lines in which the units are looked for
 _HEAD = 60
+# a table with this many times fewer rows than the longest is one of results
+_SHORT = 10
 
 
 def is_instron(grid: Grid) -> bool:
@@ -42,11 +44,13 @@ def read_instron(grid: Grid, selection: Selection | None = None, notes: Sequence
 
 
 def _units_rows(grid: Grid) -> list[int]:
-    """Rows of bracketed units between a row of as many names and a row of numbers."""
-    found = []
+    """Rows of bracketed units between a row of as many names and a row of numbers; a table of results, which is short
+    beside the record, is not one."""
+    found: dict[int, int] = {}
     for n in range(1, min(len(grid.rows) - 1, _HEAD)):
         cells = [cell for cell in grid.rows[n] if cell]
         if len(cells) > 1 and all(re.fullmatch(r"[(（].{0,20}[)）]", cell) for cell in cells) \
                 and len(grid.rows[n - 1]) >= len(cells) and grid.numeric(grid.rows[n + 1]) > 1:
-            found.append(n)
-    return found
+            found[n] = next((m for m in range(n + 1, len(grid.rows)) if grid.numeric(grid.rows[m]) < 2),
+                            len(grid.rows)) - n
+    return [n for n, rows in found.items() if rows > max(found.values()) / _SHORT]

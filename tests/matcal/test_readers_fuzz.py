@@ -17,6 +17,7 @@ import pytest
 
 from matcal.errors import TestFileError
 from matcal.protocols import reduce_tests
+from matcal.readers import workbook
 from matcal.readers.detect import read
 from matcal.readers.selection import parse_selection
 
@@ -249,10 +250,12 @@ def test_ten_thousand_broken_files(tmp_path: Path) -> None:
     assert refused > 3000
 
 
-def test_workbook_that_unpacks_to_more_than_the_memory_is_refused(tmp_path: Path) -> None:
+def test_workbook_that_unpacks_to_more_than_the_memory_is_refused(tmp_path: Path,
+                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workbook, "_MOST_BYTES", 4_000_000)
     path = tmp_path / "bomb.xlsx"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for n in range(5):
-            archive.writestr(f"xl/part{n}.xml", b"0" * 100_000_000)
-    with pytest.raises(TestFileError, match="unpacks to 500 MB"):
+            archive.writestr(f"xl/part{n}.xml", b"0" * 1_000_000)
+    with pytest.raises(TestFileError, match="unpacks to 5 MB"):
         read(path)

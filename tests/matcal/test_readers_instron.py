@@ -83,6 +83,11 @@ def test_several_tables_in_one_file_are_refused(tmp_path: Path) -> None:
         read(_write(tmp_path, table + "\n" + table))
 
 
+def test_a_short_table_of_results_above_the_record_is_not_read_as_one(tmp_path: Path) -> None:
+    results = "Results Table 1\nMaximum Force,Modulus\n(N),(MPa)\n123.4,5.6\n\n"
+    assert read(_write(tmp_path, results + _text([], "Time,Displacement,Force"))).rows == TIMES.size
+
+
 def test_a_hold_of_ninety_thousand_rows_is_read_in_seconds(tmp_path: Path) -> None:
     t = np.arange(90_000) * 0.02
     rows = "".join(f'"{a:,.5f}","16.00000","{1500 - a / 2:,.5f}"\r\n' for a in t)
