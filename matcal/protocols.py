@@ -14,6 +14,7 @@ from matcal.kinds import decide_kind
 from matcal.readers.detect import read
 from matcal.readers.recording import Recording
 from matcal.readers.selection import Selection
+from matcal.replicates import with_scatter
 from matcal.specimen import Block, Strip
 from matcal.tables import reduce_table
 from matcal.toml_file import read_toml
@@ -59,7 +60,7 @@ def read_and_reduce(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], speci
         experiment, files = _reduce(kind, recordings, specimen, branch)
         out.append(experiment)
         beside += [*_sidecars(recordings), *files]
-    return Reduced(out, tuple(dict.fromkeys(beside)))
+    return Reduced(with_scatter(out), tuple(dict.fromkeys(beside)))
 
 
 def _sidecars(recordings: Sequence[Recording]) -> list[Path]:
