@@ -36,6 +36,49 @@ def test_contact_error_is_what_it_says_it_is() -> None:
     assert np.mean([f.sd_m for f in found]) < 0.02e-3
 
 
+def _foam(name: str, strain: np.ndarray) -> np.ndarray:
+    """Load, N, of foams that a cubic over a tenth of strain does not follow."""
+    relaxing = 22 * strain + 5 * 0.024 * -np.expm1(-strain / 0.024) + 3 * 0.0012 * -np.expm1(-strain / 0.0012)
+    return {"linear": 45 * strain, "relaxing": 2 * relaxing, "knee": 300 * strain / (1 + (25 * strain) ** 6) ** (1 / 6),
+            "softening": 100 * (1 - np.exp(-8 * strain)) / 8, "stiff": 4000 * strain * (1 - 2 * strain)}[name]
+
+
+def _contacts(name: str, noise: float, replicas: int, samples: int = 12000) -> np.ndarray:
+    """(found - true)/stated over replicas of the noise; landing over a toe of 0.2 % of strain."""
+    rng, out = np.random.default_rng(8), []
+    travel = np.concatenate([np.zeros(500), np.linspace(0, 10e-3, samples)])
+    load = _foam(name, 2e-3 * np.logaddexp(0.0, (travel - AT) / LENGTH / 2e-3))
+    for _ in range(replicas):
+        found = find_contact(travel, load + noise * rng.standard_normal(travel.size), 500, LENGTH, 0.9e-3)
+        out.append((found.travel_m - AT) / found.sd_m)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("name", ["relaxing", "knee"])
+def test_contact_error_holds_whatever_the_shape(name: str) -> None:
+    z = _contacts(name, 0.25, 12)
+    print(f"{name}: rms z {np.sqrt(np.mean(z**2)):.2f}, largest {np.abs(z).max():.1f}")
+    assert 0.3 < np.sqrt(np.mean(z**2)) < 1.6
+    assert np.abs(z).max() < 3.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "noise", "samples"), [
+    ("linear", 0.25, 12000), ("relaxing", 0.25, 12000), ("knee", 0.25, 12000), ("softening", 0.25, 12000),
+    ("stiff", 0.25, 12000), ("relaxing", 2.0, 12000), ("linear", 2.0, 12000), ("softening", 0.25, 60)])
+def test_contact_error_over_many_replicas(name: str, noise: float, samples: int) -> None:
+    z = _contacts(name, noise, 60, samples)
+    print(f"{name}, {noise} N, {samples} samples: rms z {np.sqrt(np.mean(z**2)):.2f}, largest {np.abs(z).max():.1f}")
+    assert 0.3 < np.sqrt(np.mean(z**2)) < 1.5
+    assert np.abs(z).max() < 4.5
+
+
+def test_too_few_samples_are_refused() -> None:
+    travel = np.linspace(0, 10e-3, 12)
+    with pytest.raises(ValueError, match="fewer than 8 samples"):
+        find_contact(travel, np.maximum(travel - 8e-3, 0) * 1e3, 1, LENGTH, 9e-3)
+
+
 def test_stroke_of_a_compression_with_return() -> None:
     rng = np.random.default_rng(2)
     path = np.interp(np.arange(3000), [0, 500, 2000, 2200, 3000], [141.0, 141.0, 126.0, 141.0, 141.0]) * 1e-3
