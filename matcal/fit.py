@@ -19,7 +19,7 @@ from matcal.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_se
 from matcal.search import Problem, allowed_exponents, best_law, pose, search
 from matcal.stable_search import StabilityRows, search_stable
 from matcal.unequal import refine, with_nu
-from matcal.varpro import Optimum
+from matcal.varpro import Optimum, least_moduli
 
 __all__ = ["ORDERS", "Alone", "Fit", "allowed_exponents", "fit", "modelled", "quick_law", "relative_rms"]
 
@@ -86,7 +86,7 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
     free = law if stable else None
     if stable:
         law, found = _stable_law(problem, stable, log_range, law, found)
-    alone = each_alone(curves, lambda own: _law(best_law(pose(own, nu), best.order, starts), nu, own)
+    alone = each_alone(curves, lambda own: _law(best_law(pose(own, nu), best.order, max(1, starts // 2)), nu, own)
                        ) if thorough else {}
     decisions = (weight_sentence(curves), *order_sentences(order, rows, best, tried[best.order]),
                  *alone_sentences(curves, alone), *nu_sentences(law.nu.tolist(), poisson, curves),
@@ -131,7 +131,7 @@ def _shared_nu(choice: float | str | tuple[float, ...], curves: tuple[Curve, ...
     if not isinstance(choice, str):
         return float(np.mean(choice))
     terms = orders[0] if len(orders) == 1 else min(3, orders[-1])
-    return fitted_nu(curves, lambda nu: best_law(pose(curves, nu), terms, _FEW).cost)
+    return fitted_nu(curves, lambda nu: search(pose(curves, nu), terms, _FEW, least_moduli).cost)
 
 
 def _tried(problem: Problem, orders: Sequence[int], starts: int, auto: bool) -> dict[int, Optimum]:

@@ -60,10 +60,19 @@ def order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderR
         out.append(_bound_sentence(chosen, *optimum.unbounded))
     if chosen.confluence:
         out.append(f"At order {chosen.order} {chosen.confluence}: single mu and alpha are not measurable, read mu_0, "
-                   "E_0 and the stress bands.")
+                   "E_0 and the stress bands." + _clear_words(rows, chosen))
     out += [f"Order {r.order} was passed over: it lowers the residual by less than a tenth and {r.confluence}."
             for r in rows if r is not chosen and r.confluence and r.bic < chosen.bic]
     return out
+
+
+def _clear_words(rows: tuple[OrderRow, ...], chosen: OrderRow) -> str:
+    clear = [r for r in rows if not r.confluence and r.order < chosen.order]
+    if not clear:
+        return ""
+    best = min(clear, key=lambda row: row.bic)
+    return (f" Order {best.order} is the best whose parameters can be read (weighted RMS {best.rms:.3%}) and may be "
+            "the safer one outside the tests.")
 
 
 def _bound_sentence(chosen: OrderRow, free_cost: float, free_mu_0_Pa: float) -> str:

@@ -88,12 +88,14 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
 
     lowest = np.r_[allowed.low, np.full(order - 1, allowed.gap)]
     highest = np.r_[allowed.high, np.full(order - 1, allowed.high - allowed.low)]
-    slopes: Any = jacobian if solve is least_moduli else "2-point"
+    free = solve is least_moduli
+    slopes: Any = jacobian if free else "2-point"
     found = []
     for start in [*_starts(design, target, order, allowed, starts, solve), *more]:
         steps = np.clip(np.diff(start, prepend=0.0), lowest + 1e-6, highest - 1e-6)
         out = least_squares(residual, steps, jac=slopes,
-                            bounds=(lowest, highest), xtol=1e-9, ftol=1e-11, gtol=1e-14, max_nfev=200)
+                            bounds=(lowest, highest), gtol=1e-14, xtol=1e-9 if free else 1e-7,
+                            ftol=1e-11 if free else 1e-8, max_nfev=200 if free else 60)
         found.append((2 * float(out.cost), exponents(out.x, allowed)))
     found.sort(key=lambda pair: pair[0])
     cost, alpha = found[0]
@@ -114,7 +116,7 @@ def _projected_slopes(matrix: Array, slope: Array, target: Array) -> Array:
     if np.abs(np.diag(r)).min() > 1e-10:
         miss = q @ (r @ mu) - target
         out -= q @ np.linalg.solve(r.T, np.diag(slope.T @ miss))
-    return out.astype(np.float64)
+    return np.array(out, dtype=np.float64)
 
 
 def _ceiling(order: int, allowed: Exponents) -> Array:

@@ -1,4 +1,4 @@
-"""nu given, shared, term by term: recovery from lateral and volumetric data, bounds told, refusals that name the data."""
+"""nu given, shared, term by term: recovery from lateral and volumetric data, bounds told, refusals with reasons."""
 
 from __future__ import annotations
 
