@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from matcal.card import MaterialCard
+from matcal.digits import percent
 from matcal.modes import MODES
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -17,9 +18,8 @@ _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    said = [*_origin(card), *_convergence(card), *_stability(card), *_misfit(card), *_coverage(card), *_series(card),
-            *_skin(card)]
-    return tuple(said)
+    parts = (_origin, _convergence, _agreement, _stability, _misfit, _predictions, _coverage, _series, _skin)
+    return tuple(sentence for part in parts for sentence in part(card))
 
 
 def unstable_inside(card: MaterialCard) -> list[tuple[str, str, float, float]]:
@@ -57,6 +57,15 @@ def _convergence(card: MaterialCard) -> Iterator[str]:
                f"{checks['ess']:.0f}): do not use its intervals.")
 
 
+def _agreement(card: MaterialCard) -> Iterator[str]:
+    drawn = card.posterior.get("derived", {})
+    apart = [name for name, row in card.fit.get("derived", {}).items()
+             if name in drawn and not overlaps((row["lo"], row["hi"]), (drawn[name]["lo"], drawn[name]["hi"]))]
+    if apart:
+        yield (f"Fit and posterior disagree beyond their 95 % intervals in {', '.join(apart)}: the law does not "
+               "describe all tests at once; trust neither before the misfit is understood.")
+
+
 def _stability(card: MaterialCard) -> Iterator[str]:
     lost: dict[str, list[str]] = {}
     for criterion, mode, lo, hi in unstable_inside(card):
@@ -66,7 +75,7 @@ def _stability(card: MaterialCard) -> Iterator[str]:
 
 
 def _misfit(card: MaterialCard) -> Iterator[str]:
-    poor = [f"{label} by {row['relative_rms']:.2g}" for label, row in tests(card).items()
+    poor = [f"{label} by {percent(row['relative_rms'], 2)}" for label, row in tests(card).items()
             if row["relative_rms"] > _MISFIT]
     if poor:
         yield f"The fit misses (relative RMS) {', '.join(poor)}."
@@ -74,6 +83,13 @@ def _misfit(card: MaterialCard) -> Iterator[str]:
     chosen = tried.get(card.hyperfoam.mu_Pa.size) if card.hyperfoam else None
     if chosen and chosen["confluence"]:
         yield f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses are."
+
+
+def _predictions(card: MaterialCard) -> Iterator[str]:
+    missed = [f"{', '.join(row['source'])} ({row['kind']}) by {percent(row['relative_rms']['combined'], 2)}"
+              for row in card.fit.get("predicted", ()) if row["relative_rms"]["combined"] > _MISSED]
+    if missed:
+        yield f"Tests kept out of the fit are missed (relative RMS): {', '.join(missed)}."
 
 
 def _coverage(card: MaterialCard) -> Iterator[str]:
@@ -91,6 +107,9 @@ def _series(card: MaterialCard) -> Iterator[str]:
     sd = card.fit.get("prony", {}).get("tau_sd_s")
     if card.prony is None or sd is None:
         return
+    if card.hyperfoam is None:
+        yield ("Relaxation was fitted without a stress-strain curve: the true ramp of the stress is unknown, and the "
+               "fast terms are uncertain beyond their errors.")
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
     if loose:
         yield f"Weakly determined relaxation times: {', '.join(loose)}."

@@ -23,6 +23,11 @@ def significant(value: float, digits: int = 4) -> str:
     return f"{rounded:.{max(digits - 1 - power, 0)}f}"
 
 
+def percent(fraction: float, digits: int = 3) -> str:
+    """A fraction in per cent, or that it is beyond reading."""
+    return f"{significant(100 * fraction, digits)} %" if fraction < 10 else "over 1000 %"
+
+
 def with_error(value: float, error: float) -> tuple[str, str]:
     """A value and its standard error, both to the second significant digit of the error."""
     first, second = _rounded((value, error), error)

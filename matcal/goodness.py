@@ -14,6 +14,9 @@ from matcal.fit import Fit, relative_rms
 from matcal.relaxation_fit import PronyFit
 from matcal.standard_errors import standard_errors
 
+# facts of `matcal.replicates` that the card repeats
+_SCATTER = ("stiffness_factor", "stiffness_factor_sd", "shape_scatter")
+
 
 def fit_part(found: Calibration) -> dict[str, Any]:
     """Per experiment its errors; then whatever the calibration holds beside them."""
@@ -67,7 +70,9 @@ def _series_part(prony: PronyFit) -> dict[str, Any]:
     sd = np.sqrt(np.diag(prony.covariance))
     terms = prony.prony.g.size
     return {"g_sd": sd[:terms], "tau_sd_s": sd[terms:],
-            "g_infinity_sd": float(np.sqrt(prony.covariance[:terms, :terms].sum()))}
+            "g_infinity_sd": float(np.sqrt(prony.covariance[:terms, :terms].sum())),
+            "orders": [{"order": row.terms, "rms": row.rms, "bic": row.bic} for row in prony.orders],
+            "slowest_s": {"value": prony.slowest.tau_s, "lo": prony.slowest.lo_s, "hi": prony.slowest.hi_s}}
 
 
 def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
@@ -84,6 +89,7 @@ def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[st
     row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
                            "unit": "S/m" if experiment.kind == "conductivity" else "Pa",
                            "source": list(experiment.source), "strain_range": _range(experiment)}
+    row |= {name: experiment.facts[name] for name in _SCATTER if name in experiment.facts}
     if is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, curve)) | {"weight": curve.weight}

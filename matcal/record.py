@@ -2,9 +2,9 @@
 
 The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where
 the test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law
-without rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; bands.parquet, stress in every mode
-with its 95 % band, and conductivity_band.parquet; decisions.json, test or stage -> sentences; and posterior.nc where a
-posterior was sampled.
+without rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; predicted_i.parquet, a test kept out
+of the fit; bands.parquet, stress in every mode with its 95 % band, and conductivity_band.parquet; decisions.json, test
+or stage -> sentences; and posterior.nc where a posterior was sampled.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from matcal.bands import conductivity_band, stress_bands
 from matcal.calibrate import Calibration, is_curve, labels
 from matcal.card import MaterialCard, write_card, write_json
 from matcal.conductivity import conductivity
+from matcal.cross_prediction import Predicted
 from matcal.draws import FILE, law_of, write_draws
 from matcal.experiment import Experiment
 from matcal.fit import modelled
@@ -37,6 +38,8 @@ from matcal.uncertainty import derived_quantities
 if TYPE_CHECKING:
     from matcal.posterior import Posterior
 
+# bytes of a file in which it may call itself synthetic
+_HEAD = 4096
 _PACKAGES = ("touchcal", "numpy", "scipy", "lmfit", "emcee", "arviz")
 
 
@@ -50,7 +53,7 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
     spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
     provenance = {"files": [{"name": p.name, "sha256": hashlib.sha256(p.read_bytes()).hexdigest()} for p in files],
                   "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
-                  "synthetic": any("synthetic" in d.lower() for d in decisions), "seed": seed,
+                  "synthetic": _synthetic(files, decisions), "seed": seed,
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
                   "cpu_s": spent}
@@ -58,6 +61,12 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
                         found.conductivity.law if found.conductivity else None, fit=fit_part(found),
                         stability=stability(law) if law else {}, provenance=provenance, data=folder_of(out).name,
                         posterior=_posterior_part(posterior, folder_of(out).name) if posterior else {})
+
+
+def _synthetic(files: Sequence[Path], decisions: Sequence[str]) -> bool:
+    """Whether a file calls itself synthetic near its beginning, or in a property that was read."""
+    heads = (path.read_bytes()[:_HEAD].lower() for path in files)
+    return any("synthetic" in d.lower() for d in decisions) or any(b"synthetic" in head for head in heads)
 
 
 def said(found: Calibration) -> dict[str, tuple[str, ...]]:
@@ -89,6 +98,8 @@ def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path)
         _table(found, label, experiment).to_parquet(folder / f"{label}.parquet", index=False)
         if experiment.cycles is not None:
             pd.DataFrame(dict(experiment.cycles)).to_parquet(folder / f"{label}_cycles.parquet", index=False)
+    for k, predicted in enumerate(found.predicted, 1):
+        _predicted_table(found, predicted).to_parquet(folder / f"predicted_{k}.parquet", index=False)
     write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")
     draws = posterior.draws if posterior is not None else None
     if found.fit and found.uncertainty:
@@ -99,6 +110,16 @@ def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path)
         band.to_parquet(folder / "conductivity_band.parquet", index=False)
     if draws is not None:
         write_draws(draws, folder / FILE)
+
+
+def _predicted_table(found: Calibration, predicted: Predicted) -> pd.DataFrame:
+    """A test kept out of the fit, with what the law and the laws of single modes say of it."""
+    assert found.fit is not None
+    curve = predicted.curve
+    columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
+               "predicted_stress_Pa": modelled(found.fit.law, curve)}
+    columns |= {f"{mode}_alone_stress_Pa": modelled(alone.law, curve) for mode, alone in found.fit.alone.items()}
+    return pd.DataFrame(columns)
 
 
 def folder_of(card: Path) -> Path:

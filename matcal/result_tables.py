@@ -8,11 +8,13 @@ from typing import Any
 
 from matcal.card import MaterialCard
 from matcal.cautions import relative_rms, tests
-from matcal.digits import significant, with_error, within
+from matcal.digits import percent, significant, with_error, within
 from matcal.modes import MODES
 
 MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulus",
-           "plateau_Pa": "stress at 40 % strain"}
+           "plateau_Pa": "stress at 40 % strain", "g_infinity": "long-term share",
+           "mu_0_instantaneous_Pa": "before relaxation", "mu_0_new_specimen_Pa": "of a further specimen",
+           "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin"}
 
 
 @dataclass(frozen=True)
@@ -24,22 +26,23 @@ class Printed:
     rows: Sequence[Sequence[str]]
     # one letter a column: < left, > right, w left and folded where the line is too short
     align: str
-    # a sentence below it
-    note: str = ""
+    # sentences below it
+    notes: Sequence[str] = ()
 
 
 def derived(card: MaterialCard) -> Printed:
     """What the tests measure, by linearisation and, where it was sampled, by the posterior."""
-    assert card.hyperfoam is not None
+    linear: Mapping[str, Any] = card.fit.get("derived", {})
     drawn: Mapping[str, Any] = card.posterior.get("derived", {})
     rows = []
-    for name, row in card.fit["derived"].items():
-        value, interval = within(row["value"], row["lo"], row["hi"])
+    for name in dict.fromkeys([*linear, *drawn]):
+        own = linear.get(name) or {**drawn[name], "value": drawn[name]["median"]}
+        value, interval = within(own["value"], own["lo"], own["hi"])
         sampled = [_posterior(drawn.get(name))] if drawn else []
-        rows.append([name, value, interval, *sampled, MEANING.get(name, "")])
+        rows.append([name, value, interval if name in linear else "-", *sampled, MEANING.get(name, "")])
     head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
-    return Printed(f"Results: {card.hyperfoam.moduli} moduli".replace("longterm", "long-term"), head, rows,
-                   "<>>" + (">" if drawn else "") + "w")
+    title = f"Results: {card.hyperfoam.moduli} moduli" if card.hyperfoam else "Results"
+    return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w")
 
 
 def _posterior(row: Mapping[str, float] | None) -> str:
@@ -56,7 +59,7 @@ def law(card: MaterialCard) -> Printed:
                      significant(float(nu), 3)])
     head = ["i", "mu_Pa", "+-", "alpha", "+-", "nu"]
     return Printed("Hyperfoam terms, one standard error each", head, rows, ">>>>>>",
-                   "Single terms compensate each other; read the results above.")
+                   ("Single terms compensate each other; read the results above.",))
 
 
 def series(card: MaterialCard) -> Printed:
@@ -67,7 +70,15 @@ def series(card: MaterialCard) -> Printed:
     for k, (g, tau) in enumerate(zip(card.prony.g, card.prony.tau_s, strict=True)):
         rows.append([str(k + 1), *_pair(g, _at(sd, "g_sd", k)), *_pair(tau, _at(sd, "tau_sd_s", k))])
     return Printed("Prony series, one standard error each", ["i", "g", "+-", "tau_s", "+-"], rows, ">>>>>",
-                   f"Long-term over instantaneous modulus: {significant(card.prony.g_infinity)}.")
+                   (f"Long-term over instantaneous modulus: {significant(card.prony.g_infinity)}.", *_slowest(sd)))
+
+
+def _slowest(found: Mapping[str, Any]) -> list[str]:
+    if "slowest_s" not in found:
+        return []
+    row = found["slowest_s"]
+    end = "without an upper end" if row["hi"] is None else f"to {row['hi']:.3g} s"
+    return [f"The slowest time has the 95 % profile interval {row['lo']:.3g} s {end}."]
 
 
 def skin(card: MaterialCard) -> Printed:
@@ -76,9 +87,8 @@ def skin(card: MaterialCard) -> Printed:
     found = card.fit.get("conductivity", {})
     rows = [["c0_S_per_m", *_pair(card.conductivity.c0_S_per_m, found.get("c0_sd_S_per_m"))]]
     rows += [[f"a_{k + 1}", *_pair(a, _at(found, "a_sd", k))] for k, a in enumerate(card.conductivity.a)]
-    lo, hi = card.conductivity.strain_range
     return Printed("Conductivity, one standard error each", ["", "value", "+-"], rows, "<>>",
-                   f"Fitted for strains of {significant(_near(lo, hi), 3)} to {significant(_near(hi, lo), 3)}.")
+                   (f"Fitted for strains of {_span(card.conductivity.strain_range)}.",))
 
 
 def errors(card: MaterialCard) -> Printed:
@@ -86,8 +96,7 @@ def errors(card: MaterialCard) -> Printed:
     rows, found = [], tests(card)
     weighted = _weighted(found.values())
     for label, row in found.items():
-        lo, hi = row["strain_range"]
-        rows.append([label, str(row["n"]), f"{significant(_near(lo, hi), 3)} to {significant(_near(hi, lo), 3)}",
+        rows.append([label, str(row["n"]), _span(row["strain_range"]),
                      f"{significant(row['rms'], 3)} {row['unit']}", percent(row["relative_rms"]),
                      "-" if row["r2"] is None else _r_squared(row["r2"]),
                      *([significant(row["weight"], 2)] if weighted else [])])
@@ -115,6 +124,51 @@ def cross(card: MaterialCard) -> Printed:
                    "<" + ">" * len(modes))
 
 
+def replicates(card: MaterialCard) -> Printed:
+    """How stiff each specimen is beside the mean of its kind."""
+    rows = [[label, row["kind"], significant(row["stiffness_factor"]), percent(row["stiffness_factor_sd"], 2),
+             percent(row["shape_scatter"], 2)] for label, row in tests(card).items() if "stiffness_factor" in row]
+    return Printed("Specimens", ["test", "kind", "stiffness over mean", "scatter", "shape scatter"], rows, "<<>>>",
+                   ("Scatter is the standard deviation of the factors of a kind; shape scatter what they leave.",))
+
+
+def predicted(card: MaterialCard) -> Printed:
+    """Relative RMS of every law on the tests that were kept out of the fit."""
+    tested = card.fit["predicted"]
+    laws = list(tested[0]["relative_rms"])
+    rows = [[", ".join(row["source"]), row["kind"], _span(row["strain_range"]),
+             *(percent(row["relative_rms"][law]) for law in laws)] for row in tested]
+    return Printed("Predicted, not fitted: relative RMS", ["file", "mode", "strain", *laws], rows,
+                   "w<>" + ">" * len(laws))
+
+
+def stability_cost(card: MaterialCard) -> Printed:
+    """Relative RMS of the law held stable, beside that of the free one."""
+    free, held = card.fit["without_stability"]["relative_rms_of"], tests(card)
+    rows = [[label, percent(held[label]["relative_rms"]), percent(share)] for label, share in free.items()]
+    return Printed("What stability costs: relative RMS", ["test", "held stable", "free"], rows, "<>>")
+
+
+def by_test(card: MaterialCard) -> Printed:
+    """Relative RMS of every law in every test, where some mode was tested more than once."""
+    alone, found = card.fit["cross_prediction"], tests(card)
+    rows = [[label, percent(found[label]["relative_rms"]),
+             *(percent(law["relative_rms_of"][label]) for law in alone.values())]
+            for label in next(iter(alone.values()))["relative_rms_of"]]
+    return Printed("Relative RMS by test", ["test", "all modes", *(f"{mode} alone" for mode in alone)], rows,
+                   "<" + ">" * (1 + len(alone)))
+
+
+def series_orders(card: MaterialCard) -> Printed:
+    """Numbers of Prony terms tried, with their information criterion."""
+    assert card.prony is not None
+    tried = card.fit["prony"]["orders"]
+    best = min(row["bic"] for row in tried)
+    rows = [[str(row["order"]) + (" *" if row["order"] == card.prony.g.size else "  "), percent(row["rms"]),
+             f"{row['bic'] - best:.0f}"] for row in tried]
+    return Printed("Terms of the Prony series (* chosen)", ["terms", "residual", "BIC above least"], rows, ">>>")
+
+
 def stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Printed:
     """Where each criterion is lost in each mode."""
     rows = []
@@ -123,7 +177,7 @@ def stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Printed:
                 for modes in found.values()]
         rows.append([mode, "{:g} to {:g}".format(*first["scanned"]), *lost])
     return Printed("Stability of the law", ["mode", "scanned", *(f"{criterion} lost at" for criterion in found)], rows,
-                   "<<" + "w" * len(found), "Strain is gamma in shear, J in volumetric.")
+                   "<<" + "w" * len(found), ("Strain is gamma in shear, J in volumetric.",))
 
 
 def orders(card: MaterialCard) -> Printed:
@@ -136,11 +190,6 @@ def orders(card: MaterialCard) -> Printed:
                    rows, ">>>w")
 
 
-def percent(fraction: float) -> str:
-    """A fraction in per cent, three digits, or that it is beyond reading."""
-    return f"{significant(100 * fraction, 3)} %" if fraction < 10 else "over 1000 %"
-
-
 def _pair(value: float, error: float | None) -> tuple[str, str]:
     return with_error(float(value), float(error)) if error else (significant(float(value)), "unknown")
 
@@ -151,6 +200,11 @@ def _stderr(errors: Mapping[str, Any], name: str) -> float | None:
 
 def _at(found: Mapping[str, Any], key: str, k: int) -> float | None:
     return float(found[key][k]) if key in found else None
+
+
+def _span(ends: Sequence[float]) -> str:
+    lo, hi = ends
+    return f"{significant(_near(lo, hi), 3)} to {significant(_near(hi, lo), 3)}"
 
 
 def _near(end: float, other: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from rich.text import Text
 from matcal import result_tables as tables
 from matcal.card import MaterialCard
 from matcal.cautions import cautions, tests
+from matcal.data_stability import as_lines
 from matcal.decisions import grouped
 from matcal.modes import MODES
 
@@ -66,7 +68,7 @@ def print_fit(card: MaterialCard, out: Path) -> None:
 
 
 def _results(card: MaterialCard) -> Iterator[tables.Printed]:
-    if "derived" in card.fit:
+    if "derived" in card.fit or card.posterior.get("derived"):
         yield tables.derived(card)
     if card.hyperfoam is not None and "parameters" in card.fit:
         yield tables.law(card)
@@ -77,14 +79,26 @@ def _results(card: MaterialCard) -> Iterator[tables.Printed]:
 
 
 def _quality(card: MaterialCard) -> Iterator[tables.Printed]:
-    if tests(card):
+    fitted = tests(card)
+    if fitted:
         yield tables.errors(card)
+    if any("stiffness_factor" in row for row in fitted.values()):
+        yield tables.replicates(card)
     if card.fit.get("cross_prediction"):
         yield tables.cross(card)
+        if len({row["kind"] for row in fitted.values()}) < len(fitted):
+            yield tables.by_test(card)
+    if card.fit.get("predicted"):
+        yield tables.predicted(card)
+    if "without_stability" in card.fit:
+        yield tables.stability_cost(card)
     if card.stability:
-        yield tables.stability(card.stability)
+        found = tables.stability(card.stability)
+        yield replace(found, notes=(*found.notes, *as_lines(card.fit.get("data_stability", ()))))
     if len(card.fit.get("orders", ())) > 1:
         yield tables.orders(card)
+    if len(card.fit.get("prony", {}).get("orders", ())) > 1:
+        yield tables.series_orders(card)
 
 
 def _title(card: MaterialCard) -> str:
@@ -141,8 +155,8 @@ def _print_table(console: Console, printed: tables.Printed) -> None:
     for row in printed.rows:
         table.add_row(*(Text(cell) for cell in row))
     console.print(table)
-    if printed.note:
-        _say(console, f" {printed.note}")
+    for note in printed.notes:
+        _say(console, f" {note}")
 
 
 def _heading(console: Console, words: str) -> None:

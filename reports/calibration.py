@@ -51,7 +51,7 @@ def report(card_path: Path) -> Report:
         absent["posterior"] = why
     overview = overview_plates.strip(record)
     plates = [*([overview] if overview else []), *_mode_plates(record, absent),
-              *_relaxation_plates(record, absent), *_skin_plates(record, absent),
+              *_relaxation_plates(record, absent), *_skin_plates(record, absent), *_predicted_plates(record),
               *_cycle_plates(record), *_order_plates(card), *_band_plates(record), *_stability_plates(card, absent),
               *([posterior_plates.derived(draws, card)] if draws is not None else [])]
     footer = provenance.footer(_sources(record), provenance.seed_words(card.provenance.get("seed")))
@@ -102,6 +102,12 @@ def _band_source(card: MaterialCard) -> str:
     return "from the posterior" if card.posterior else "linearised about the fit"
 
 
+def _predicted_plates(record: Record) -> list[Plate]:
+    tested = record.card.fit.get("predicted", ())
+    return [mechanics_plates.predicted(f"predicted_{k}", row, record.tables[f"predicted_{k}"])
+            for k, row in enumerate(tested, 1) if f"predicted_{k}" in record.tables]
+
+
 def _cycle_plates(record: Record) -> list[Plate]:
     return [cycle_plates.cycles(stem.removesuffix("_cycles"), table) for stem, table in record.tables.items()
             if stem.endswith("_cycles") and len(table)]
@@ -144,8 +150,9 @@ def _skin_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
 
 def _stability_plates(card: MaterialCard, absent: dict[str, str]) -> list[Plate]:
     if card.stability and card.hyperfoam is not None:
-        return [stability_plates.ranges(card.stability, card.hyperfoam.strain_range)]
-    absent["stability"] = "The card holds no stability ranges; `matcal check` computes them."
+        records = card.fit.get("data_stability", ())
+        return [stability_plates.ranges(card.stability, card.hyperfoam.strain_range, records)]
+    absent["stability"] = "The card holds no stability ranges; matcal check computes them."
     return []
 
 
@@ -162,13 +169,17 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
     if tests(card):
         tables["tested"] = summary.tested(card)
     else:
-        absent["tested"] = "The card holds no errors of fit: it was not written by `matcal fit`."
+        absent["tested"] = "The card holds no errors of fit: it was not written by matcal fit."
     if card.fit.get("cross_prediction"):
         tables["cross"] = tables_of.cross(card)
+        first = next(iter(card.fit["cross_prediction"].values()))
+        if len(first.get("relative_rms_of", ())) > len(first["relative_rms"]):
+            tables["by_test"] = tables_of.by_test(card)
+    tables |= _checks(card)
     if card.hyperfoam is not None and card.fit.get("orders"):
         tables["orders"] = tables_of.orders(card)
     if card.stability:
-        tables["stability"] = tables_of.stability(card.stability)
+        tables["unstable"] = tables_of.stability(card.stability)
     if card.hyperfoam is not None:
         tables["exports"] = tables_of.exports(card)
     if card.provenance.get("files"):
@@ -176,6 +187,18 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
     else:
         absent["files"] = "The card names no measurement files."
     return tables
+
+
+def _checks(card: MaterialCard) -> dict[str, Table]:
+    """Tables of what was checked beside the fit, where the card holds it."""
+    made = {"predicted": tables_of.predicted, "data_stability": tables_of.data_stability,
+            "without_stability": tables_of.stability_cost}
+    out = {name: make(card) for name, make in made.items() if card.fit.get(name)}
+    if any("stiffness_factor" in row for row in tests(card).values()):
+        out["replicates"] = tables_of.replicates(card)
+    if len(card.fit.get("prony", {}).get("orders", ())) > 1:
+        out["series_orders"] = tables_of.series_orders(card)
+    return out
 
 
 def _prose(record: Record) -> dict[str, Any]:

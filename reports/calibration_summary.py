@@ -69,9 +69,20 @@ def _foam_rows(card: MaterialCard) -> list[list[str]]:
     values = law_values(law) if not known else {name: row["value"] for name, row in known.items()}
     for name, value in values.items():
         middle, ends = _within(known.get(name), value, factor)
-        sampled = [_within(drawn.get(name), value, factor)[1]] if drawn else []
-        rows.append([NAMES.get(name, name), unit, middle, ends, *sampled, _where(card, name)])
+        rows.append([NAMES.get(name, name), unit, middle, ends, *_sampled(drawn, name, factor), _where(card, name)])
+    if "mu_0_new_specimen_Pa" in drawn:
+        row = drawn["mu_0_new_specimen_Pa"]
+        middle, ends = within(factor * row["median"], factor * row["lo"], factor * row["hi"])
+        rows.append(["μ₀ of a further specimen", unit, middle, "–", ends, "specimens like those tested"])
     return rows
+
+
+def _sampled(drawn: Mapping[str, Any], name: str, factor: float = 1.0) -> list[str]:
+    """The cell of the posterior's interval; none where nothing was sampled."""
+    if not drawn:
+        return []
+    row = drawn.get(name)
+    return ["–" if row is None else within(factor * row["median"], factor * row["lo"], factor * row["hi"])[1]]
 
 
 def _within(row: Mapping[str, float] | None, value: float, factor: float) -> tuple[str, str]:
@@ -92,11 +103,11 @@ def _where(card: MaterialCard, name: str) -> str:
 def _series_rows(card: MaterialCard) -> list[list[str]]:
     if card.prony is None:
         return []
-    sd, value, sampled = card.fit.get("prony", {}).get("g_infinity_sd"), card.prony.g_infinity, _drawn(card)
+    sd, value = card.fit.get("prony", {}).get("g_infinity_sd"), card.prony.g_infinity
     middle, ends = (within(value, value - 1.96 * sd, value + 1.96 * sd) if sd else (number(value, 4), "–"))
     last = max((row["time_s"] for row in tests(card).values() if row["kind"] == "relaxation" and "time_s" in row),
                default=None)
-    return [["long-term share of the modulus", "–", middle, ends, *(["–"] if sampled else []),
+    return [["long-term share of the modulus", "–", middle, ends, *_sampled(_drawn(card), "g_infinity"),
              f"{number(last)} s of relaxation" if last else "the recorded hold"]]
 
 
@@ -104,16 +115,16 @@ def _skin_rows(record: Record) -> list[list[str]]:
     card = record.card
     if card.conductivity is None:
         return []
-    sd, sampled = card.fit.get("conductivity", {}).get("c0_sd_S_per_m"), _drawn(card)
+    sd, drawn = card.fit.get("conductivity", {}).get("c0_sd_S_per_m"), _drawn(card)
     c0, (lo, hi) = card.conductivity.c0_S_per_m, card.conductivity.strain_range
     middle, ends = within(c0, c0 - 1.96 * sd, c0 + 1.96 * sd) if sd else (number(c0, 4), "not in the card")
-    rows = [["unstrained conductivity c₀", "S/m", middle, ends, *(["–"] if sampled else []),
+    rows = [["unstrained conductivity c₀", "S/m", middle, ends, *_sampled(drawn, "c0_S_per_m"),
              f"strain {interval(lo, hi)}"]]
     band = record.tables.get("conductivity_band")
     if band is not None:
         value, low, high = conductivity_at(band, -0.5)
         middle, ends = within(value, low, high)
-        rows.append(["conductivity at a strain of −0.5", "S/m", middle, ends, *(["–"] if sampled else []),
+        rows.append(["conductivity at a strain of −0.5", "S/m", middle, ends, *(["–"] if drawn else []),
                      "extrapolated" if lo > -0.5 else "measured"])
     return rows
 

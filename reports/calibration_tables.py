@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from matcal import result_tables
 from matcal.card import MaterialCard
-from matcal.cautions import NAMES, relative_rms
+from matcal.cautions import NAMES, relative_rms, tests
 from matcal.export.deck import TARGETS, export
 from matcal.hyperfoam import Hyperfoam
+from matcal.result_tables import Printed
 from reports.numerals import counted, interval, number, pascals, percent, plus_minus, typeset
 from reports.page import Table
 
@@ -45,6 +47,8 @@ def _parameter_caption(law: Hyperfoam | None, errors: Mapping[str, Any]) -> str:
         if (sum_error := _stderr(errors, "mu_0_Pa")) is not None:
             caption += f", their sum μ₀ to {percent(sum_error / law.mu_0_Pa)}"
         caption += ". These errors take residuals as independent and the law as exact"
+    elif law is not None and errors:
+        caption += "; single terms have no standard errors, because the tests do not tell them apart"
     return caption + "."
 
 
@@ -124,7 +128,8 @@ def exports(card: MaterialCard) -> Table:
     rows = []
     for target, result in found.items():
         words = result if isinstance(result, str) else " ".join(w for w in result if w not in common)
-        rows.append([target, "refused" if isinstance(result, str) else "written", typeset(words) or "–"])
+        rows.append([target, "refused" if isinstance(result, str) else "written",
+                     typeset(words).replace("`", "") or "–"])
     caption = (f"Export: {counted(len(written), 'program')} of {len(TARGETS)} "
                f"{'takes' if len(written) == 1 else 'take'} this law; matcal export writes the input, with units, "
                "moduli and warnings as comments. "
@@ -140,8 +145,68 @@ def _exported(card: MaterialCard, target: str) -> tuple[str, ...] | str:
         return str(refusal)
 
 
+def printed(table: Printed, caption: str) -> Table:
+    """A table of the terminal on a page."""
+    rows = [[typeset(cell) for cell in row] for row in table.rows]
+    return Table(caption, table.head, rows, table.align.replace("<", "l").replace(">", "r"))
+
+
+def replicates(card: MaterialCard) -> Table:
+    """How specimens of one kind differ."""
+    rows = [row for row in tests(card).values() if "stiffness_factor" in row]
+    worst = max(rows, key=lambda row: row["stiffness_factor_sd"])
+    return printed(result_tables.replicates(card), (
+        f"Specimens: in {worst['kind']} their stiffness scatters by {percent(worst['stiffness_factor_sd'])} (standard "
+        f"deviation of the factors), and {percent(worst['shape_scatter'])} more in shape."))
+
+
+def predicted(card: MaterialCard) -> Table:
+    """Errors on the tests that were kept out of the fit."""
+    worst = max(card.fit["predicted"], key=lambda row: row["relative_rms"]["combined"])
+    return printed(result_tables.predicted(card), (
+        "Predicted, not fitted: relative RMS of each law. The law of all modes misses "
+        f"{', '.join(worst['source'])} ({worst['kind']}) by {percent(worst['relative_rms']['combined'], 3)}."))
+
+
+def stability_cost(card: MaterialCard) -> Table:
+    """Errors of the law that was held stable, and of the free one."""
+    found = card.fit["without_stability"]["relative_rms_of"]
+    added = {label: card.fit[label]["relative_rms"] - share for label, share in found.items()}
+    most = max(added, key=lambda label: added[label])
+    return printed(result_tables.stability_cost(card), (
+        f"What stability costs: at most {percent(card.fit[most]['relative_rms'], 3)} instead of "
+        f"{percent(found[most], 3)}, in {most} (relative RMS)."))
+
+
+def by_test(card: MaterialCard) -> Table:
+    """Errors of every law in every test."""
+    return printed(result_tables.by_test(card), "Relative RMS of each law in each test.")
+
+
+def series_orders(card: MaterialCard) -> Table:
+    """Numbers of Prony terms tried."""
+    assert card.prony is not None
+    caption = f"Terms of the Prony series tried; it has {counted(card.prony.g.size, 'term')}."
+    if slowest := card.fit["prony"].get("slowest_s"):
+        end = "without an upper end" if slowest["hi"] is None else f"to {number(slowest['hi'])} s"
+        caption += (f" The slowest time, {number(slowest['value'])} s, has the 95 % profile interval "
+                    f"{number(slowest['lo'])} s {end}.")
+    return printed(result_tables.series_orders(card), caption)
+
+
+def data_stability(card: MaterialCard) -> Table:
+    """Where the records themselves violate a criterion."""
+    rows = [[row["test"], NAMES.get(row["criterion"], row["criterion"]), interval(*row["covered_strain"]),
+             "; ".join(interval(a, b) for a, b in row["violated_strain"]) or "nowhere"]
+            for row in card.fit["data_stability"]]
+    found = sum(bool(row["violated_strain"]) for row in card.fit["data_stability"])
+    caption = (f"The records themselves: {found} of {len(rows)} checks find stress that falls where the criterion "
+               "forbids it, whatever the law.")
+    return Table(caption, ["test", "criterion", "strain covered", "violated at"], rows, "llrw")
+
+
 def files(provenance: Mapping[str, Any]) -> Table:
     """The measurement files and their hashes."""
     rows = [[f["name"], f["sha256"]] for f in provenance["files"]]
-    caption = f"The {counted(len(rows), 'file')} that the card was fitted to."
+    caption = f"The {counted(len(rows), 'file')} that went into the card."
     return Table(caption, ["file", "sha256 of its bytes"], rows, "wl")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -56,6 +57,29 @@ def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapp
     style.label(lower, STRAIN.get(kind, f"{what.capitalize()} strain (–)"), f"Residual ({fine_unit})")
     upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
     return Plate(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
+
+
+def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> Plate:
+    """A test that was kept out of the fit, and what the laws say of it; `row` of the card's fit.predicted."""
+    factor, unit = pascals(table["stress_Pa"].to_numpy())
+    figure = style.sheet(62)
+    axes = figure.subplots()
+    axes.plot(table["strain"], factor * table["stress_Pa"], "o", color=style.INK, ms=2, mew=0, label="measured")
+    axes.plot(table["strain"], factor * table["predicted_stress_Pa"], color=style.ACCENT,
+              label="predicted by the law of all modes")
+    alone = [column for column in table if str(column).endswith("_alone_stress_Pa")]
+    for k, column in enumerate(alone, 1):
+        axes.plot(table["strain"], factor * table[column], color=style.SERIES[k % 4], ls=style.DASHES[k % 4],
+                  label=f"by that of {str(column).removesuffix('_alone_stress_Pa')} alone")
+    _frame_data(axes, [factor * table["stress_Pa"].to_numpy()])
+    style.label(axes, STRAIN.get(row["kind"], "Nominal strain (–)"), f"Nominal stress ({unit})")
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
+    missed = [f"the law of all modes misses it by {percent(row['relative_rms']['combined'], 3)}"]
+    missed += [f"that of {law} by {percent(share, 3)}" for law, share in row["relative_rms"].items()
+               if law.endswith("alone")]
+    caption = (f"Predicted, not fitted: {', '.join(row['source'])}, {row['kind']}: {'; '.join(missed)} "
+               "(relative RMS).")
+    return Plate(name, figure, caption, {name: table})
 
 
 def _draw_tests(axes: Axes, tests: Sequence[Test], sign: float, factor: float, title: str) -> dict[str, pd.DataFrame]:

@@ -25,7 +25,7 @@ _SUBSCRIPTS = str.maketrans({"₀": "$_0$"})
 def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
     """The draws of a card, or why there are none."""
     if not card.posterior:
-        return None, "The card has no posterior; `matcal fit --posterior` samples one."
+        return None, "The card has no posterior; matcal fit --posterior samples one."
     file = path.parent / str(card.posterior["file"])
     if not file.is_file():
         return None, f"The posterior {card.posterior['file']} that the card names is not beside it."
@@ -34,22 +34,23 @@ def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
 
 def derived(draws: Draws, card: MaterialCard) -> Plate:
     """Histograms of the derived quantities over the draws, each with its middle 95 % and the linearised result."""
-    quantities = _quantities(draws, card)
-    count = len(quantities) + 1
+    quantities = _quantities(draws)
+    count = len(quantities) + (draws.alpha.shape[1] > 0)
     columns = count if count <= 4 else 3
     figure = style.sheet(44 * -(-count // columns))
     panels = list(figure.subplots(-(-count // columns), columns, squeeze=False).flat)
     for axes, (name, column) in zip(panels, quantities.items(), strict=False):
         _histogram(axes, name, column, card)
-    _exponents(panels[len(quantities)], draws.alpha)
+    if draws.alpha.shape[1]:
+        _exponents(panels[len(quantities)], draws.alpha)
     for axes in panels[count:]:
         axes.axis("off")
     said = "; ".join(f"{column.words} {_middle(column.values)} {column.unit}".replace(" –", "")
                      for column in quantities.values())
+    linear = ", in orange the linearised intervals" if card.fit.get("derived") else ""
     spans = ", ".join(_middle(draws.alpha[:, i]) for i in range(draws.alpha.shape[1]))
-    caption = (f"Posterior over {counted(len(draws), 'draw')}, 95 % shaded, in orange the linearised intervals: "
-               f"{said}. The exponents run over {spans}."
-               + _checked(card))
+    caption = (f"Posterior over {counted(len(draws), 'draw')}, 95 % shaded{linear}: {said}."
+               + (f" The exponents run over {spans}." if spans else "") + _checked(card))
     data = pd.DataFrame({name: column.values for name, column in quantities.items()}
                         | {f"alpha_{i + 1}": draws.alpha[:, i] for i in range(draws.alpha.shape[1])})
     return Plate("posterior", figure, caption, {"posterior": data})
@@ -69,14 +70,9 @@ class _Column:
     factor: float = 1.0
 
 
-def _quantities(draws: Draws, card: MaterialCard) -> dict[str, _Column]:
+def _quantities(draws: Draws) -> dict[str, _Column]:
     """Name with unit -> what the draws say of it."""
-    factor, unit = pascals(draws.mu_Pa.sum(axis=1))
-    plateau = np.array([-float(nominal_stress(law_of(draws, k), "uniaxial", PLATEAU_STRAIN))
-                        for k in range(len(draws))])
-    second, other = pascals(plateau)
-    out = {f"mu_0_{unit}": _Column("μ₀, long-term", unit, factor * draws.mu_Pa.sum(axis=1), "mu_0_Pa", factor),
-           f"plateau_{other}": _Column("Plateau stress", other, second * plateau, "plateau_Pa", second)}
+    out = _foam_quantities(draws) if draws.mu_Pa.shape[1] else {}
     if draws.g is not None:
         out["g_infinity"] = _Column("Long-term share", "–", 1 - draws.g.sum(axis=1))
     if draws.conductivity_S_per_m is not None:
@@ -84,6 +80,15 @@ def _quantities(draws: Draws, card: MaterialCard) -> dict[str, _Column]:
         out["c0_S_per_m"] = _Column("c₀", "S/m", c[:, 0])
         out["c_at_minus_half_S_per_m"] = _Column("c at a strain of −0.5", "S/m", c @ (-0.5) ** np.arange(4))
     return out
+
+
+def _foam_quantities(draws: Draws) -> dict[str, _Column]:
+    mu_0 = draws.mu_Pa.sum(axis=1)
+    plateau = np.array([-float(nominal_stress(law_of(draws, k), "uniaxial", PLATEAU_STRAIN))
+                        for k in range(len(draws))])
+    (factor, unit), (second, other) = pascals(mu_0), pascals(plateau)
+    return {f"mu_0_{unit}": _Column("μ₀, long-term", unit, factor * mu_0, "mu_0_Pa", factor),
+            f"plateau_{other}": _Column("Plateau stress", other, second * plateau, "plateau_Pa", second)}
 
 
 def _histogram(axes: Axes, name: str, column: _Column, card: MaterialCard) -> None:

@@ -20,8 +20,11 @@ SCANNED, UNSTABLE = "#dcdcdc", style.SECOND
 Ranges = Mapping[str, tuple[float, float]]
 
 
-def ranges(stability: Mapping[str, Any], fitted: Ranges) -> Plate:
-    """Scanned strains as grey bars, unstable ones on top, fitted ones as a line; `stability` as the card holds it."""
+def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mapping[str, Any]] = ()) -> Plate:
+    """Scanned strains as grey bars, unstable ones on top, fitted ones as a line, violations by the records as crosses.
+
+    `stability` and `records` (fit.data_stability) as the card holds them.
+    """
     rows = [(mode, criterion) for mode in next(iter(stability.values())) for criterion in stability]
     figure = style.sheet(18 + 3.6 * len(rows))
     axes = figure.subplots()
@@ -35,20 +38,30 @@ def ranges(stability: Mapping[str, Any], fitted: Ranges) -> Plate:
             told.append((mode, criterion, a, b))
         if mode in fitted:
             axes.plot(fitted[mode], [y, y], color=style.INK, lw=1.6, solid_capstyle="butt")
-    _finish(axes, rows)
+        for a, b in _violated(records, mode, criterion):
+            axes.plot([a, b], [y, y], "x-", color=style.THIRD, lw=1.6, ms=4)
+    _finish(axes, rows, bool(records))
     data = pd.DataFrame(told, columns=["mode", "criterion", "unstable_from", "unstable_to"])
     return Plate("stability", figure, _caption(told, fitted), {"stability": data})
 
 
-def _finish(axes: Axes, rows: Sequence[tuple[str, str]]) -> None:
+def _violated(records: Sequence[Mapping[str, Any]], mode: str, criterion: str) -> list[tuple[float, float]]:
+    """Strains at which records of a mode violate a criterion."""
+    return [(a, b) for row in records if row["test"].rsplit("_", 1)[0] == mode and row["criterion"] == criterion
+            for a, b in row["violated_strain"]]
+
+
+def _finish(axes: Axes, rows: Sequence[tuple[str, str]], checked: bool) -> None:
     axes.set_yticks(range(len(rows)), [f"{mode}, {_SHORT.get(criterion, criterion)}" for mode, criterion in rows])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.axvline(0, color=style.GREY, lw=0.5)
     axes.legend(handles=[Patch(color=SCANNED, label="scanned"),
                          Patch(facecolor=UNSTABLE, hatch="////", edgecolor="white", label="unstable"),
-                         Line2D([], [], color=style.INK, lw=1.6, label="fitted")],
-                loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
+                         Line2D([], [], color=style.INK, lw=1.6, label="fitted"),
+                         *([Line2D([], [], color=style.THIRD, marker="x", ms=4, label="violated by the record itself")]
+                           if checked else [])],
+                loc="lower right", bbox_to_anchor=(1, 1), ncols=4)
     style.label(axes, "Nominal strain; γ in shear, J in volumetric (–)", "")
 
 
