@@ -72,7 +72,8 @@ def unstable_within(law: Hyperfoam, curves: Sequence[Curve]) -> dict[str, dict[s
         for kind in kinds_of(curves):
             e = np.concatenate([c.experiment.strain for c in curves if c.experiment.kind == kind])
             strain = np.linspace(e.min(), e.max(), _SCANNED)
-            if criterion == "elliptic" and np.all(strongly_elliptic(law, log_stretches(law, kind, strain))):
+            if criterion == "elliptic" and np.ptp(law.nu) == 0 and np.all(
+                    strongly_elliptic(law, log_stretches(law, kind, strain))):
                 continue
             ranges = unstable_ranges(lambda s, c=criterion, k=kind: margin(law, c, k, s), strain)
             if ranges:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 MODES = ("uniaxial", "biaxial", "planar", "shear", "volumetric")
 # mode -> logarithmic stretches that follow the driven one freely, as (axes driven, axes free)
 _AXES = {"uniaxial": ([0], [1, 2]), "biaxial": ([0, 1], [2]), "planar": ([0], [2])}
+# longest step of a logarithmic stretch in the search for free faces, and the largest that it may reach
+_LONGEST_STEP, _FARTHEST = 0.3, 6.0
 
 
 def nominal_stress(law: Hyperfoam, mode: str, strain: ArrayLike) -> Array:
@@ -133,16 +135,20 @@ def _shared_nu_stretches(mode: str, e: Array, nu: float) -> Array:
 
 
 def _freed(law: Hyperfoam, mode: str, x: Array) -> Array:
-    free = _AXES[mode][1]
+    """x with the free faces where they carry no stress; NotConverged carries x with NaN where no such place is found.
+    """
+    free, x = _AXES[mode][1], x.copy()
     for _ in range(60):
-        slope = kirchhoff_tangent(law, x)[..., free[0], :][..., free].sum(axis=-1)
-        step = kirchhoff(law, x)[..., free[0]] / np.where(slope == 0, np.finfo(float).tiny, slope)
-        x = x.copy()
-        x[..., free] -= np.clip(step, -0.3, 0.3)[..., None]
+        with np.errstate(over="ignore", invalid="ignore"):  # a stray step is caught below
+            slope = kirchhoff_tangent(law, x)[..., free[0], :][..., free].sum(axis=-1)
+            step = kirchhoff(law, x)[..., free[0]] / np.where(slope == 0, np.finfo(float).tiny, slope)
+        step = np.clip(np.where(np.isfinite(step), step, _LONGEST_STEP), -_LONGEST_STEP, _LONGEST_STEP)
+        x[..., free] = np.clip(x[..., free] - step[..., None], -_FARTHEST, _FARTHEST)
         if np.all(np.abs(step) <= 1e-12):
             return x
+    found = np.where((np.abs(step) <= 1e-12)[..., None], x, np.nan)
     raise NotConverged(f"{mode}: no lateral stretch without stress was found for nu = {law.nu.tolist()}; the law may "
-                       "have lost stability at this strain. Use one nu for all terms.", estimate=x)
+                       "have lost stability at this strain. Use one nu for all terms.", estimate=found)
 
 
 def _components(mode: str, e: Array, x: Array, tau: Array) -> Array:

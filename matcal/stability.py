@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_tangent
 from matcal.modes import MODES, log_stretches
 
@@ -39,13 +40,27 @@ def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
 
 
 def margin(law: Hyperfoam, criterion: str, mode: str, strain: ArrayLike) -> Array:
-    """Least eigenvalue, Pa, (n,), at strains (n,), over all increments (drucker) or directions (elliptic)."""
-    x = log_stretches(law, mode, np.atleast_1d(strain))
+    """Least eigenvalue, Pa, (n,), at strains (n,), over all increments (drucker) or directions (elliptic).
+
+    It is -mu_0 where the free faces find no stress-free stretch (unequal nu): such a state does not exist.
+    """
+    x, exists = _states(law, mode, np.atleast_1d(strain))
     if criterion == "drucker":
-        return np.asarray(np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0], dtype=float)
-    if criterion == "elliptic":
-        return _acoustic_margin(law, x)
-    raise ValueError(f"criterion '{criterion}' is unknown; known: {', '.join(CRITERIA)}.")
+        value = np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0]
+    elif criterion == "elliptic":
+        value = worst_acoustic_directions(law, x)[0]
+    else:
+        raise ValueError(f"criterion '{criterion}' is unknown; known: {', '.join(CRITERIA)}.")
+    return np.where(exists, value, -law.mu_0_Pa)
+
+
+def _states(law: Hyperfoam, mode: str, strain: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Logarithmic stretches (n, 3), 0 where there are none, and whether there are."""
+    try:
+        return log_stretches(law, mode, strain), np.ones(strain.size, dtype=bool)
+    except NotConverged as error:
+        exists = np.all(np.isfinite(error.estimate), axis=-1)
+        return np.where(exists[:, None], error.estimate, 0.0), exists
 
 
 def unstable_ranges(margin_at: Callable[[Array], Array], strain: Array) -> list[list[float]]:
@@ -84,11 +99,6 @@ def worst_acoustic_directions(law: Hyperfoam, x: Array) -> tuple[Array, Array, A
     n = np.sqrt(squares)
     value, vectors = np.linalg.eigh(_acoustic(*_instantaneous_moduli(law, x), squares[:, None]))
     return value[:, 0, 0], n, vectors[:, 0, :, 0]
-
-
-def _acoustic_margin(law: Hyperfoam, x: Array) -> Array:
-    """Least eigenvalue of J Q(n) over n, (n,)."""
-    return worst_acoustic_directions(law, x)[0]
 
 
 def _worst_squares(law: Hyperfoam, x: Array) -> Array:

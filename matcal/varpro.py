@@ -121,7 +121,7 @@ def _projected_slopes(matrix: Array, slope: Array, target: Array) -> Array:
 
 def _ceiling(order: int, allowed: Exponents) -> Array:
     """Largest value of each of `order` ordered exponents."""
-    return allowed.high - allowed.gap * np.arange(order)[::-1]
+    return allowed.high - allowed.gap * np.arange(order, dtype=float)[::-1]
 
 
 def exponents(steps: Array, allowed: Exponents) -> Array:
