@@ -66,7 +66,8 @@ def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> pd.DataFrame:
 
 def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> pd.DataFrame:
     """Rows (strain, conductivity_S_per_m, its _lo and _hi, extrapolated) from deep compression to the data's end."""
-    from matcal.conductivity_fit import LOWEST_STRAIN, conductivity_draws, powers
+    from matcal.conductivity_fit import LOWEST_STRAIN, powers
+    from matcal.skin_posterior import conductivity_draws
 
     law = fit.law
     strain = np.linspace(LOWEST_STRAIN, max(law.strain_range[1], 0.0), _POINTS)

@@ -20,7 +20,7 @@ from matcal.modes import MODES
 from matcal.nuisance import refined_records, with_drift
 from matcal.poisson import FITTED, Poisson
 from matcal.prony import Prony
-from matcal.relaxation_fit import PronyFit, fit_prony
+from matcal.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.uncertainty import Uncertainty, linearised
 
 # turns of (series, law) at most, and the change of g below which they have settled
@@ -46,6 +46,8 @@ class Choices:
     residual: str = "relative"
     # kind -> weight
     weights: Mapping[str, float] = field(default_factory=dict)
+    # terms of the Prony series: 1 to 6, or "auto"
+    prony_terms: int | str = "auto"
 
 
 @dataclass(frozen=True)
@@ -111,15 +113,17 @@ def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None,
 def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], choices: Choices) -> PronyFit:
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
-        return fit_prony(relaxing, None)
+        return fit_prony(relaxing, None, choices.prony_terms)
     nu = 0.0 if isinstance(choices.poisson, str) else float(np.mean(choices.poisson))
     law: Hyperfoam = quick_law(curves, choices.order, nu)
-    found = fit_prony(relaxing, law)
+    found = first = fit_prony(relaxing, law, choices.prony_terms)
     for turn in range(2, _TURNS + 1):
         law = quick_law([with_history(c, found.prony) for c in curves], choices.order, nu)
-        before, found = found.prony, fit_prony(relaxing, law)
+        before, found = found.prony, fit_prony(relaxing, law, first.prony.g.size)
         if np.abs(found.prony.g - before.g).max() < _SETTLED:
-            return replace(found, decisions=(*found.decisions, *_turn_sentences(turn, relaxing, law)))
+            return replace(found, orders=first.orders, decisions=(
+                *order_sentences(choices.prony_terms, first.orders), *found.decisions,
+                *_turn_sentences(turn, relaxing, law)))
     return replace(found, decisions=(*found.decisions, f"Series and law still changed after {_TURNS} turns by "
                                      f"{np.abs(found.prony.g - before.g).max():.1g} in g."))
 

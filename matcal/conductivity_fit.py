@@ -1,7 +1,7 @@
 """Cubic conductivity c(e) fitted with its noise, kept positive wherever a touch may take it.
 
 The tests stretch the skin while touches compress it, so the cubic is used far outside its data: that it stays above a
-small floor from a strain of -0.9 on is part of the prior, and the band is that of a normal distribution cut off there.
+small floor from a strain of -0.9 on is part of the prior (see `matcal.skin_posterior` for its band).
 Source: paper, figure 6c; Lawson & Hanson, Solving Least Squares Problems (1974), chapter 23 (least distance).
 """
 
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, ndtri
 
 from matcal.autocorrelation import inflation
 from matcal.conductivity import Conductivity
@@ -34,13 +33,17 @@ class ConductivityFit:
     law: Conductivity
     # (4,) unconstrained estimate of c_0 (1, a_1, a_2, a_3), S/m
     centre: Array
-    # (4, 4) its covariance, widened where residuals are larger than the noise or correlated
+    # (4, 4) its covariance, widened where residuals are larger than the noise or correlated; the part of it that comes
+    # from an uncertain strain zero, whose size is not told by the residuals
     covariance: Array
+    zero_covariance: Array
     # (4, m) columns p(e) of the strains where p(e) . b >= floor is asked, and that floor, S/m
     positive: tuple[Array, float]
     # sum of squared residuals over the noise, and its degrees of freedom; None where no noise is known
     chi_square: float | None
     freedom: int
+    # independent points that the residuals are worth, beyond the four coefficients
+    worth: float
     # rms(residual)/rms(value), each experiment
     relative_rms: tuple[float, ...]
     # what was decided, one sentence each
@@ -63,41 +66,21 @@ def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
     residual = (basis @ centre - c) / sd
     order = np.argsort(e, kind="stable")
     freedom = e.size - 4
-    spread = float(residual @ residual) / freedom * inflation(residual[order])
+    wider = inflation(residual[order])
+    spread = float(residual @ residual) / freedom * wider
     gain = np.asarray(np.linalg.pinv(basis / sd[:, None]), dtype=float)
     covariance = gain @ gain.T * (max(1.0, spread) if known else spread)
-    covariance += _zero_covariance(experiments, gain, sd, centre)
+    zero = _zero_covariance(experiments, gain, sd, centre)
+    covariance += zero
     positive = (powers(np.linspace(LOWEST_STRAIN, max(float(e.max()), 0.0), _GRID)).T, FLOOR * float(np.median(c)))
     best = nearest(basis / sd[:, None], centre, positive[0].T, positive[1])
     law = Conductivity(float(best[0]), best[1:] / best[0], (float(e.min()), float(e.max())))
     rms = tuple(float(np.sqrt(np.mean((powers(x.strain) @ best - x.value) ** 2) / np.mean(x.value**2)))
                 for x in experiments)
     chi_square = float(np.sum(((basis @ best - c) / sd) ** 2)) if known else None
-    return ConductivityFit(law, centre, covariance, positive, chi_square, freedom, rms,
+    return ConductivityFit(law, centre, covariance, zero, positive, chi_square, freedom,
+                           max(e.size / wider - 4, 1.0), rms,
                            _sentences(law, not np.allclose(best, centre), chi_square, freedom))
-
-
-def conductivity_draws(fit: ConductivityFit, count: int, rng: np.random.Generator) -> Array:
-    """(count, 4) draws of c_0 (1, a_1, a_2, a_3) from the normal law cut off where the cubic is not positive.
-
-    Hit and run: each step moves along a random direction by a normal number cut to the part that stays positive.
-    """
-    columns, floor = fit.positive
-    root = np.linalg.cholesky(fit.covariance)
-    point = fit.law.c0_S_per_m * np.r_[1.0, fit.law.a]
-    out = np.empty((count, 4))
-    for k in range(count):
-        for _ in range(12):
-            whitened = rng.normal(size=4)
-            whitened /= np.linalg.norm(whitened)
-            step, room = (root @ whitened) @ columns, point @ columns - floor
-            ahead = np.max(-room[step > 0] / step[step > 0], initial=-np.inf)
-            behind = np.min(-room[step < 0] / step[step < 0], initial=np.inf)
-            mean = float(whitened @ np.linalg.solve(root, fit.centre - point))
-            low, high = min(ahead, 0.0) - mean, max(behind, 0.0) - mean
-            point = point + (mean + _cut_normal(low, high, rng)) * (root @ whitened)
-        out[k] = point
-    return out
 
 
 def _zero_covariance(experiments: Sequence[Experiment], gain: Array, sd: Array, centre: Array) -> Array:
@@ -116,13 +99,6 @@ def _zero_covariance(experiments: Sequence[Experiment], gain: Array, sd: Array, 
 def powers(strain: ArrayLike) -> Array:
     """(n, 4) powers 1, e, e^2, e^3."""
     return np.vander(np.asarray(strain, dtype=float), 4, increasing=True)
-
-
-def _cut_normal(low: float, high: float, rng: np.random.Generator) -> float:
-    """A standard normal number between low and high, by its distribution function on the side where it is small."""
-    if low > 0:
-        return -_cut_normal(-high, -low, rng)
-    return float(np.clip(ndtri(rng.uniform(ndtr(low), ndtr(high))), low, high))
 
 
 def _deviation(experiment: Experiment) -> Array:

@@ -27,13 +27,13 @@ from matcal.calibrate import Calibration, is_curve, labels
 from matcal.card import MaterialCard, write_card, write_json
 from matcal.conductivity import conductivity
 from matcal.cross_prediction import Predicted
-from matcal.draws import FILE, law_of, write_draws
+from matcal.derived import derived_of
+from matcal.draws import FILE, write_draws
 from matcal.experiment import Experiment
 from matcal.fit import modelled
 from matcal.goodness import curve_of, fit_part
 from matcal.modes import nominal_stress
 from matcal.stability import stability
-from matcal.uncertainty import derived_quantities
 
 if TYPE_CHECKING:
     from matcal.posterior import Posterior
@@ -47,7 +47,7 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
               posterior: Posterior | None = None) -> MaterialCard:
     """The card of a calibration from `files`, to be written to `out`."""
     law = found.fit.law if found.fit else None
-    groups = said(found)
+    groups = said(found) | ({"posterior": posterior.decisions} if posterior and posterior.decisions else {})
     tests = set(labels(found.experiments))
     decisions = [f"{name}: {s}" if name in tests else s for name, sentences in groups.items() for s in sentences]
     spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
@@ -108,8 +108,8 @@ def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path)
     if found.conductivity:
         band = conductivity_band(found.conductivity, draws)
         band.to_parquet(folder / "conductivity_band.parquet", index=False)
-    if draws is not None:
-        write_draws(draws, folder / FILE)
+    if posterior is not None and draws is not None:
+        write_draws(draws, folder / FILE, posterior.log_density, about_draws(posterior))
 
 
 def _predicted_table(found: Calibration, predicted: Predicted) -> pd.DataFrame:
@@ -150,11 +150,15 @@ def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFra
 
 def _posterior_part(posterior: Posterior, folder: str) -> dict[str, Any]:
     draws = posterior.draws
-    values = [derived_quantities(law_of(draws, k)) for k in range(len(draws))]
     derived = {}
-    for name in values[0]:
-        column = np.array([v[name] for v in values])
+    for name, column in derived_of(draws).items():
         lo, middle, hi = np.quantile(column, [0.025, 0.5, 0.975])
-        derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi}
+        derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi} | posterior.quantities.get(name, {})
     return {"file": f"{folder}/{FILE}", "n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
             "derived": derived}
+
+
+def about_draws(posterior: Posterior) -> dict[str, str | int]:
+    """What a file of draws says of itself: prior, seed, versions, whether the chains converged."""
+    return {"prior": posterior.prior, "seed": posterior.seed, "converged": int(bool(posterior.checks["converged"])),
+            **{f"version_{p}": version(p) for p in _PACKAGES}}

@@ -100,7 +100,7 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
     slowest = slowest_time(tables, doubts, vector, bounds, errors)
     return PronyFit(prony, _covariance(tables, doubts, errors, vector), tuple(a for a, _ in pairs),
                     tuple(map(_hold_rms, holds, pairs)), tuple(a * unit for a, unit in pairs),
-                    (*_order_sentences(terms, rows), *series_sentences(holds, law, prony, slowest)),
+                    (*order_sentences(terms, rows), *series_sentences(holds, law, prony, slowest)),
                     time.process_time() - start, bounds, rows, slowest, holds, doubts, sum(e.points for e in errors))
 
 
@@ -217,7 +217,8 @@ def _hold_rms(hold: Hold, pair: tuple[float, Array]) -> float:
     return float(np.sqrt(np.mean(miss**2) / np.mean(hold.stress_Pa[seen] ** 2)))
 
 
-def _order_sentences(terms: int | str, rows: Sequence[SeriesRow]) -> list[str]:
+def order_sentences(terms: int | str, rows: Sequence[SeriesRow]) -> list[str]:
+    """The numbers of terms tried, where the choice was open."""
     if terms != "auto":
         return []
     table = ", ".join(f"{r.terms}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)

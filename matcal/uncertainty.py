@@ -3,8 +3,9 @@
 Parameters and nuisances (contact points, Prony series) move together with the data, d(theta, z) = A db. The covariance
 A C A' is built from what the data can do (a "sandwich"), C being that of each curve's own errors, correlated as its
 residuals show (`matcal.correlation`), so that misfit counts as few effective points and not as many. What the order of
-the law hides is seen by adding one term: the difference enters as one more standard deviation. Left out: scatter from
-specimen to specimen (see `matcal.specimens`), errors in the specimen's size.
+the law hides is seen by adding one term: the difference enters as one more standard deviation. Replicates and stated
+scatter are in it (`matcal.specimens`); without either, scatter from specimen to specimen is left out, as are errors in
+the specimen's size.
 """
 
 from __future__ import annotations
@@ -26,10 +27,12 @@ from matcal.linear_response import (
     joint_gain,
     prior_precision,
     propagated,
+    weighted_residual,
 )
 from matcal.modes import nominal_stress
 from matcal.nuisance import nuisance
 from matcal.relaxation_fit import PronyFit
+from matcal.specimens import scatter, specimens
 
 Array = NDArray[np.float64]
 
@@ -76,10 +79,12 @@ def derived_quantities(law: Hyperfoam) -> dict[str, float]:
 
 def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
-    known, free = nuisance(fit, prony), free_directions(fit)
-    errors = errors_of(fit, known.effect)
+    free, differ = free_directions(fit), specimens(fit.curves, fit.law)
+    omega = scatter(differ, weighted_residual(fit))
+    effect = np.column_stack([nuisance(fit, prony).effect, differ.stated, omega * differ.factor])
+    errors = errors_of(fit, effect)
     variance, n = effective_variance(errors), sum(e.count for e in errors)
-    gain = joint_gain(free_slopes(fit), known.effect, variance, prior_precision(fit))[:free.shape[1]]
+    gain = joint_gain(free_slopes(fit), effect, variance, prior_precision(fit))[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
     from_data = propagated(errors, data)
     covariance = from_data + variance * prior @ prior.T

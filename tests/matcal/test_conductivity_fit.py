@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import emcee
 import numpy as np
 import pytest
 
 from matcal.conductivity import conductivity
-from matcal.conductivity_fit import FLOOR, LOWEST_STRAIN, conductivity_draws, fit_conductivity, powers
+from matcal.conductivity_fit import FLOOR, LOWEST_STRAIN, fit_conductivity, powers
 from matcal.experiment import Experiment
+from matcal.skin_posterior import conductivity_draws, log_skin, skin_chains, skin_checks
 
 TRUTH = 30 * np.array([1.0, -2.0, 2.0, -1.0])
 FALLING = 30 * np.array([1.0, 2.5, 1.0, 1.0])
@@ -61,3 +63,34 @@ def test_uncertain_strain_zero_widens_the_band() -> None:
 def test_too_little_data_is_refused() -> None:
     with pytest.raises(ValueError, match="five positive"):
         fit_conductivity([Experiment("conductivity", np.linspace(0, 0.1, 4), np.ones(4))])
+
+
+@pytest.mark.parametrize("truth", [TRUTH, FALLING])
+def test_draws_agree_with_emcee_on_the_same_density(truth: np.ndarray) -> None:
+    found = fit_conductivity([stretch(truth, noise=1.0)])
+    at = powers([LOWEST_STRAIN, -0.4, 0.0, 0.4]).T
+    own = conductivity_draws(found, 8000, np.random.default_rng(0)) @ at
+    rng, inside = np.random.default_rng(1), conductivity_draws(found, 40, np.random.default_rng(2))
+    sampler = emcee.EnsembleSampler(40, 5, lambda x: log_skin(found, x), vectorize=True, moves=emcee.moves.DEMove())
+    state = emcee.State(np.column_stack([inside, 0.05 * rng.normal(size=40)]),
+                        random_state=np.random.RandomState(3).get_state())
+    sampler.run_mcmc(state, 3000)
+    other = sampler.get_chain(discard=500, flat=True)[:, :4] @ at
+    np.testing.assert_allclose((own - other.mean(axis=0)).mean(axis=0) / other.std(axis=0), 0, atol=0.1)
+    np.testing.assert_allclose(own.std(axis=0), other.std(axis=0), rtol=0.1)
+
+
+def test_few_points_leave_the_noise_and_so_the_band_open() -> None:
+    e = np.array([0.0, 0.1, 0.2, 0.25, 0.3, 0.4])
+    noise = 0.1 * np.random.default_rng(4).normal(size=e.size)
+    few = fit_conductivity([Experiment("conductivity", e, powers(e) @ TRUTH + noise)])
+    spread = conductivity_draws(few, 4000, np.random.default_rng(0))[:, 0]
+    middle = np.diff(np.quantile(spread, [0.16, 0.84]))[0]
+    assert np.diff(np.quantile(spread, [0.005, 0.995]))[0] > 4 * middle
+
+
+def test_chains_of_the_skin_mix() -> None:
+    found = fit_conductivity([stretch(FALLING)])
+    checks = skin_checks(found, skin_chains(found, 2000, np.random.default_rng(0)))
+    assert checks["rhat"] < 1.01
+    assert checks["ess"] > 1000

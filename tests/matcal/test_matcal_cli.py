@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from matcal import posterior as sampler
+from matcal import chains as sampler
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.cli import app
 from matcal.conductivity import Conductivity
@@ -86,7 +86,7 @@ def test_json_is_one_object_and_options_arrive(matcal, tmp_path: Path) -> None:
 
 def test_an_unfinished_posterior_is_saved_and_ends_with_status_3(matcal, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(sampler, "MOST_STEPS", 100)
-    monkeypatch.setattr(sampler, "_CHUNK", 100)
+    monkeypatch.setattr(sampler, "CHUNK", 100)
     out = tmp_path / "c.json"
     status, text, error = matcal("fit", DATA / "uniaxial.csv", DATA / "shear.csv", "--order", 3, "--posterior",
                                  "--seed", 5, "--out", out)

@@ -1,0 +1,151 @@
+"""Ensembles of emcee run until independent ones agree on everything that is reported.
+
+Several ensembles start from walkers spread differently about the fit and are cooled to the posterior; what counts is
+that their draws of the *derived* quantities agree: R-hat between whole ensembles, each split in halves, effective
+sample size and the length of the chain in autocorrelation times.
+
+Source: Foreman-Mackey et al. 2013, DOI 10.1086/670067 (emcee); ter Braak & Vrugt 2008, DOI 10.1007/s11222-008-9104-9
+(differential evolution with snooker moves); Vehtari et al. 2021, DOI 10.1214/20-BA1221 (rank-normalised split R-hat).
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import emcee
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+# (W, size) points and the share of the data that counts -> (W,) log density
+Density = Callable[[Array, float], Array]
+# (D, size) points -> quantity -> (D,)
+Derived = Callable[[Array], Mapping[str, Array]]
+
+# walkers for each sampled number, at least, and in each ensemble; spread of the start of each ensemble
+_PER_NUMBER, _LEAST_WALKERS, _SPREADS = 4, 24, (0.02, 0.05, 0.15, 0.4)
+# shares of the data while the walkers are cooled, and steps at each
+_COOLING, _COOLING_STEPS = np.geomspace(0.01, 1.0, 12), 40
+# steps between checks, most steps, most CPU seconds, times of each chain that derived quantities are checked at
+CHUNK, MOST_STEPS, MOST_CPU_S, _CHECKED = 1000, 24000, 50.0, 120
+# gate: largest R-hat, least effective sample size, least number of autocorrelation times
+RHAT, ESS, TIMES = 1.01, 1000.0, 50.0
+
+
+@dataclass(frozen=True)
+class Chains:
+    """Draws of the sampled numbers, and whether they may be used."""
+
+    # (ensembles, steps, walkers, size) after burn-in
+    points: Array
+    # rhat, ess, autocorrelation_steps, steps, steps_kept, walkers, ensembles, acceptance, converged
+    checks: dict[str, float | bool]
+    # quantity -> {rhat, ess}
+    quantities: dict[str, dict[str, float]]
+
+    def spread_out(self, count: int) -> Array:
+        """(count, size) draws evenly over ensembles, steps and walkers."""
+        flat = self.points.reshape(-1, self.points.shape[-1])
+        return flat[np.linspace(0, flat.shape[0] - 1, count).astype(int)]
+
+
+def run_ensembles(density: Density, centre: Array, scale: Array, derived: Derived, seed: int,
+                  advance: Callable[[int], None] = lambda done: None) -> Chains:
+    """Ensembles about `centre` (size,) with starts spread by `scale` (size,) until the gate is passed, or until
+    MOST_STEPS or MOST_CPU_S."""
+    begun = time.process_time()
+    rng = np.random.default_rng([seed, 0])
+    walkers = max(_LEAST_WALKERS, _PER_NUMBER * centre.size)
+    moves = [(emcee.moves.DEMove(sigma=1e-3), 0.65), (emcee.moves.DEMove(sigma=1e-3, gamma0=1.0), 0.1),
+             (emcee.moves.DESnookerMove(), 0.25)]
+    samplers = [emcee.EnsembleSampler(walkers, centre.size, lambda x: density(x, 1.0), vectorize=True, moves=moves)
+                for _ in _SPREADS]
+    states = [emcee.State(_cooled(density, centre, width * scale / _SPREADS[-1], walkers, rng),
+                          random_state=_legacy_state(rng)) for width in _SPREADS]
+    steps, checks, quantities = 0, {"converged": False}, {}
+    points = np.empty((len(_SPREADS), 0, walkers, centre.size))
+    while steps < MOST_STEPS and not checks["converged"] and time.process_time() - begun < MOST_CPU_S:
+        states = [s.run_mcmc(state, CHUNK, skip_initial_state_check=True)
+                  for s, state in zip(samplers, states, strict=True)]
+        steps += CHUNK
+        advance(steps)
+        points = np.stack([np.asarray(s.get_chain(discard=steps // 3)) for s in samplers])
+        checks, quantities = _checks(points, derived)
+    acceptance = float(np.mean([s.acceptance_fraction.mean() for s in samplers]))
+    return Chains(points, checks | {"steps": float(steps), "steps_kept": float(points.shape[1]),
+                                    "walkers": float(walkers), "ensembles": float(len(_SPREADS)),
+                                    "acceptance": acceptance}, quantities)
+
+
+def gate_words(checks: Mapping[str, float | bool]) -> str:
+    """What a run reached and what was wanted."""
+    lengths = checks["steps_kept"] / max(float(checks["autocorrelation_steps"]), 1e-9)
+    return (f"after {checks['steps']:.0f} steps the worst R-hat is {checks['rhat']:.3f} (wanted at most {RHAT}), the "
+            f"least effective sample size {checks['ess']:.0f} (wanted {ESS:.0f}) and the chain {lengths:.0f} "
+            f"autocorrelation times long (wanted {TIMES:.0f})")
+
+
+def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np.random.Generator) -> Array:
+    """Walkers about the centre, moved and resampled while ever more of the data counts: they find every mode in reach,
+    each with its weight."""
+    out: list[Array] = []
+    width = 1.0
+    while len(out) < walkers:
+        trial = centre + width * scale * rng.normal(size=(8 * walkers, centre.size))
+        out += list(trial[np.isfinite(density(trial, _COOLING[0]))])
+        width *= 0.8
+    points = np.array(out[:walkers])
+    for before, share in zip([_COOLING[0], *_COOLING[:-1]], _COOLING, strict=True):
+        points = _resampled(points, density(points, share) - density(points, before), rng)
+        sampler = emcee.EnsembleSampler(walkers, centre.size, lambda x, s=share: density(x, s), vectorize=True,
+                                        moves=emcee.moves.DEMove(sigma=1e-3))
+        state = emcee.State(points, random_state=_legacy_state(rng))
+        points = np.asarray(sampler.run_mcmc(state, _COOLING_STEPS, skip_initial_state_check=True).coords)
+    apart = points + 1e-4 * scale * rng.normal(size=points.shape)  # snooker moves need different walkers
+    return np.where(np.isfinite(density(apart, 1.0))[:, None], apart, points)
+
+
+def _resampled(points: Array, log_weight: Array, rng: np.random.Generator) -> Array:
+    """As many points, each as often as its weight says (systematic resampling), so that none stays in a lost mode."""
+    weight = np.exp(log_weight - log_weight.max())
+    at = (np.arange(points.shape[0]) + rng.uniform()) / points.shape[0]
+    return points[np.searchsorted(np.cumsum(weight / weight.sum()), at).clip(max=points.shape[0] - 1)]
+
+
+def _legacy_state(rng: np.random.Generator):
+    """State of the generator type that emcee draws from, seeded from ours."""
+    return np.random.RandomState(int(rng.integers(2**32))).get_state()
+
+
+def _checks(points: Array, derived: Derived) -> tuple[dict[str, float | bool], dict[str, dict[str, float]]]:
+    """The gate over sampled numbers and derived quantities, and what each quantity reached."""
+    import arviz
+
+    ensembles, steps, walkers, size = points.shape
+    stride = max(1, steps // _CHECKED)
+    picked = points[:, ::stride]
+    values = {f"x_{k + 1}": picked[..., k].ravel() for k in range(size)} | dict(derived(picked.reshape(-1, size)))
+    quantities = {}
+    for name, value in values.items():
+        chain = value.reshape(ensembles, -1, walkers)
+        data = chain.reshape(ensembles, -1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a constant quantity has no R-hat; it is left out below
+            rhat = float(np.asarray(arviz.rhat(data)))  # pyright: ignore[reportArgumentType]
+        if np.ptp(data) == 0:
+            continue
+        lag = max(float(_autocorrelation(chain)), 1.0)
+        quantities[name] = {"rhat": rhat, "ess": data.size / lag}
+    longest = max(float(np.max(emcee.autocorr.integrated_time(e, tol=0, has_walkers=True))) for e in points)
+    rhat, ess = max(q["rhat"] for q in quantities.values()), min(q["ess"] for q in quantities.values())
+    passed = bool(rhat <= RHAT and ess >= ESS and steps > TIMES * longest)
+    return ({"rhat": rhat, "ess": ess, "autocorrelation_steps": longest, "converged": passed},
+            {name: q for name, q in quantities.items() if not name.startswith("x_")})
+
+
+def _autocorrelation(chain: Array) -> float:
+    """Longest integrated autocorrelation time of a quantity over the ensembles (ensembles, steps, walkers)."""
+    return max(float(emcee.autocorr.integrated_time(e[..., None], tol=0, has_walkers=True)[0]) for e in chain)
