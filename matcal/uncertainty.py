@@ -36,6 +36,8 @@ from matcal.specimens import scatter, specimens
 
 Array = NDArray[np.float64]
 
+# least points to spare that Student's law is told: the errors' sizes are averaged already, see `matcal.correlation`
+_LEAST_SPARE = 4.0
 # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 PLATEAU_STRAIN = -0.4
 
@@ -88,7 +90,8 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
     from_data = propagated(errors, data)
     covariance = from_data + variance * prior @ prior.T
-    reach = float(student.ppf(0.975, max(1.0, sum(e.points for e in errors) - 2 * fit.law.alpha.size)))
+    spare = sum(e.points for e in errors) - 2 * fit.law.alpha.size
+    reach = float(student.ppf(0.975, max(_LEAST_SPARE, spare)))
     bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach)
     return replace(bare, derived=intervals(bare, derived_quantities))
 
