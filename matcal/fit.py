@@ -90,6 +90,7 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
                        ) if thorough else {}
     decisions = (weight_sentence(curves), *order_sentences(order, rows, best, tried[best.order]),
                  *alone_sentences(curves, alone), *nu_sentences(law.nu.tolist(), poisson, curves),
+                 *_unequal_sentences(law, free, nu, curves, bool(alone)),
                  *_cost_sentences(stable, log_range, law, free, curves))
     return Fit(law, curves, found, rows, _wider(problem, {} if stable else tried, best.order + 1, starts, law)
                if thorough else None, alone, decisions, time.process_time() - start, free)
@@ -239,6 +240,15 @@ def _log_range(stable_range: tuple[float, float] | None, curves: tuple[Curve, ..
         raise ValueError(f"stable range {low:g} to {high:g}: give two principal stretches, the first between 0 and 1, "
                          "the second above 1, for example 0.3,1.5.")
     return float(np.log(low)), float(np.log(high))
+
+
+def _unequal_sentences(law: Hyperfoam, free: Hyperfoam | None, nu: float, curves: tuple[Curve, ...],
+                       alone: bool) -> list[str]:
+    if not np.ptp(law.nu):
+        return []
+    rms = np.linalg.norm(weighted_model(curves, free or law) - weighted_stress(curves))
+    return [f"Orders{' and the laws of single modes' if alone else ''} are those with nu = {nu:.4g} for every term; "
+            f"with nu term by term the weighted RMS is {rms:.3%}, moduli and exponents being searched anew."]
 
 
 def _cost_sentences(stable: str | None, log_range: tuple[float, float], law: Hyperfoam, free: Hyperfoam | None,
