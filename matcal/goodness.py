@@ -14,8 +14,8 @@ from matcal.fit import Fit, relative_rms
 from matcal.relaxation_fit import PronyFit
 from matcal.standard_errors import standard_errors
 
-# facts of `matcal.replicates` that the card repeats
-_SCATTER = ("stiffness_factor", "stiffness_factor_sd", "shape_scatter")
+# how the facts of `matcal.replicates` and `matcal.settling` begin, which the card repeats
+_REPEATED = ("stiffness_factor", "shape_scatter", "settling_", "resistance_")
 
 
 def fit_part(found: Calibration) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[st
     row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
                            "unit": "S/m" if experiment.kind == "conductivity" else "Pa",
                            "source": list(experiment.source), "strain_range": _range(experiment)}
-    row |= {name: experiment.facts[name] for name in _SCATTER if name in experiment.facts}
+    row |= {name: value for name, value in experiment.facts.items() if name.startswith(_REPEATED)}
     if is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, curve)) | {"weight": curve.weight}

@@ -153,7 +153,8 @@ def _posterior_part(posterior: Posterior, folder: str) -> dict[str, Any]:
     derived = {}
     for name, column in derived_of(draws).items():
         lo, middle, hi = np.quantile(column, [0.025, 0.5, 0.975])
-        derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi} | posterior.quantities.get(name, {})
+        derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi,
+                         **posterior.quantities.get(name, {})}
     return {"file": f"{folder}/{FILE}", "n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
             "derived": derived}
 

@@ -125,10 +125,10 @@ def cross(card: MaterialCard) -> Printed:
 
 
 def replicates(card: MaterialCard) -> Printed:
-    """How stiff each specimen is beside the mean of its kind."""
+    """How each specimen differs from the mean of its kind."""
     rows = [[label, row["kind"], significant(row["stiffness_factor"]), percent(row["stiffness_factor_sd"], 2),
              percent(row["shape_scatter"], 2)] for label, row in tests(card).items() if "stiffness_factor" in row]
-    return Printed("Specimens", ["test", "kind", "stiffness over mean", "scatter", "shape scatter"], rows, "<<>>>",
+    return Printed("Specimens", ["test", "kind", "value over mean", "scatter", "shape scatter"], rows, "<<>>>",
                    ("Scatter is the standard deviation of the factors of a kind; shape scatter what they leave.",))
 
 

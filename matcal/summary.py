@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -142,9 +143,9 @@ def _next(card: MaterialCard, out: Path) -> list[tuple[str, str]]:
 
 
 def _console() -> Console:
-    """The terminal as it is; in a pipe wide enough that no table is folded."""
+    """The terminal as it is, or COLUMNS wide; in a pipe wide enough that no table is folded."""
     console = Console()
-    return console if console.is_terminal or console.width > _PIPE else Console(width=_PIPE)
+    return console if console.is_terminal or "COLUMNS" in os.environ else Console(width=_PIPE)
 
 
 def _print_table(console: Console, printed: tables.Printed) -> None:

@@ -109,8 +109,9 @@ def _predicted_plates(record: Record) -> list[Plate]:
 
 
 def _cycle_plates(record: Record) -> list[Plate]:
-    return [cycle_plates.cycles(stem.removesuffix("_cycles"), table) for stem, table in record.tables.items()
-            if stem.endswith("_cycles") and len(table)]
+    tables = {stem.removesuffix("_cycles"): table for stem, table in record.tables.items() if stem.endswith("_cycles")}
+    return [cycle_plates.cycles(label, table, record.card.fit.get(label, {})) for label, table in tables.items()
+            if len(table)]
 
 
 def _order_plates(card: MaterialCard) -> list[Plate]:

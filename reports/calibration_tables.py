@@ -156,7 +156,7 @@ def replicates(card: MaterialCard) -> Table:
     rows = [row for row in tests(card).values() if "stiffness_factor" in row]
     worst = max(rows, key=lambda row: row["stiffness_factor_sd"])
     return printed(result_tables.replicates(card), (
-        f"Specimens: in {worst['kind']} their stiffness scatters by {percent(worst['stiffness_factor_sd'])} (standard "
+        f"Specimens: in {worst['kind']} their values scatter by {percent(worst['stiffness_factor_sd'])} (standard "
         f"deviation of the factors), and {percent(worst['shape_scatter'])} more in shape."))
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from reports import style
-from reports.numerals import number, prefixed
+from reports.numerals import number, plus_minus, prefixed
 from reports.page import Plate
 
 # column -> what it is, unit of the column
@@ -18,8 +21,8 @@ COLUMNS = {"resistance_rest_Ohm": ("at rest", "Ω"), "resistance_peak_Ohm": ("at
 STEADY = 0.01
 
 
-def cycles(label: str, table: pd.DataFrame) -> Plate:
-    """What a cyclic test measured in each cycle, with the fitted courses where the table has them."""
+def cycles(label: str, table: pd.DataFrame, row: Mapping[str, Any]) -> Plate:
+    """What a cyclic test measured in each cycle, with the fitted courses where the table has them; `row` of the fit."""
     held = [name for name in COLUMNS if name in table]
     resistance = [name for name in held if name.startswith("resistance")]
     panels = [resistance] if resistance else [[name] for name in held]
@@ -28,7 +31,18 @@ def cycles(label: str, table: pd.DataFrame) -> Plate:
         _draw(axes, table, names)
     what = "resistance" if resistance else "cycles of loading"
     caption = f"Settling, {label}: {what} over {len(table)} cycles. " + " ".join(_course(table, name) for name in held)
+    caption += _settled(row)
     return Plate(f"{label}_cycles", figure, caption, {f"{label}_cycles": table})
+
+
+def _settled(row: Mapping[str, Any]) -> str:
+    """What the fitted course says of the resistance at rest, where the card holds it."""
+    if not {"settling_cycles", "settling_cycles_sd", "settling_final_Ohm", "settling_final_sd_Ohm"} <= row.keys():
+        return ""
+    factor, unit = prefixed([row["settling_final_Ohm"]], "Ω")
+    final = plus_minus(factor * row["settling_final_Ohm"], factor * row["settling_final_sd_Ohm"])
+    return (f" At rest it settles with a constant of {plus_minus(row['settling_cycles'], row['settling_cycles_sd'])} "
+            f"cycles to {final} {unit} (one standard error).")
 
 
 def _draw(axes: Axes, table: pd.DataFrame, names: list[str]) -> None:

@@ -39,7 +39,7 @@ def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mappi
         if mode in fitted:
             axes.plot(fitted[mode], [y, y], color=style.INK, lw=1.6, solid_capstyle="butt")
         for a, b in _violated(records, mode, criterion):
-            axes.plot([a, b], [y, y], "x-", color=style.THIRD, lw=1.6, ms=4)
+            axes.plot([a, b], [y + 0.42, y + 0.42], "|-", color=style.THIRD, lw=1.4, ms=4)
     _finish(axes, rows, bool(records))
     data = pd.DataFrame(told, columns=["mode", "criterion", "unstable_from", "unstable_to"])
     return Plate("stability", figure, _caption(told, fitted), {"stability": data})
@@ -59,7 +59,7 @@ def _finish(axes: Axes, rows: Sequence[tuple[str, str]], checked: bool) -> None:
     axes.legend(handles=[Patch(color=SCANNED, label="scanned"),
                          Patch(facecolor=UNSTABLE, hatch="////", edgecolor="white", label="unstable"),
                          Line2D([], [], color=style.INK, lw=1.6, label="fitted"),
-                         *([Line2D([], [], color=style.THIRD, marker="x", ms=4, label="violated by the record itself")]
+                         *([Line2D([], [], color=style.THIRD, marker="|", ms=4, label="violated by the record itself")]
                            if checked else [])],
                 loc="lower right", bbox_to_anchor=(1, 1), ncols=4)
     style.label(axes, "Nominal strain; γ in shear, J in volumetric (–)", "")
