@@ -68,3 +68,62 @@ def test_uncertain_contact_and_drift_widen_the_covariance() -> None:
 def test_tests_without_clock_or_hold_are_refused(change: dict, word: str) -> None:
     with pytest.raises(ValueError, match=word):
         fit_prony([replace(hold(), **change)], TABLE_1)
+
+
+def history(series: Prony, time_s: np.ndarray, strain: np.ndarray, noise_Pa: float, **more: np.ndarray) -> Experiment:
+    law = replace(TABLE_1, moduli="instantaneous")
+    stress = hereditary_stress(law, series, "uniaxial", time_s, strain)
+    return Experiment("relaxation", strain, stress + noise_Pa * np.random.default_rng(0).normal(size=time_s.size),
+                      time_s, ("history.txt",), noise_Pa, **more)
+
+
+def test_terms_are_chosen_by_the_information_criterion() -> None:
+    found = fit_prony([hold(60.0)], TABLE_1, "auto")
+    assert found.prony.g.size == 3
+    assert [r.terms for r in found.orders] == [1, 2, 3, 4, 5, 6]
+    assert "by BIC" in found.decisions[0]
+    with pytest.raises(ValueError, match="known: auto, 1"):
+        fit_prony([hold(60.0)], TABLE_1, 9)
+
+
+def test_ten_decades_of_times_in_one_series() -> None:
+    truth = Prony([0.1] * 6, [1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6])
+    time_s = np.r_[0, np.linspace(1e-5, 1e-4, 11), 1e-4 + np.geomspace(1e-5, 3e6, 400)]
+    found = fit_prony([history(truth, time_s, -0.5 * np.minimum(time_s / 1e-4, 1), 0.5)], TABLE_1, "auto")
+    np.testing.assert_allclose(found.prony.g, truth.g, rtol=0.02)
+    np.testing.assert_allclose(found.prony.tau_s, truth.tau_s, rtol=0.02)
+
+
+def test_several_holds_in_one_history() -> None:
+    rise = np.linspace(0.1, 2, 20)
+    time_s = np.concatenate([[0.0], *[100 * k + np.r_[rise, 2 + np.geomspace(0.05, 97, 60)] for k in range(3)]])
+    strain = np.interp(time_s, [0, 2, 100, 102, 200, 202, 300], [0, -0.3, -0.3, -0.5, -0.5, -0.7, -0.7])
+    held = ((time_s % 100 >= 2) & (time_s > 0)).astype(float)
+    found = fit_prony([history(SERIES, time_s, strain, 2.0, held=held)], TABLE_1, 3)
+    np.testing.assert_allclose(found.prony.g, SERIES.g, rtol=0.05)
+    np.testing.assert_allclose(found.prony.tau_s, SERIES.tau_s, rtol=0.08)
+
+
+def test_a_short_hold_bounds_the_slowest_time_only_from_below() -> None:
+    time_s = np.r_[np.linspace(0, 1, 101), 1 + np.geomspace(0.01, 20, 80)]
+    short = fit_prony([history(SERIES, time_s, -0.8 * np.minimum(time_s, 1), 20.0)], TABLE_1)
+    assert short.slowest.hi_s is None
+    assert short.slowest.lo_s < SERIES.tau_s[-1]
+    assert any("too short for the slowest time" in s for s in short.decisions)
+    long = fit_prony([hold(60.0)], TABLE_1)
+    assert long.slowest.hi_s is not None
+    assert long.slowest.lo_s < SERIES.tau_s[-1] < long.slowest.hi_s < 3 * SERIES.tau_s[-1]
+
+
+def test_a_stress_that_does_not_relax_has_no_series() -> None:
+    flat = fit_prony([history(Prony([0.0], [1.0]), TIME, -0.8 * np.minimum(TIME, 1), 20.0)], TABLE_1, "auto")
+    assert flat.prony.g.tolist() == [0.0]
+    assert "no relaxation was found" in flat.decisions[0]
+
+
+def test_few_points_carry_few_terms() -> None:
+    time_s = np.r_[0, 1, 1 + np.geomspace(0.5, 100, 7)]
+    few = history(SERIES, time_s, -0.5 * np.minimum(time_s, 1), 5.0)
+    assert fit_prony([few], TABLE_1, "auto").prony.g.size <= 2
+    with pytest.raises(ValueError, match="3 terms need 9"):
+        fit_prony([few], TABLE_1, 3)
