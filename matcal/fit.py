@@ -81,8 +81,8 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
     best = chosen_order(rows)
     found = tried[best.order]
     law = _law(found, nu, curves)
-    if not isinstance(choice, float | str) or choice == "fit-each":
-        law, found = _term_by_term(problem, choice, found)
+    if isinstance(choice, tuple) or choice == "fit-each":
+        law, found = _term_by_term(problem, choice if isinstance(choice, tuple) else None, found)
     free = law if stable else None
     if stable:
         law, found = _stable_law(problem, stable, log_range, law, found)
@@ -149,21 +149,22 @@ def _worth_another(problem: Problem, tried: Mapping[int, Optimum]) -> bool:
     return min(rows, key=lambda row: row.bic) is rows[-1] and not rows[-1].confluence
 
 
-def _term_by_term(problem: Problem, choice: str | tuple[float, ...], found: Optimum) -> tuple[Hyperfoam, Optimum]:
-    """The law with nu term by term, from the best laws with one nu."""
+def _term_by_term(problem: Problem, listed: tuple[float, ...] | None, found: Optimum) -> tuple[Hyperfoam, Optimum]:
+    """The law with nu term by term, as listed or fitted, from the best laws with one nu."""
     curves, n = problem.curves, found.alpha.size
-    if isinstance(choice, str):
+    if listed is None:
         tilt = np.linspace(-_TILT, _TILT, n) if n > 1 else np.zeros(1)
         shared = _law(found, problem.nu, curves)
         starts, fit_nu = [with_nu(shared, np.clip(problem.nu + t, *NU_BOUNDS)) for t in (0 * tilt, tilt, -tilt)], True
     else:
-        others = [best_law(pose(curves, v), n, _FEW) for v in sorted({min(choice), max(choice)})]
-        starts, fit_nu = [with_nu(_law(o, problem.nu, curves), choice) for o in (found, *others)], False
+        others = [best_law(pose(curves, v), n, _FEW) for v in sorted({min(listed), max(listed)})]
+        starts, fit_nu = [with_nu(_law(o, problem.nu, curves), listed) for o in (found, *others)], False
     try:
         refined = refine(curves, starts, problem.allowed, fit_nu)
     except NotConverged:  # a stable law has one free stretch, and so have those near it
         held = _stable_law(problem, "drucker", reached(curves), _law(found, problem.nu, curves), found)[0]
-        refined = refine(curves, [with_nu(held, held.nu if fit_nu else choice)], problem.allowed, fit_nu)
+        start = with_nu(held, held.nu if listed is None else listed)
+        refined = refine(curves, [start], problem.allowed, fit_nu)
     return _with_ranges(refined.law, curves), _as_optimum(refined.law, found, refined.evaluations, curves)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from matcal.constrained import bound_rows, least
@@ -75,7 +75,7 @@ def refine(curves: Sequence[Curve], starts: Sequence[Hyperfoam], allowed: Expone
     return Refined(law, float(np.sum((weighted_model(curves, law) - target) ** 2)), calls)
 
 
-def with_nu(law: Hyperfoam, nu: Sequence[float]) -> Hyperfoam:
+def with_nu(law: Hyperfoam, nu: ArrayLike) -> Hyperfoam:
     """The law with other nu."""
     return replace(law, nu=np.asarray(nu, dtype=float))
 
