@@ -96,6 +96,7 @@ def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None,
     if curves:
         law, how = _law(curves, prony, choices)
         uncertainty = linearised(law, prony)
+        how = (*how, *uncertainty.decisions)
     kept_out = _predicted(predicted, law, prony)
     law_s = time.process_time() - started - series_s
     stretched = [e for e in experiments if e.kind == "conductivity"]

@@ -42,6 +42,8 @@ class Nuisance:
     effect: Array
     # (K,) prior means: minus what refinement has moved already
     mean: Array
+    # what each number is, in words
+    names: tuple[str, ...]
     # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
     series: Array | None
 
@@ -68,7 +70,8 @@ def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...
         sd = float(np.sqrt(np.mean(np.square(known))))
         said.append(f"Drift of the load zero could not be measured in {names}: 0 ± {sd * 1e3:.2g} mN/s is assumed, "
                     + _drift_reason(len(measured), typical) + ".")
-        out.append(replace(experiment, facts={**experiment.facts, "drift_sd_N_per_s": sd}))
+        facts = {**experiment.facts, "drift_sd_N_per_s": sd, "drift_assumed": 1.0}
+        out.append(replace(experiment, facts=facts))
     return tuple(out), tuple(said)
 
 
@@ -79,9 +82,9 @@ def _typical_drift(experiment: Experiment) -> float | None:
 
 
 def _drift_reason(measured: int, typical: float | None) -> str:
-    from_noise = f"{(typical or 0.0) * 1e3:.2g} mN/s, which is the noise of its load over its duration"
     if measured == 0:
-        return "from " + from_noise
+        return "which adds up to the noise of its load over its duration"
+    from_noise = f"{(typical or 0.0) * 1e3:.2g} mN/s, which adds up to the noise of its load over its duration"
     others = "the drift measured in the other tests"
     return f"the size of {others}" if typical is None else f"from {others} ({measured}) and {from_noise}"
 
@@ -94,6 +97,8 @@ def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
     n = sum(c.experiment.value.size for c in fit.curves)
     return Nuisance(np.stack(effect, axis=1) if effect else np.zeros((n, 0)),
                     np.array([m for _, m in found] + [0.0] * len(directions)),
+                    tuple(_name(fit.curves[k], fact) for k, fact in _uncertain(fit))
+                    + ("the Prony series, with contact and drift of its own test",) * len(directions),
                     np.stack(directions, axis=1) if directions else None)
 
 
@@ -112,6 +117,13 @@ def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
         said.append(f"{curves[k].label}: {what} moved by {size} ({z:+.1f} of its standard deviation) by the fit of the "
                     "whole curve.")
     return tuple(curves), tuple(said)
+
+
+def _name(curve: Curve, fact: str) -> str:
+    if fact == "strain_zero_sd":
+        return f"the contact point of {curve.label}"
+    assumed = "drift_N_per_s" not in curve.experiment.facts or curve.experiment.facts.get("drift_assumed", 0.0) > 0
+    return f"the {'assumed' if assumed else 'measured'} load drift of {curve.label}"
 
 
 def _principal_directions(prony: PronyFit) -> list[Array]:

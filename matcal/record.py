@@ -47,7 +47,7 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
               posterior: Posterior | None = None) -> MaterialCard:
     """The card of a calibration from `files`, to be written to `out`."""
     law = found.fit.law if found.fit else None
-    groups = said(found) | ({"posterior": posterior.decisions} if posterior and posterior.decisions else {})
+    groups = said(found)
     tests = set(labels(found.experiments))
     decisions = [f"{name}: {s}" if name in tests else s for name, sentences in groups.items() for s in sentences]
     spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})

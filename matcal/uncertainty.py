@@ -10,7 +10,7 @@ the specimen's size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,6 +71,10 @@ class Uncertainty:
     wider: Hyperfoam | None
     # standard deviations to either side that hold 95 %, by Student's law for few effective points
     reach: float
+    # where the interval of mu_0 comes from, share of its variance
+    shares: Mapping[str, float]
+    # the largest of them, and what was assumed about specimens, one sentence each
+    decisions: tuple[str, ...]
 
 
 def derived_quantities(law: Hyperfoam) -> dict[str, float]:
@@ -83,7 +87,8 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
     free, differ = free_directions(fit), specimens(fit.curves, fit.law)
     omega = scatter(differ, weighted_residual(fit))
-    effect = np.column_stack([nuisance(fit, prony).effect, differ.stated, omega * differ.factor])
+    known = nuisance(fit, prony)
+    effect = np.column_stack([known.effect, differ.stated, omega * differ.factor])
     errors = errors_of(fit, effect)
     variance, n = effective_variance(errors), sum(e.count for e in errors)
     gain = joint_gain(free_slopes(fit), effect, variance, prior_precision(fit))[:free.shape[1]]
@@ -92,8 +97,12 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     covariance = from_data + variance * prior @ prior.T
     spare = sum(e.points for e in errors) - 2 * fit.law.alpha.size
     reach = float(student.ppf(0.975, max(_LEAST_SPARE, spare)))
-    bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach)
-    return replace(bare, derived=intervals(bare, derived_quantities))
+    bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach, {}, ())
+    derived = intervals(bare, derived_quantities)
+    mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(fit.law.alpha.size)]
+    names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names)))
+    shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), variance * (mu_0 @ prior) ** 2, names)
+    return replace(bare, derived=derived, shares=shares, decisions=(_share_sentence(shares), *differ.decisions))
 
 
 def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Interval]:
@@ -106,6 +115,21 @@ def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str,
         sd = float(np.hypot(np.sqrt(gradient @ about.covariance @ gradient), form))
         out[name] = Interval(value[name], sd, form, value[name] - about.reach * sd, value[name] + about.reach * sd)
     return out
+
+
+def _shares(mu_0: Interval, noise: float, squares: Array, names: Sequence[str]) -> dict[str, float]:
+    """Source -> share of the variance of mu_0."""
+    out = {"noise and misfit": noise, "the order of the law": mu_0.form**2}
+    for name, square in zip(names, squares, strict=True):
+        out[name] = out.get(name, 0.0) + float(square)
+    total = max(sum(out.values()), 1e-300)
+    return {name: value / total for name, value in out.items()}
+
+
+def _share_sentence(shares: Mapping[str, float]) -> str:
+    first = sorted(shares, key=lambda name: -shares[name])[:3]
+    return ("The interval of mu_0 comes from " + ", ".join(f"{name} ({shares[name]:.0%})" for name in first)
+            + " of its variance.")
 
 
 def _effective_points(fit: Fit, gain: Array, covariance: Array) -> float:
