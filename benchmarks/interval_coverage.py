@@ -1,7 +1,7 @@
 """Do 95 % intervals cover? Fresh noise on synthetic truths, again and again: share covered, width against true spread.
 
-Run by `make bench` with few replicas, or by hand: `python benchmarks/coverage.py 100 [CASE ...]`, and
-`python benchmarks/coverage.py 20 --posterior plain machine` for the intervals of the sampled posterior. Writes
+Run by `make bench` with few replicas, or by hand: `python benchmarks/interval_coverage.py 100 [CASE ...]`, and
+`python benchmarks/interval_coverage.py 20 --posterior plain machine` for the intervals of the sampled posterior. Writes
 results/coverage.csv beside this file. Cases:
 
 plain       the plain files of data_raw, six-term truth, fitted by BIC
