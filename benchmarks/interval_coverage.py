@@ -1,7 +1,7 @@
 """Do 95 % intervals cover? Fresh noise on synthetic truths, again and again: share covered, width against true spread.
 
-Run by `make bench` with few replicas, or by hand: `python benchmarks/interval_coverage.py 100 [CASE ...]`, and
-`python benchmarks/interval_coverage.py 20 --posterior plain machine` for the intervals of the sampled posterior. Writes
+Run by `make bench` with 100 replicas a case (some 15 CPU minutes), or by hand with REPLICAS [CASE ...];
+`20 plain machine --posterior` does the same for the intervals of the sampled posterior. Writes
 results/coverage.csv beside this file. Cases:
 
 plain       the plain files of data_raw, six-term truth, fitted by BIC
@@ -180,7 +180,7 @@ def _noise(n: int, correlation: float, rng: np.random.Generator) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("replicas", nargs="?", type=int, default=10)
+    parser.add_argument("replicas", nargs="?", type=int, default=100)
     parser.add_argument("cases", nargs="*", default=list(CASES))
     parser.add_argument("--posterior", action="store_true")
     asked = parser.parse_args()
