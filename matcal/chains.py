@@ -26,7 +26,7 @@ Density = Callable[[Array, float], Array]
 Derived = Callable[[Array], Mapping[str, Array]]
 
 # walkers for each sampled number, at least, and in each ensemble; spread of the start of each ensemble
-_PER_NUMBER, _LEAST_WALKERS, _SPREADS = 4, 24, (0.02, 0.05, 0.15, 0.4)
+_PER_NUMBER, _LEAST_WALKERS, _SPREADS = 6, 40, (0.05, 0.4)
 # shares of the data while the walkers are cooled, and steps at each
 _COOLING, _COOLING_STEPS = np.geomspace(0.01, 1.0, 12), 40
 # steps between checks, most steps, most CPU seconds, times of each chain that derived quantities are checked at

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BarycentricInterpolator
 
 from matcal.draws import Draws, law_of
 from matcal.modes import design, nominal_stress
@@ -15,6 +16,8 @@ Array = NDArray[np.float64]
 
 # shares of the fitted range at which stresses are watched
 _WATCHED = (0.3, 0.65, 1.0)
+# values of nu between which stresses are interpolated
+_NU_NODES = 9
 
 
 def derived_of(draws: Draws) -> dict[str, Array]:
@@ -54,11 +57,23 @@ def watched(draws: Draws, ranges: Mapping[str, tuple[float, float]]) -> dict[str
 
 
 def stress_of(draws: Draws, mode: str, strain: ArrayLike) -> Array:
-    """Nominal stress of every draw at strains (n,), Pa, (D, n)."""
+    """Nominal stress of every draw at strains (n,), Pa, (D, n); where nu differs from draw to draw but not from term
+    to term, interpolated between a few values of it."""
     e = np.asarray(strain, dtype=float)
-    if np.ptp(draws.nu) > 0:
+    if draws.nu.shape[1] > 1 and np.any(np.ptp(draws.nu, axis=1) > 0):
         return np.stack([nominal_stress(law_of(draws, k), mode, e) for k in range(len(draws))])
-    columns = design(mode, e, draws.alpha.ravel(), float(draws.nu[0, 0])).reshape(e.size, *draws.alpha.shape)
+    nu = draws.nu[:, 0]
+    if np.ptp(nu) == 0:
+        return _stress(draws, mode, e, float(nu[0]))
+    middle, half = (nu.max() + nu.min()) / 2, np.ptp(nu) / 2
+    nodes = middle + half * np.cos(np.pi * np.arange(_NU_NODES) / (_NU_NODES - 1))
+    weight = BarycentricInterpolator(nodes, np.eye(_NU_NODES))(nu)
+    each = np.stack([_stress(draws, mode, e, float(v)) for v in nodes])
+    return np.einsum("dk,kdn->dn", weight, each)
+
+
+def _stress(draws: Draws, mode: str, e: Array, nu: float) -> Array:
+    columns = design(mode, e, draws.alpha.ravel(), nu).reshape(e.size, *draws.alpha.shape)
     return np.einsum("ndk,dk->dn", columns, draws.mu_Pa)
 
 

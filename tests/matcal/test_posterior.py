@@ -16,8 +16,8 @@ from matcal.card import MaterialCard, write_card
 from matcal.chains import ESS, RHAT, run_ensembles
 from matcal.conductivity import Conductivity
 from matcal.curves import weigh, weighted_design, weighted_model, weighted_stress, with_history
-from matcal.derived import derived_of
-from matcal.draws import Draws, card_of, read_draws, stress_band, write_draws
+from matcal.derived import derived_of, stress_of
+from matcal.draws import Draws, card_of, law_of, read_draws, stress_band, write_draws
 from matcal.errors import NotConverged, TestFileError
 from matcal.experiment import Experiment
 from matcal.fit import fit
@@ -149,6 +149,7 @@ def test_relaxation_alone_is_sampled() -> None:
     np.testing.assert_allclose(np.hstack([found.draws.g, found.draws.tau_s]).std(axis=0), sd, rtol=0.4)
 
 
+@pytest.mark.slow
 def test_replicates_show_how_much_specimens_differ() -> None:
     factors, rng = np.exp([0.08, -0.1, 0.03, -0.05]), np.random.default_rng(3)
     law, e = Hyperfoam([5e3], [3.0], [0.0]), np.linspace(-0.6, -0.01, 50)
@@ -167,6 +168,7 @@ def test_replicates_show_how_much_specimens_differ() -> None:
     assert "not in the intervals" in single.decisions[0]
 
 
+@pytest.mark.slow
 def test_a_fitted_nu_is_sampled_with_the_rest() -> None:
     law, rng = replace(TABLE_1, mu_Pa=[9e3], alpha=[3.0], nu=[0.2]), np.random.default_rng(0)
     tests = [Experiment(mode, e := np.linspace(lo, hi, 60), nominal_stress(law, mode, e) + 20 * rng.normal(size=60),
@@ -176,6 +178,9 @@ def test_a_fitted_nu_is_sampled_with_the_rest() -> None:
     low, high = np.quantile(drawn.draws.nu[:, 0], [0.005, 0.995])
     assert low < 0.2 < high
     assert 0 < high - low < 0.2
+    few = stress_of(drawn.draws, "planar", [-0.4, 0.2])[:5]
+    np.testing.assert_allclose(few, [nominal_stress(law_of(drawn.draws, k), "planar", [-0.4, 0.2]) for k in range(5)],
+                               rtol=1e-8)
     low, high = np.quantile(derived_of(drawn.draws)["E_0_Pa"], [0.005, 0.995])
     assert low < law.E_0_Pa < high
 
