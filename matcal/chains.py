@@ -103,7 +103,8 @@ def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np
         sampler = emcee.EnsembleSampler(walkers, centre.size, lambda x, s=share: density(x, s), vectorize=True,
                                         moves=emcee.moves.DEMove(sigma=1e-3))
         state = emcee.State(points, random_state=_legacy_state(rng))
-        points = np.asarray(sampler.run_mcmc(state, _COOLING_STEPS, skip_initial_state_check=True).coords)
+        sampler.run_mcmc(state, _COOLING_STEPS, skip_initial_state_check=True)
+        points = np.asarray(sampler.get_chain())[-1]
     apart = points + 1e-4 * scale * rng.normal(size=points.shape)  # snooker moves need different walkers
     return np.where(np.isfinite(density(apart, 1.0))[:, None], apart, points)
 

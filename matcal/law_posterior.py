@@ -90,7 +90,8 @@ def law_part(fit: Fit, points: float, prony: PronyFit | None, fitted_nu: bool) -
     lateral = None
     if fitted_nu and any(c.experiment.lateral is not None for c in fit.curves):
         grid = np.linspace(nu.min(), nu.max(), 33)
-        lateral = CubicSpline(grid, [lateral_cost(fit.curves, Hyperfoam([1.0], [1.0], [v])) for v in grid])
+        lateral = CubicSpline(grid, [lateral_cost(fit.curves, Hyperfoam(np.ones(1), np.ones(1), np.full(1, v)))
+                                     for v in grid])
     effect = basis.T @ np.column_stack([known.effect, differ.stated])
     return LawPart(tables, nu, lateral, effect, np.r_[known.mean, np.zeros(differ.stated.shape[1])],
                    basis.T @ differ.factor, spline, fitted_rate, basis.T @ weighted_model(fit.curves, law), allowed,

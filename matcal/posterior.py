@@ -130,9 +130,8 @@ def _whole(draws: Draws, x: Array, coated: Array | None) -> tuple[Draws, Array]:
     if good.size < _KEPT:
         good = np.resize(good, _KEPT)
     pick = good[np.linspace(0, good.size - 1, _KEPT).astype(int)]
-    parts = {name: None if (value := getattr(draws, name)) is None else value[pick]
-             for name in ("mu_Pa", "alpha", "nu", "g", "tau_s", "omega")}
-    return Draws(**parts, conductivity_S_per_m=coated), x[pick]
+    g, tau, omega = (None if part is None else part[pick] for part in (draws.g, draws.tau_s, draws.omega))
+    return Draws(draws.mu_Pa[pick], draws.alpha[pick], draws.nu[pick], g, tau, coated, omega), x[pick]
 
 
 def _run(joint: _Joint, fit: Fit | None, prony: PronyFit | None, seed: int, advance: Callable[[int], None]) -> Chains:

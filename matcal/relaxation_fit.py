@@ -141,7 +141,7 @@ def _flat(holds: Sequence[Hold]) -> bool:
 
 def _without_relaxation(holds: tuple[Hold, ...], bounds_s: tuple[float, float], start: float) -> PronyFit:
     tau = float(np.sqrt(bounds_s[0] * bounds_s[1]))
-    prony = Prony([0.0], [tau])
+    prony = Prony(np.zeros(1), np.full(1, tau))
     pairs = [_projected(hold, prony) for hold in holds]
     said = ("The stress does not fall during the hold by more than its noise: no relaxation was found, g is set to 0 "
             f"and its time ({tau:.3g} s) means nothing.")

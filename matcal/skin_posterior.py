@@ -31,7 +31,7 @@ def skin_chains(fit: ConductivityFit, count: int, rng: np.random.Generator) -> A
     noise, zero = fit.covariance - fit.zero_covariance, fit.zero_covariance
     out = np.empty((_CHAINS, kept, 4))
     for step in range(_BURN + kept * _STRIDE):
-        root = np.linalg.cholesky(np.exp(ln_v)[:, None, None] * noise + zero)
+        root = np.asarray(np.linalg.cholesky(np.exp(ln_v)[:, None, None] * noise + zero), dtype=float)
         b = _hit_and_run(fit, b, root, rng)
         ln_v = _noise_step(fit, b, ln_v, noise, zero, rng)
         if step >= _BURN and (step - _BURN) % _STRIDE == _STRIDE - 1:

@@ -105,6 +105,7 @@ def test_the_rate_effect_follows_the_series() -> None:
     np.testing.assert_allclose(basis @ (part.model + effect), moved, atol=2e-5 * np.abs(moved).max())
 
 
+@pytest.mark.slow
 def test_draws_are_whole_cards(tmp_path) -> None:
     """With a long rate effect the long-term modulus and g_inf of a draw depend on each other through the same record.
     """
@@ -236,6 +237,10 @@ def test_draws_come_back_from_the_file_as_cards(tmp_path) -> None:
     with pytest.raises(TestFileError, match="is not there"):
         read_draws(tmp_path / "c.json")
     write_draws(draws, tmp_path / "c.d" / "posterior.nc")
+    stored = arviz.from_netcdf(str(tmp_path / "c.d" / "posterior.nc"))
+    assert stored.posterior["mu_Pa"].shape == (1, 8, 3)
+    np.testing.assert_allclose(stored.posterior["mu_0_instantaneous_Pa"][0],
+                               draws.mu_Pa.sum(axis=1) / (1 - draws.g.sum(axis=1)))
     back = read_draws(tmp_path / "c.json")
     for name in ("mu_Pa", "alpha", "g", "tau_s", "conductivity_S_per_m"):
         np.testing.assert_array_equal(getattr(back, name), getattr(draws, name))
