@@ -13,6 +13,7 @@ from matcal.conductivity_fit import ConductivityFit, fit_conductivity
 from matcal.cross_prediction import Predicted, predictions, unstable_within
 from matcal.curves import Curve, weigh, with_history
 from matcal.data_stability import DataCheck, check_data, check_sentences
+from matcal.digits import percent
 from matcal.experiment import Experiment
 from matcal.fit import Fit, fit, quick_law
 from matcal.hyperfoam import Hyperfoam
@@ -200,7 +201,7 @@ def _predicted(experiments: Sequence[Experiment], found: Fit | None, prony: Pron
 def _predicted_sentences(predicted: Sequence[Predicted]) -> list[str]:
     return [f"Not fitted but predicted, {', '.join(p.curve.experiment.source)} ({p.curve.experiment.kind} "
             f"{p.curve.experiment.strain.min():.3g} to {p.curve.experiment.strain.max():.3g}): relative RMS "
-            + ", ".join(f"{share:.1%} by the {name} law" for name, share in p.relative_rms.items()) + "."
+            + ", ".join(f"{percent(share)} by the {name} law" for name, share in p.relative_rms.items()) + "."
             for p in predicted]
 
 

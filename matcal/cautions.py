@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -82,7 +82,18 @@ def _misfit(card: MaterialCard) -> Iterator[str]:
     tried = {row["order"]: row for row in card.fit.get("orders", ())}
     chosen = tried.get(card.hyperfoam.mu_Pa.size) if card.hyperfoam else None
     if chosen and chosen["confluence"]:
-        yield f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses are."
+        yield (f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses within the "
+               "tests are." + _safer(chosen["order"], tried.values()))
+
+
+def _safer(chosen: int, tried: Iterable[Mapping[str, Any]]) -> str:
+    """The command that gives the best lower order whose parameters can be read."""
+    clear = [row for row in tried if row["order"] < chosen and not row["confluence"]]
+    if not clear:
+        return ""
+    best = min(clear, key=lambda row: row["bic"])
+    return (f" Outside the tests --order {best['order']} is the safer law (residual {percent(best['rms'])} instead of "
+            f"{percent(next(row['rms'] for row in tried if row['order'] == chosen))}).")
 
 
 def _predictions(card: MaterialCard) -> Iterator[str]:

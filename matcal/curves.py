@@ -132,6 +132,14 @@ def weighted_stress(curves: Sequence[Curve]) -> Array:
     return np.concatenate([c.experiment.value / c.scale_Pa for c in curves])
 
 
+def different_strains(curves: Sequence[Curve]) -> int:
+    """Number of different strains of each kind, summed over the kinds: what repeats teaches nothing new."""
+    strains: dict[str, list[Array]] = {}
+    for curve in curves:
+        strains.setdefault(curve.experiment.kind, []).append(curve.experiment.strain)
+    return sum(np.unique(np.concatenate(each)).size for each in strains.values())
+
+
 def reached(curves: Sequence[Curve]) -> tuple[float, float]:
     """Least and largest logarithmic principal stretch that all curves drive, 0 among them; free faces are left out."""
     ends = [0.0]

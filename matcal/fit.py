@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from matcal.constrained import stable_moduli
 from matcal.cross_prediction import Alone, alone_sentences, each_alone, relative_rms
-from matcal.curves import Curve, reached, weight_sentence, weighted_model, weighted_stress
+from matcal.curves import Curve, different_strains, reached, weight_sentence, weighted_model, weighted_stress
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
-from matcal.orders import OrderRow, chosen_order, confluence, order_sentences
+from matcal.orders import OrderRow, chosen_order, confluence, criterion, order_sentences
 from matcal.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_sentences
 from matcal.search import Problem, allowed_exponents, best_law, pose, search
 from matcal.stable_search import StabilityRows, search_stable
@@ -88,7 +88,7 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
         law, found = _stable_law(problem, stable, log_range, law, found)
     alone = each_alone(curves, lambda own: _law(best_law(pose(own, nu), best.order, max(1, starts // 2)), nu, own)
                        ) if thorough else {}
-    decisions = (weight_sentence(curves), *order_sentences(order, rows, best, tried[best.order]),
+    decisions = (weight_sentence(curves), *order_sentences(order, rows, best, tried[best.order], different_strains(curves)),
                  *alone_sentences(curves, alone), *nu_sentences(law.nu.tolist(), poisson, curves),
                  *_unequal_sentences(law, free, nu, curves, bool(alone)),
                  *_cost_sentences(stable, log_range, law, free, curves))
@@ -115,8 +115,7 @@ def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson) -> tu
     if listed > 1 and order not in ("auto", listed):
         raise ValueError(f"poisson lists {listed} values but the order is {order}. Give one value a term.")
     order = listed if listed > 1 else order
-    points = sum(np.unique(np.concatenate([c.experiment.strain for c in curves if c.experiment.kind == kind])).size
-                 for kind in {c.experiment.kind for c in curves})
+    points = different_strains(curves)
     if order == "auto":
         return tuple(n for n in ORDERS if 2 * n < points)
     if order not in ORDERS:
@@ -213,11 +212,11 @@ def _wider(problem: Problem, tried: Mapping[int, Optimum], order: int, starts: i
 
 
 def _row(problem: Problem, optimum: Optimum) -> OrderRow:
-    n = sum(c.experiment.value.size for c in problem.curves)
-    order = optimum.alpha.size
+    curves, order = problem.curves, optimum.alpha.size
     merged = confluence(optimum.mu_Pa, optimum.alpha, problem.allowed.gap)
-    bic = n * np.log(max(optimum.cost, 1e-30)) + 2 * order * np.log(n)
-    return OrderRow(order, float(np.sqrt(optimum.cost)), float(bic), merged)
+    bic = criterion(optimum.cost, order, sum(c.experiment.value.size for c in curves), different_strains(curves))
+    law = _law(optimum, problem.nu, curves)
+    return OrderRow(order, float(np.sqrt(optimum.cost)), max(relative_rms(law, c) for c in curves), bic, merged)
 
 
 def _law(optimum: Optimum, nu: float, curves: tuple[Curve, ...]) -> Hyperfoam:

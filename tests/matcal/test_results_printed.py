@@ -64,7 +64,7 @@ def test_no_digit_that_matters_is_lost(value: float, width: float, share: float)
 def test_numbers_read_well() -> None:
     assert [significant(v) for v in (0.0, 9750.112, 0.00012345, 1.5e8, 1234567.0)] == \
         ["0", "9750", "0.0001234", "1.500e+08", "1235000"]
-    assert (percent(0.0018), percent(17.4)) == ("0.180 %", "over 1000 %")
+    assert (percent(0.0018), percent(17.4)) == ("0.180 %", "17 times the stress")
     with pytest.raises(ValueError, match="not a finite number"):
         significant(float("nan"))
 
