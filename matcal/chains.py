@@ -2,7 +2,8 @@
 
 Several ensembles start from walkers spread differently about the fit and are cooled to the posterior; what counts is
 that their draws of the *derived* quantities agree: R-hat between whole ensembles, each split in halves, effective
-sample size and the length of the chain in autocorrelation times.
+sample size and the length of the chain in autocorrelation times. Walkers that stay in a mode with a negligible share of
+the probability, which cooling may leave behind, are moved out of it, counted, and the chains begun again.
 
 Source: Foreman-Mackey et al. 2013, DOI 10.1086/670067 (emcee); ter Braak & Vrugt 2008, DOI 10.1007/s11222-008-9104-9
 (differential evolution with snooker moves); Vehtari et al. 2021, DOI 10.1214/20-BA1221 (rank-normalised split R-hat).
@@ -29,6 +30,8 @@ Derived = Callable[[Array], Mapping[str, Array]]
 _PER_NUMBER, _LEAST_WALKERS, _SPREADS = 6, 40, (0.05, 0.4)
 # shares of the data while the walkers are cooled, and steps at each
 _COOLING, _COOLING_STEPS = np.geomspace(0.01, 1.0, 12), 40
+# log density below which a walker is lost, see `_rescued`
+_LOST = 20.0
 # steps between checks, most steps, most CPU seconds, times of each chain that derived quantities are checked at
 CHUNK, MOST_STEPS, MOST_CPU_S, _CHECKED = 1000, 24000, 50.0, 120
 # gate: largest R-hat, least effective sample size, least number of autocorrelation times
@@ -65,18 +68,24 @@ def run_ensembles(density: Density, centre: Array, scale: Array, derived: Derive
                 for _ in _SPREADS]
     states = [emcee.State(_cooled(density, centre, width * scale / _SPREADS[-1], walkers, rng),
                           random_state=_legacy_state(rng)) for width in _SPREADS]
-    steps, checks, quantities = 0, {"converged": False}, {}
+    steps, since, rescued, checks, quantities = 0, 0, 0, {"converged": False}, {}
     points = np.empty((len(_SPREADS), 0, walkers, centre.size))
     while steps < MOST_STEPS and not checks["converged"] and time.process_time() - begun < MOST_CPU_S:
         states = [s.run_mcmc(state, CHUNK, skip_initial_state_check=True)
                   for s, state in zip(samplers, states, strict=True)]
-        steps += CHUNK
+        steps, since = steps + CHUNK, since + CHUNK
         advance(steps)
-        points = np.stack([np.asarray(s.get_chain(discard=steps // 3)) for s in samplers])
+        points = np.stack([np.asarray(s.get_chain(discard=since // 3)) for s in samplers])
         checks, quantities = _checks(points, derived)
+        states, lost = _rescued(states, scale, rng)
+        if lost:
+            for sampler in samplers:
+                sampler.reset()
+            checks, since, rescued = checks | {"converged": False}, 0, rescued + lost
     acceptance = float(np.mean([s.acceptance_fraction.mean() for s in samplers]))
     return Chains(points, checks | {"steps": float(steps), "steps_kept": float(points.shape[1]),
                                     "walkers": float(walkers), "ensembles": float(len(_SPREADS)),
+                                    "rescued": float(rescued),
                                     "acceptance": acceptance}, quantities)
 
 
@@ -107,6 +116,26 @@ def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np
         points = np.asarray(sampler.get_chain())[-1]
     apart = points + 1e-4 * scale * rng.normal(size=points.shape)  # snooker moves need different walkers
     return np.where(np.isfinite(density(apart, 1.0))[:, None], apart, points)
+
+
+def _rescued(states: list[emcee.State], scale: Array, rng: np.random.Generator) -> tuple[list[emcee.State], int]:
+    """States with walkers from lost modes put where walkers of the best ensemble are, and how many they were.
+
+    Lost is a log density below that ensemble's median by _LOST and three for each sampled number.
+    """
+    densities = [np.asarray(state.log_prob, dtype=float) for state in states]
+    best = int(np.argmax([np.median(d) for d in densities]))
+    least = float(np.median(densities[best])) - _LOST - 3 * scale.size
+    good = np.asarray(states[best].coords)[densities[best] >= least]
+    out, total = [], 0
+    for state, density in zip(states, densities, strict=True):
+        lost = np.flatnonzero(density < least)
+        coords = np.array(state.coords)
+        apart = 1e-5 * scale * rng.normal(size=(lost.size, scale.size))
+        coords[lost] = good[rng.integers(good.shape[0], size=lost.size)] + apart
+        total += lost.size
+        out.append(state if lost.size == 0 else emcee.State(coords, random_state=state.random_state))
+    return out, total
 
 
 def _resampled(points: Array, log_weight: Array, rng: np.random.Generator) -> Array:
