@@ -13,7 +13,7 @@ import typer
 from eitsim.scene import Scene, read_scene, scene_tables
 from matcal.card import MaterialCard, read_card, write_json
 from matcal.errors import NotConverged
-from matcal.terminal import application, print_json, run
+from matcal.terminal import application, check_out, print_json, run
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -56,6 +56,9 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     """
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
+    for place, flag in ((out, "--out"), (report, "--report")):
+        if place is not None:
+            check_out(place, flag)
     parsed = read_scene(scene)
     path = _card_path(scene, parsed, card)
     result, document = _solve(parsed, path)
@@ -99,6 +102,7 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     from eitsim.sweep import sweep as steps
     from matcal.terminal import counter
 
+    check_out(out, folder=True)
     plan_of_rows = read_design(design, scenes)
     begun = time.perf_counter()
     account = None
@@ -124,6 +128,7 @@ def report(source: Annotated[Path, typer.Argument(metavar="DIR_OR_RESULT", help=
 
     Example: eitsim report sweep --out sweep.pdf
     """
+    check_out(out)
     _write_report(source, out)
 
 

@@ -6,11 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from matcal.errors import NotConverged
-from matcal.terminal import application, counter, numbers, print_json, run
+from matcal.terminal import application, check_out, counter, print_json, run
 
 if TYPE_CHECKING:
     from matcal.calibrate import Calibration, Choices
@@ -22,21 +21,26 @@ CardFile = Annotated[Path, typer.Argument(metavar="CARD", help="Material card (J
 ColumnsOption = Annotated[list[str] | None, typer.Option(metavar="[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...", help=(
     "Which columns mean what, where a file does not say: COLUMN is a name or a number from 1; sheet=NAME chooses a "
     "sheet. Repeat it for further files."))]
+# endings of the files that a fit leaves in the folder beside its card
+WRITTEN = (".parquet", ".json", ".nc")
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 @app.command()
-def inspect(files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Machine files or tables.")],
+def inspect(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Machine files or tables.")],
             columns: ColumnsOption = None, as_json: JsonOption = False) -> None:
     """Say what each file holds: its layout, columns, units, range and the kind of test it was taken for.
 
     Example: matcal inspect data_raw/mts_uniaxial.txt
     """
+    from matcal.arguments import input_of
     from matcal.inspect import describe, print_description
     from matcal.readers.selection import parse_selection, selections_of
 
-    chosen = selections_of([(None, [path]) for path in files], [parse_selection(text) for text in columns or []])
-    described = {str(path): describe(path, choice.get(path)) for path, choice in zip(files, chosen, strict=True)}
+    inputs = [input_of(text) for text in files]
+    chosen = selections_of(inputs, [parse_selection(text) for text in columns or []])
+    described = {str(path): describe(path, choice.get(path), kind)
+                 for (kind, paths), choice in zip(inputs, chosen, strict=True) for path in paths}
     if as_json:
         print_json(described)
         return
@@ -72,24 +76,24 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
 
     Example: matcal fit data_raw/uniaxial.csv data_raw/shear.csv --out card.json
     """
-    from matcal.calibrate import Choices, calibrate
+    from matcal.arguments import check_used, choices, input_of
+    from matcal.calibrate import calibrate
     from matcal.card import as_json as card_json
     from matcal.protocols import read_and_reduce
     from matcal.readers.detect import files_of
     from matcal.readers.selection import parse_selection, selections_of
-    from matcal.record import folder_of, make_card, write_record
+    from matcal.record import make_card, write_record
     from matcal.summary import print_fit
 
-    _check_places(folder_of(out), report)
-    inputs = [_input(text) for text in files]
-    choices = Choices(_order(order), _poisson(poisson), stable, _stretches(stable_range), residual,
-                      _weights(weight or []), prony_terms=_terms(prony_terms))
-    others = [_input(text) for text in predicted or []]
-    chosen = selections_of([*inputs, *others], [parse_selection(text) for text in columns or []])
-    reduced = read_and_reduce(inputs, specimen, chosen[:len(inputs)], branch)
-    compared = read_and_reduce(others, specimen, chosen[len(inputs):], branch)
-    found = calibrate(reduced.experiments, choices, compared.experiments)
-    draws, unfinished = _sampled(found, choices, seed) if posterior else (None, None)
+    _check_places(out, report)
+    inputs, others = [input_of(text) for text in files], [input_of(text) for text in predicted or []]
+    chosen = choices(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
+    selected = selections_of([*inputs, *others], [parse_selection(text) for text in columns or []])
+    reduced = read_and_reduce(inputs, specimen, selected[:len(inputs)], branch)
+    check_used(chosen, reduced.experiments)
+    compared = read_and_reduce(others, specimen, selected[len(inputs):], branch)
+    found = calibrate(reduced.experiments, chosen, compared.experiments)
+    draws, unfinished = _sampled(found, chosen, seed) if posterior else (None, None)
     used = [p for _, paths in [*inputs, *others] for path in paths for p in files_of(path)]
     used = list(dict.fromkeys([*used, *reduced.beside, *compared.beside]))
     card = make_card(found, out, used, seed, draws)
@@ -129,13 +133,14 @@ def predict(card: CardFile,
 
     Example: matcal predict card.json uniaxial --strain=-0.1,-0.5,-0.8 --json
     """
+    from matcal.arguments import points
     from matcal.card import read_card
     from matcal.prediction import PREDICTED, prediction
     from matcal.summary import print_columns
 
     if mode not in PREDICTED:
         raise ValueError(f"mode '{mode}' is unknown; known: {', '.join(PREDICTED)}.")
-    values = _asked(mode, strain, time)
+    values = points(mode, strain, time)
     columns = prediction(read_card(card), card, mode, values)
     if as_json:
         print_json({"mode": mode, **columns})
@@ -181,6 +186,8 @@ def export(card: CardFile,
     from matcal.card import read_card
     from matcal.export.deck import export as exported
 
+    if out is not None:
+        check_out(out)
     deck = exported(read_card(card), to, moduli, units, density)
     for warning in deck.warnings:
         print(f"matcal: warning: {warning}", file=sys.stderr)
@@ -196,16 +203,22 @@ def report(card: CardFile, out: Annotated[Path, typer.Option(help="PDF to write.
 
     Example: matcal report card.json --out report.pdf
     """
+    check_out(out)
     _write_report(card, out)
 
 
-def _check_places(folder: Path, report: Path | None) -> None:
-    """Before the work begins: a missing folder of the card is made, and said; a report goes into one that is there."""
-    if not folder.parent.is_dir():
-        folder.parent.mkdir(parents=True)
-        print(f"matcal: made the folder {folder.parent}.", file=sys.stderr)
-    if report is not None and not report.parent.is_dir():
-        raise ValueError(f"--report {report}: the folder {report.parent} does not exist. Create it first.")
+def _check_places(out: Path, report: Path | None) -> None:
+    """Before the work begins: card, its folder and report can be written, and nothing but an earlier fit goes."""
+    from matcal.record import folder_of
+
+    check_out(out)
+    folder = folder_of(out)
+    check_out(folder, folder=True)
+    if folder.is_dir() and (strange := sorted(p.name for p in folder.iterdir() if p.suffix not in WRITTEN)):
+        raise ValueError(f"--out {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
+                         "earlier fit. Choose another name.")
+    if report is not None:
+        check_out(report, "--report")
 
 
 def _write_report(card: Path, out: Path, quiet: bool = False) -> None:
@@ -214,58 +227,6 @@ def _write_report(card: Path, out: Path, quiet: bool = False) -> None:
     write(card, out)
     if not quiet:
         print(f"report: {out}")
-
-
-def _input(text: str) -> tuple[str | None, tuple[Path, ...]]:
-    kind, _, rest = text.rpartition("=") if "=" in text and not Path(text).exists() else ("", "", text)
-    return kind or None, tuple(Path(part) for part in (rest.split(",") if not Path(rest).exists() else [rest]))
-
-
-def _order(text: str) -> int | str:
-    if text != "auto" and not text.isdigit():
-        raise ValueError(f"--order '{text}' is unknown; give 1 to 6 or auto.")
-    return text if text == "auto" else int(text)
-
-
-def _terms(text: str) -> int | str:
-    if text != "auto" and not text.isdigit():
-        raise ValueError(f"--prony-terms '{text}' is unknown; give 1 to 6 or auto.")
-    return text if text == "auto" else int(text)
-
-
-def _poisson(text: str) -> float | str | tuple[float, ...]:
-    from matcal.poisson import FITTED
-
-    if text in FITTED:
-        return text
-    values = tuple(numbers(text, "--poisson"))
-    return values[0] if len(values) == 1 else values
-
-
-def _stretches(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    ends = numbers(text, "--stable-range")
-    if len(ends) != 2:
-        raise ValueError(f"--stable-range '{text}': write two principal stretches LO,HI, for example 0.3,1.5.")
-    return ends[0], ends[1]
-
-
-def _weights(texts: list[str]) -> dict[str, float]:
-    out = {}
-    for text in texts:
-        kind, equals, value = text.partition("=")
-        if not equals:
-            raise ValueError(f"--weight '{text}': write KIND=W, for example --weight shear=2.")
-        out[kind] = numbers(value, f"--weight {kind}")[0]
-    return out
-
-
-def _asked(mode: str, strain: str | None, time: str | None) -> np.ndarray:
-    flag, text, other = ("--time", time, strain) if mode == "relaxation" else ("--strain", strain, time)
-    if text is None or other is not None:
-        raise ValueError(f"{mode} takes {flag} A,B,... and nothing else to evaluate at.")
-    return np.array(numbers(text, flag))
 
 
 def main() -> None:

@@ -20,12 +20,12 @@ LAYOUTS = {"mts_testsuite": "MTS TestSuite text export", "mts_793": "MTS 793 spe
            "instron": "Instron export", "nova": "Autolab NOVA export"}
 
 
-def describe(path: Path | str, selection: Selection | None = None) -> dict[str, Any]:
+def describe(path: Path | str, selection: Selection | None = None, kind: str | None = None) -> dict[str, Any]:
     """Layout, parts, head, columns (name, unit, range in SI), specimen, clock, blocks, motion and kind of a test file,
     and what was decided in reading it, as JSON values.
 
-    A file whose kind nothing tells still is described, its `kind` says what to do. Raises TestFileError for a file
-    that cannot be read.
+    A file whose kind nothing tells still is described, its `kind` says what to do; `kind` is what the user says.
+    Raises TestFileError for a file that cannot be read, ValueError for an unknown kind.
     """
     recording = read(path, selection)
     out: dict[str, Any] = {"layout": recording.vendor, "files": [str(p) for p in recording.paths],
@@ -39,7 +39,7 @@ def describe(path: Path | str, selection: Selection | None = None) -> dict[str, 
     if recording.properties:
         out["specimen"] = {f"{size}_{SIZES[size].replace('^', '')}": value
                            for size, value in recording.properties.items()}
-    out |= _clock(recording) | _blocks(recording) | _motion(recording) | _kind(recording)
+    out |= _clock(recording) | _blocks(recording) | _motion(recording) | _kind(recording, kind)
     if recording.notes:
         out["notes"] = list(recording.notes)
     return out
@@ -77,9 +77,9 @@ def _motion(recording: Recording) -> dict[str, Any]:
     return out
 
 
-def _kind(recording: Recording) -> dict[str, Any]:
+def _kind(recording: Recording, given: str | None) -> dict[str, Any]:
     try:
-        kind, why = decide_kind(None, [recording])
+        kind, why = decide_kind(given, [recording])
     except TestFileError as error:
         return {"kind": None, "kind_reason": error.problem}
     return {"kind": kind, "kind_reason": why}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -56,16 +57,29 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} has no JSON form")
 
 
-def numbers(text: str, flag: str) -> list[float]:
-    """Numbers of a comma-separated command-line value; ValueError names the flag and the offending cell."""
+def numbers(text: str, flag: str, example: str) -> list[float]:
+    """Numbers of a comma-separated command-line value; ValueError names the flag, the offending cell and an example."""
     out = []
     for cell in text.split(","):
         try:
             out.append(float(cell))
         except ValueError:
             raise ValueError(f"{flag}: '{cell}' is not a number. Give numbers separated by commas, "
-                             f"for example {flag}=-0.1,-0.5.") from None
+                             f"for example {flag}={example}.") from None
     return out
+
+
+def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
+    """Before any work: ValueError where a file (or `folder`) cannot be written at `out`; folders are never made above
+    it."""
+    what = "folder" if folder else "file"
+    if not out.parent.is_dir():
+        raise ValueError(f"{flag} {out}: the folder {out.parent} does not exist. Create it first, or choose another.")
+    if out.exists() and out.is_dir() != folder:
+        raise ValueError(f"{flag} {out} is a {'file' if folder else 'folder'}, and a {what} is to be written there. "
+                         "Choose another name.")
+    if not os.access(out if out.exists() else out.parent, os.W_OK):
+        raise ValueError(f"{flag} {out} cannot be written: no permission. Choose another place.")
 
 
 @contextmanager

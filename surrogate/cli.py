@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from matcal.terminal import application, counter, numbers, print_json, run
+from matcal.terminal import application, check_out, counter, numbers, print_json, run
 
 if TYPE_CHECKING:
     from surrogate.model import Model
@@ -47,6 +47,7 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     from surrogate.samples import read_samples
     from surrogate.train import train as fit
 
+    check_out(out, folder=True)
     check_method(method)
     names, levels = chosen(outputs), _levels(noise_db)
     samples = read_samples(folder)
@@ -99,6 +100,8 @@ def predict(model_folder: ModelFolder,
     from surrogate import store
     from surrogate.predict import predict_frames
 
+    if out is not None:
+        check_out(out)
     model = store.load(model_folder)
     touched, reference = _frames(model, frames, baseline)
     if noise_v is not None and not noise_v >= 0:
@@ -124,12 +127,13 @@ def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PD
     """
     from reports.surrogates import write
 
+    check_out(out)
     write(model_folder, out)
     print(f"report: {out}")
 
 
 def _levels(text: str) -> list[float]:
-    return numbers(text, "--noise-db") if text else []
+    return numbers(text, "--noise-db", "80,60") if text else []
 
 
 def _frames(model: Model, frames: Path, baseline: Path | None) -> tuple[Any, Any]:
