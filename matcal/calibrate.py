@@ -18,7 +18,7 @@ from matcal.experiment import Experiment
 from matcal.fit import Fit, fit, quick_law
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import MODES
-from matcal.nuisance import refined_records, with_drift
+from matcal.nuisance import refined_records, surprise, with_drift
 from matcal.poisson import FITTED, Poisson
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit, fit_prony, order_sentences
@@ -28,6 +28,8 @@ from matcal.uncertainty import Uncertainty, linearised
 _TURNS, _SETTLED = 6, 1e-5
 # starts of the fit that only refines the records
 _FEW = 3
+# times the residual of the chosen order up to which a lower one may refine the records as well
+_NEAR = 1.5
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
 
 
@@ -118,16 +120,27 @@ def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], choices: Cho
         return fit_prony(relaxing, None, choices.prony_terms)
     nu = 0.0 if isinstance(choices.poisson, str) else float(np.mean(choices.poisson))
     law: Hyperfoam = quick_law(curves, choices.order, nu)
-    found = first = fit_prony(relaxing, law, choices.prony_terms)
-    for turn in range(2, _TURNS + 1):
-        law = quick_law([with_history(c, found.prony) for c in curves], choices.order, nu)
-        before, found = found.prony, fit_prony(relaxing, law, first.prony.g.size)
-        if np.abs(found.prony.g - before.g).max() < _SETTLED:
-            return replace(found, orders=first.orders, decisions=(
-                *order_sentences(choices.prony_terms, first.orders), *found.decisions,
-                *_turn_sentences(turn, relaxing, law)))
-    return replace(found, decisions=(*found.decisions, f"Series and law still changed after {_TURNS} turns by "
-                                     f"{np.abs(found.prony.g - before.g).max():.1g} in g."))
+    first = fit_prony(relaxing, law, choices.prony_terms)
+    law = _corrected(curves, first, choices.order, nu)
+    found = chosen = fit_prony(relaxing, law, choices.prony_terms)  # chosen again, through a law that knows its rate
+    terms, left = chosen.prony.g.size, np.inf
+    for turn in range(3, _TURNS + 1):
+        law = _corrected(curves, found, choices.order, nu)
+        before, found = found.prony, fit_prony(relaxing, law, terms)
+        left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
+        if left < _SETTLED:
+            return _told(found, chosen, choices, _turn_sentences(turn, relaxing, law))
+    return _told(found, chosen, choices, [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
+
+
+def _corrected(curves: Sequence[Curve], found: PronyFit, order: int | str, nu: float) -> Hyperfoam:
+    return quick_law([with_history(c, found.prony) for c in curves], order, nu)
+
+
+def _told(found: PronyFit, chosen: PronyFit, choices: Choices, more: Sequence[str]) -> PronyFit:
+    """The last turn with the numbers of terms tried when their number was chosen."""
+    tried = order_sentences(choices.prony_terms, chosen.orders, chosen.prony.g.size)
+    return replace(found, orders=chosen.orders, decisions=(*tried, *found.decisions, *more))
 
 
 def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) -> list[str]:
@@ -141,10 +154,29 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) 
 
 def _law(curves: tuple[Curve, ...], prony: PronyFit | None, choices: Choices) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
-    first = fit(curves, *_with_one_nu(choices), starts=_FEW, thorough=False)
-    curves, moved = refined_records(first)
+    curves, moved = _refined(curves, choices)
     found = fit(curves, choices.order, choices.poisson, stable=choices.stable, stable_range=choices.stable_range)
     return found, (_moduli_sentence(curves, prony.prony if prony else None), *moved, *found.decisions)
+
+
+def _refined(curves: tuple[Curve, ...], choices: Choices) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
+    """The curves with contact, load zero and drift refined, by the order that needs least to explain them.
+
+    A term too many takes up what is an error of the record: each lower order of nearly the same residual refines the
+    records its own way, and the criterion of orders decides, the corrections' own prior counted.
+    """
+    order, nu = _with_one_nu(choices)
+    first = fit(curves, order, nu, starts=_FEW, thorough=False)
+    best = refined_records(first)
+    if not best[1] or order != "auto":
+        return best
+    chosen = next(row for row in first.orders if row.order == first.law.alpha.size)
+    near = [row.order for row in first.orders if row.order < chosen.order and row.rms < _NEAR * chosen.rms]
+    if not near:
+        return best
+    tried = {n: refined_records(fit(curves, n, nu, starts=_FEW, thorough=False)) for n in near} | {chosen.order: best}
+    return min(tried.values(), key=lambda refined: min(
+        row.bic for row in fit(refined[0], order, nu, starts=_FEW, thorough=False).orders) + surprise(refined[0]))
 
 
 def _with_one_nu(choices: Choices) -> tuple[int | str, float | str]:

@@ -38,6 +38,8 @@ class Contact:
     sd_m: float
     # load reading without specimen, N
     zero_N: float
+    # standard deviation of that reading: the noise of the load over the root of the samples behind it, N
+    zero_sd_N: float
     # strain over which the load curve was read
     reach: float = 0.0
 
@@ -97,7 +99,8 @@ def _within(travel: Array, load: Array, noise: float, length_m: float, limit: fl
         at, sd = _posterior(means, length_m, limit, reach)
         if abs(at - last) < 1e-4 * length_m:
             break
-    return Contact(at, float(np.hypot(sd, _UNSEEN * length_m)), zero, reach)
+    return Contact(at, float(np.hypot(sd, _UNSEEN * length_m)), zero,
+                   noise / np.sqrt(np.count_nonzero(before)), reach)
 
 
 def _means(travel: Array, load: Array, before: Array, noise: float) -> _Means:

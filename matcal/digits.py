@@ -25,7 +25,9 @@ def significant(value: float, digits: int = 4) -> str:
 
 def percent(fraction: float, digits: int = 3) -> str:
     """A fraction of a stress in per cent; from ten times the stress on as a multiple of it."""
-    return f"{significant(100 * fraction, digits)} %" if fraction < 10 else f"{significant(fraction, 2)} times the stress"
+    if fraction < 10:
+        return f"{significant(100 * fraction, digits)} %"
+    return f"{significant(fraction, 2)} times the stress"
 
 
 def with_error(value: float, error: float) -> tuple[str, str]:

@@ -17,13 +17,15 @@ from matcal.hyperfoam import Hyperfoam
 from matcal.orders import OrderRow, chosen_order, confluence, criterion, order_sentences
 from matcal.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_sentences
 from matcal.search import Problem, allowed_exponents, best_law, pose, search
-from matcal.stable_search import StabilityRows, search_stable
+from matcal.stable_search import StabilityRows, keeps, search_stable
 from matcal.unequal import refine, with_nu
 from matcal.varpro import Optimum, least_moduli
 
 __all__ = ["ORDERS", "Alone", "Fit", "allowed_exponents", "fit", "modelled", "quick_law", "relative_rms"]
 
 Array = NDArray[np.float64]
+# rows that must stay positive -> the best law that keeps them so
+_Search = Callable[[StabilityRows], Hyperfoam]
 
 ORDERS = (1, 2, 3, 4, 5, 6)
 # orders that "auto" always tries; each higher one only while the one before has the least BIC and parameters that can
@@ -88,7 +90,8 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
         law, found = _stable_law(problem, stable, log_range, law, found)
     alone = each_alone(curves, lambda own: _law(best_law(pose(own, nu), best.order, max(1, starts // 2)), nu, own)
                        ) if thorough else {}
-    decisions = (weight_sentence(curves), *order_sentences(order, rows, best, tried[best.order], different_strains(curves)),
+    decisions = (weight_sentence(curves),
+                 *order_sentences(order, rows, best, tried[best.order], different_strains(curves)),
                  *alone_sentences(curves, alone), *nu_sentences(law.nu.tolist(), poisson, curves),
                  *_unequal_sentences(law, free, nu, curves, bool(alone)),
                  *_cost_sentences(stable, log_range, law, free, curves))
@@ -171,11 +174,25 @@ def _stable_law(problem: Problem, criterion: str, log_range: tuple[float, float]
                 found: Optimum) -> tuple[Hyperfoam, Optimum]:
     """The best law that keeps `criterion`, searched from the free one."""
     searching = _stable_unequal if np.ptp(law.nu) else _stable_shared
-    held = search_stable(criterion, log_range, searching(problem, law))
+    laws = [search_stable(criterion, log_range, searching(problem, law))]
+    if criterion == "elliptic" and (drucker := _drucker_law(log_range, searching, problem, law)) is not None:
+        laws += [drucker, search_stable(criterion, log_range, searching(problem, drucker))]
+    held = min(laws, key=lambda each: _cost(each, problem.curves))
     return _with_ranges(held, problem.curves), _as_optimum(held, found, 0, problem.curves)
 
 
-def _stable_shared(problem: Problem, law: Hyperfoam) -> Callable[[StabilityRows], Hyperfoam]:
+def _drucker_law(log_range: tuple[float, float], searching: Callable[[Problem, Hyperfoam], _Search],
+                 problem: Problem, law: Hyperfoam) -> Hyperfoam | None:
+    """The best Drucker stable law where it is strongly elliptic as well, a start that no elliptic law may be worse
+    than; None where there is none."""
+    try:
+        held = search_stable("drucker", log_range, searching(problem, law))
+    except NotConverged:
+        return None
+    return held if keeps("elliptic", held, log_range) else None
+
+
+def _stable_shared(problem: Problem, law: Hyperfoam) -> _Search:
     latest = [law]
 
     def searching(rows: StabilityRows) -> Hyperfoam:
@@ -187,7 +204,7 @@ def _stable_shared(problem: Problem, law: Hyperfoam) -> Callable[[StabilityRows]
     return searching
 
 
-def _stable_unequal(problem: Problem, law: Hyperfoam) -> Callable[[StabilityRows], Hyperfoam]:
+def _stable_unequal(problem: Problem, law: Hyperfoam) -> _Search:
     latest = [law]
 
     def searching(rows: StabilityRows) -> Hyperfoam:
@@ -198,9 +215,14 @@ def _stable_unequal(problem: Problem, law: Hyperfoam) -> Callable[[StabilityRows
 
 
 def _as_optimum(law: Hyperfoam, found: Optimum, evaluations: int, curves: tuple[Curve, ...]) -> Optimum:
-    cost = float(np.sum((weighted_model(curves, law) - weighted_stress(curves)) ** 2))
+    cost = _cost(law, curves)
     return replace(found, mu_Pa=law.mu_Pa, alpha=law.alpha, cost=cost, starts=(cost,),
                    evaluations=found.evaluations + evaluations)
+
+
+def _cost(law: Hyperfoam, curves: tuple[Curve, ...]) -> float:
+    """Weighted mean square residual."""
+    return float(np.sum((weighted_model(curves, law) - weighted_stress(curves)) ** 2))
 
 
 def _wider(problem: Problem, tried: Mapping[int, Optimum], order: int, starts: int,

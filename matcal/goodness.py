@@ -42,7 +42,8 @@ def curve_of(found: Calibration, label: str) -> Curve:
 
 def _law_part(fit: Fit) -> dict[str, Any]:
     return {"parameters": standard_errors(fit),
-            "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.confluence} for r in fit.orders],
+            "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.confluence}
+                       for r in fit.orders],
             "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
                                         "relative_rms": dict(alone.relative_rms),
                                         "relative_rms_of": dict(alone.relative_rms_of), "unstable": alone.unstable}

@@ -57,6 +57,7 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     first = int(np.argmax(moved >= contact.travel_m))
     _check_size(recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
     facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
+             "zero_sd_N": contact.zero_sd_N,
              "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
              "strain_zero_sd": contact.sd_m / block.length_m, "area_mm2": block.area_m2 * 1e6,
              "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
@@ -133,14 +134,14 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
     if block.preload_N > 0:
         at = float(moved[moving][_first_above(load[moving] - rest, block.preload_N, size)].mean())
         notes.append(f"Contact where the load reaches the preload {block.preload_N:g} N, as the height was measured.")
-        return Contact(at, 0.0, rest), moved
+        return Contact(at, 0.0, rest, noise / np.sqrt(max(stroke.start, 1))), moved
     latest = float(moved[moving][_first_above(load[moving] - rest, 6 * noise / np.sqrt(size), size)].max())
     contact = find_contact(moved[:stroke.end + 1], load[:stroke.end + 1], stroke.start, block.length_m, latest)
     before = stroke.start + np.count_nonzero(moved[moving] < contact.travel_m)
     if before < _ENOUGH:
         notes.append(f"Only {before} samples before the load rises: the first reading is taken as zero load and its "
                      "position as contact.")
-        return Contact(0.0, 0.0, float(load[0])), moved
+        return Contact(0.0, 0.0, float(load[0]), noise), moved
     notes.append(f"Contact found {contact.travel_m * 1e3:.3f} ± {contact.sd_m * 1e3:.3f} mm after the start, where a "
                  f"smooth curve of unknown shape over {contact.reach:.0%} of strain begins; zero load from {before} "
                  "samples.")

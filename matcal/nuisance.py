@@ -2,8 +2,9 @@
 
 Each such number is written as a standard normal z_j with the change V_j of the stress that one standard deviation
 makes, so that it can be solved for together with the moduli under its own prior. The contact point is found from the
-noisy toe alone, the drift of the load zero from rests before and after the test or from other tests on the frame; the
-whole curve knows them better, and refines them here within their priors.
+noisy toe alone, the load zero from the samples before it, of which there may be one, its drift from rests before and
+after the test or from other tests on the frame; the whole curve knows them better, and refines them here within their
+priors.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from matcal.relaxation_fit import PronyFit
 Array = NDArray[np.float64]
 
 # facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
-MOVED = {"strain_zero_sd": "strain_zero_moved", "drift_sd_N_per_s": "drift_moved_N_per_s"}
+MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_N": "zero_moved_N", "drift_sd_N_per_s": "drift_moved_N_per_s"}
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ def _drift_reason(measured: int, typical: float | None) -> str:
 
 
 def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
-    """Contact point and drift of every curve that states their standard deviation, then the series' directions."""
+    """Contact point, load zero and drift of every curve that states their standard deviation, then the series'
+    directions."""
     found = [(_record_effect(fit, k, fact), _record_mean(fit.curves[k], fact)) for k, fact in _uncertain(fit)]
     directions = _principal_directions(prony) if prony is not None else []
     effect = [v for v, _ in found] + [_prony_effect(fit, prony.prony, d) for d in directions if prony is not None]
@@ -112,16 +114,29 @@ def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:, :miss.size] @ miss, strict=True):
         sd = curves[k].experiment.facts[fact]
         curves[k] = replace(curves[k], experiment=_moved(curves[k].experiment, fact, float(z) * sd))
-        what, size = (("strain zero", f"{z * sd:+.2g}") if fact == "strain_zero_sd" else
-                      ("drift of the load zero", f"{z * sd * 1e3:+.2g} mN/s"))
-        said.append(f"{curves[k].label}: {what} moved by {size} ({z:+.1f} of its standard deviation) by the fit of the "
-                    "whole curve.")
+        said.append(f"{curves[k].label}: {_size_words(fact, z * sd)} ({z:+.1f} of its standard deviation) by the fit "
+                    "of the whole curve.")
     return tuple(curves), tuple(said)
+
+
+def surprise(curves: Sequence[Curve]) -> float:
+    """Sum of squares of how far corrections were moved, in their standard deviations: -2 ln of their prior."""
+    return float(sum(_record_mean(c, fact) ** 2 for c in curves for fact in MOVED
+                     if c.experiment.facts.get(fact, 0.0) > 0))
+
+
+def _size_words(fact: str, by: float) -> str:
+    if fact == "strain_zero_sd":
+        return f"strain zero moved by {by:+.2g}"
+    return f"load zero moved by {by:+.2g} N" if fact == "zero_sd_N" else \
+        f"drift of the load zero moved by {by * 1e3:+.2g} mN/s"
 
 
 def _name(curve: Curve, fact: str) -> str:
     if fact == "strain_zero_sd":
         return f"the contact point of {curve.label}"
+    if fact == "zero_sd_N":
+        return f"the load zero of {curve.label}"
     assumed = "drift_N_per_s" not in curve.experiment.facts or curve.experiment.facts.get("drift_assumed", 0.0) > 0
     return f"the {'assumed' if assumed else 'measured'} load drift of {curve.label}"
 
@@ -135,11 +150,13 @@ def _principal_directions(prony: PronyFit) -> list[Array]:
 
 def _uncertain(fit: Fit) -> list[tuple[int, str]]:
     return [(k, fact) for k, curve in enumerate(fit.curves) for fact in MOVED
-            if curve.experiment.facts.get(fact, 0.0) > 0 and (fact == "strain_zero_sd" or _clocked(curve.experiment))]
+            if curve.experiment.facts.get(fact, 0.0) > 0 and _known(fact, curve.experiment)]
 
 
-def _clocked(experiment: Experiment) -> bool:
-    return experiment.time_s is not None and "area_mm2" in experiment.facts
+def _known(fact: str, experiment: Experiment) -> bool:
+    """Whether the record has what turns a correction into stress."""
+    return fact == "strain_zero_sd" or ("area_mm2" in experiment.facts and (
+        fact == "zero_sd_N" or experiment.time_s is not None))
 
 
 def _record_effect(fit: Fit, k: int, fact: str) -> Array:
@@ -159,12 +176,15 @@ def _record_mean(curve: Curve, fact: str) -> float:
 
 
 def _moved(experiment: Experiment, fact: str, by: float) -> Experiment:
-    """The experiment with its strain zero, or the drift taken off its load, moved; the state of rest stays."""
+    """The experiment with its strain zero, or the zero or drift taken off its load, moved; the state of rest stays."""
     facts = {**experiment.facts, MOVED[fact]: experiment.facts.get(MOVED[fact], 0.0) + by}
+    resting = experiment.strain == (1.0 if experiment.kind == "volumetric" else 0.0)
     if fact == "strain_zero_sd":
-        rest = 1.0 if experiment.kind == "volumetric" else 0.0
-        strain = np.where(experiment.strain == rest, rest, experiment.strain + by)
+        strain = np.where(resting, experiment.strain, experiment.strain + by)
         return replace(experiment, strain=strain, facts=facts)
+    if fact == "zero_sd_N":
+        stress = by / (experiment.facts["area_mm2"] * 1e-6)
+        return replace(experiment, value=experiment.value - np.where(resting, 0.0, stress), facts=facts)
     assert experiment.time_s is not None
     drift = by / (experiment.facts["area_mm2"] * 1e-6) * experiment.time_s
     return replace(experiment, value=experiment.value - drift, facts=facts)

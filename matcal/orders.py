@@ -105,8 +105,8 @@ def _clear_words(rows: tuple[OrderRow, ...], chosen: OrderRow) -> str:
     if not clear:
         return ""
     best = min(clear, key=lambda row: row.bic)
-    return (f" Order {best.order} (--order {best.order}) is the best whose parameters can be read (weighted RMS {best.rms:.3%}) and may be "
-            "the safer one outside the tests.")
+    return (f" Order {best.order} (--order {best.order}) is the best whose parameters can be read (weighted RMS "
+            f"{best.rms:.3%}) and may be the safer one outside the tests.")
 
 
 def _bound_sentence(chosen: OrderRow, free_cost: float, free_mu_0_Pa: float) -> str:

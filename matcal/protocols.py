@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,6 +52,7 @@ def read_and_reduce(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], speci
     out: list[Experiment] = []
     beside: list[Path] = []
     seen: set[tuple[Path, ...]] = set()
+    contents: dict[tuple[str, ...], tuple[Recording, Experiment, Mapping[Path, Selection]]] = {}
     for (kind, paths), chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
         recordings = _recordings(paths, chosen)
         key = tuple(path.resolve() for recording in recordings for path in recording.paths)
@@ -58,9 +60,22 @@ def read_and_reduce(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], speci
             continue
         seen.add(key)
         experiment, files = _reduce(kind, recordings, specimen, branch)
+        content = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in key)
+        _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
+        contents.setdefault(content, (recordings[0], experiment, chosen))
         out.append(experiment)
         beside += [*_sidecars(recordings), *files]
     return Reduced(with_scatter(out), tuple(dict.fromkeys(beside)))
+
+
+def _refuse_twice(before: tuple[Recording, Experiment, Mapping[Path, Selection]] | None, recording: Recording,
+                  experiment: Experiment, chosen: Mapping[Path, Selection]) -> None:
+    """ValueError where the bytes, the kind and the columns of a test are those of one before: it is one specimen."""
+    if before is None or before[1].kind != experiment.kind or [*before[2].values()] != [*chosen.values()]:
+        return
+    names = recording.label if before[0].label == recording.label else f"{before[0].label} and {recording.label}"
+    raise ValueError(f"{names}: the same contents are given twice as {experiment.kind} test; one specimen would count "
+                     "as two. Give it once.")
 
 
 def _sidecars(recordings: Sequence[Recording]) -> list[Path]:

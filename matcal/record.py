@@ -32,8 +32,10 @@ from matcal.draws import FILE, write_draws
 from matcal.experiment import Experiment
 from matcal.fit import modelled
 from matcal.goodness import curve_of, fit_part
+from matcal.hyperfoam import Hyperfoam
 from matcal.modes import nominal_stress
 from matcal.stability import stability
+from matcal.uncertainty import plateau_reached
 
 if TYPE_CHECKING:
     from matcal.posterior import Posterior
@@ -60,7 +62,7 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
     return MaterialCard(out.stem, law, found.prony.prony if found.prony else None,
                         found.conductivity.law if found.conductivity else None, fit=fit_part(found),
                         stability=stability(law) if law else {}, provenance=provenance, data=folder_of(out).name,
-                        posterior=_posterior_part(posterior, folder_of(out).name) if posterior else {})
+                        posterior=_posterior_part(posterior, folder_of(out).name, law) if posterior else {})
 
 
 def _synthetic(files: Sequence[Path], decisions: Sequence[str]) -> bool:
@@ -148,10 +150,12 @@ def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFra
     return pd.DataFrame(columns)
 
 
-def _posterior_part(posterior: Posterior, folder: str) -> dict[str, Any]:
+def _posterior_part(posterior: Posterior, folder: str, law: Hyperfoam | None) -> dict[str, Any]:
     draws = posterior.draws
     derived = {}
     for name, column in derived_of(draws).items():
+        if name == "plateau_Pa" and (law is None or not plateau_reached(law.strain_range)):
+            continue
         lo, middle, hi = np.quantile(column, [0.025, 0.5, 0.975])
         derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi,
                          **posterior.quantities.get(name, {})}

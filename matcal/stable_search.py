@@ -68,6 +68,11 @@ def search_stable(criterion: str, log_range: tuple[float, float],
                        estimate=law)
 
 
+def keeps(criterion: str, law: Hyperfoam, log_range: tuple[float, float]) -> bool:
+    """Whether a law satisfies a criterion at every grid point of the stretches in `log_range`."""
+    return _violations(criterion, law, triples(log_range, _ACCEPTED)).x.size == 0
+
+
 def rows(criterion: str, states: States, alpha: Array, nu: Array) -> Array:
     """(m, N) quadratic form of each term per unit of its modulus at m states."""
     form = _drucker_form if criterion == "drucker" else acoustic_form

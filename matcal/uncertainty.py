@@ -83,6 +83,17 @@ def derived_quantities(law: Hyperfoam) -> dict[str, float]:
             "plateau_Pa": -float(nominal_stress(law, "uniaxial", PLATEAU_STRAIN))}
 
 
+def plateau_reached(strain_range: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether the fitted curves reach the compression at which the plateau stress is read."""
+    return strain_range.get("uniaxial", (0.0, 0.0))[0] <= PLATEAU_STRAIN
+
+
+def measured_quantities(law: Hyperfoam) -> dict[str, float]:
+    """Those of `derived_quantities` that lie within the strains that the law was fitted to."""
+    found = derived_quantities(law)
+    return found if plateau_reached(law.strain_range) else {n: v for n, v in found.items() if n != "plateau_Pa"}
+
+
 def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
     free, differ = free_directions(fit), specimens(fit.curves, fit.law)
@@ -95,14 +106,27 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
     from_data = propagated(errors, data)
     covariance = from_data + variance * prior @ prior.T
-    spare = sum(e.points for e in errors) - 2 * fit.law.alpha.size
-    reach = float(student.ppf(0.975, max(_LEAST_SPARE, spare)))
+    parameters = 2 * fit.law.alpha.size
+    spare = max(sum(e.points for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
+    reach = float(student.ppf(0.975, spare))
     bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach, {}, ())
-    derived = intervals(bare, derived_quantities)
+    derived = intervals(bare, measured_quantities)
     mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(fit.law.alpha.size)]
     names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names)))
     shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), variance * (mu_0 @ prior) ** 2, names)
-    return replace(bare, derived=derived, shares=shares, decisions=(_share_sentence(shares), *differ.decisions))
+    return replace(bare, derived=derived, shares=shares, decisions=(_share_sentence(shares), *differ.decisions,
+                                                                    *_limit_sentences(fit)))
+
+
+def _limit_sentences(fit: Fit) -> list[str]:
+    """What the intervals cannot tell of this fit."""
+    out = []
+    if fit.optimum.unbounded is not None:
+        out.append("The moduli lie on their bound, where no linearisation holds: the intervals take the fit for one "
+                   "that was free and are too short; choose a lower --order, or read those of --posterior.")
+    if not plateau_reached(fit.law.strain_range):
+        out.append(f"plateau_Pa is left out: no uniaxial test reaches a compression of {-PLATEAU_STRAIN:.0%}.")
+    return out
 
 
 def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Interval]:
@@ -133,10 +157,12 @@ def _share_sentence(shares: Mapping[str, float]) -> str:
 
 
 def _effective_points(fit: Fit, gain: Array, covariance: Array) -> float:
-    """Points of one noise level for which the quantity that suffers most from correlation has the same variance."""
+    """Points of one noise level for which the quantity that suffers most from correlation has the same variance; as in
+    Student's law, not fewer than the parameters and _LEAST_SPARE, for the errors' sizes are averaged already."""
     worth = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
-             for g in _gradients(fit.law, derived_quantities).values()]
-    return min(worth)
+             for g in _gradients(fit.law, measured_quantities).values()]
+    least = min(sum(c.experiment.value.size for c in fit.curves), 2 * fit.law.alpha.size + _LEAST_SPARE)
+    return max(min(worth), least)
 
 
 def _gradients(law: Hyperfoam, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Array]:

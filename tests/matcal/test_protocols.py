@@ -132,9 +132,16 @@ def test_a_split_test_named_part_by_part_is_read_once(tmp_path: Path) -> None:
         np.testing.assert_array_equal(got.value, whole.value)
 
 
-def test_replicates_stay_apart() -> None:
+def test_replicates_stay_apart_but_one_test_counts_once(tmp_path: Path) -> None:
     file = DATA / "uniaxial.csv"
-    assert len(reduce_tests([(None, (file,)), (None, (file,))])) == 2
+    other = _written(tmp_path, "uniaxial_2.csv", file.read_text() + "\n")
+    assert len(reduce_tests([(None, (file,)), (None, (other,))])) == 2
+    copied = _written(tmp_path, "uniaxial_3.csv", file.read_text())
+    with pytest.raises(ValueError, match=r"uniaxial\.csv and uniaxial_3\.csv: the same contents are given twice"):
+        reduce_tests([(None, (file,)), (None, (copied,))])
+    with pytest.raises(ValueError, match=r"uniaxial\.csv: the same contents are given twice"):
+        reduce_tests([(None, (file,)), (None, (file,))])
+    assert [e.kind for e in reduce_tests([("uniaxial", (file,)), ("biaxial", (file,))])] == ["uniaxial", "biaxial"]
     with pytest.raises(ValueError, match="a uniaxial test takes one"):
         reduce_tests([("uniaxial", (file, DATA / "shear.csv"))])
 
