@@ -20,7 +20,7 @@ app = application("Calibrate a foam and its conductive skin from test files into
 CardFile = Annotated[Path, typer.Argument(metavar="CARD", help="Material card (JSON).")]
 ColumnsOption = Annotated[list[str] | None, typer.Option(metavar="[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...", help=(
     "Which columns mean what, where a file does not say: COLUMN is a name or a number from 1; sheet=NAME chooses a "
-    "sheet. Repeat it for further files."))]
+    "sheet, block=N a block of an MTS 793 file. Repeat it for further files."))]
 # endings of the files that a fit leaves in the folder beside its card
 WRITTEN = (".parquet", ".json", ".nc")
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

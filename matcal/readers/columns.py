@@ -13,7 +13,7 @@ from matcal.readers.flags import flag_for
 from matcal.readers.grid import Grid, shown
 from matcal.readers.recording import QUANTITIES, Array, Recording
 from matcal.readers.selection import Selection
-from matcal.readers.units import measures, si_factor
+from matcal.readers.units import COMMON, is_common, measures, si_factor
 from matcal.readers.words import preference, quantity_of
 
 # two columns of one quantity that differ by no more than this share of their range are one
@@ -37,6 +37,8 @@ class _Column:
     index: int
     name: str
     unit: str | None
+    # whether the unit is the user's word
+    chosen: bool = False
 
 
 def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection | None = None, *,
@@ -71,13 +73,18 @@ def _widened(grid: Grid, header: Header) -> Header:
 
 
 def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Column]:
-    out = {}
+    out: dict[str, _Column] = {}
     for quantity, (wanted, unit) in selection.columns.items():
         index = _index(grid, header, wanted)
+        if before := next((q for q, column in out.items() if column.index == index), None):
+            raise TestFileError(grid.path, f"--columns '{selection.text}': column {index + 1} "
+                                           f"'{shown(header.cells[index][0])}' is given as {before} and as {quantity}. "
+                                           f"Choose another for one of them. {_listed(header)}", line=header.line)
         name, own = header.cells[index]
         if unit is None and own is None and not QUANTITIES[quantity]:
             own = "-"
-        out[quantity] = _Column(index, name or f"column {index + 1}", unit if unit is not None else own)
+        out[quantity] = _Column(index, name or f"column {index + 1}", unit if unit is not None else own,
+                                unit is not None)
     return out
 
 
@@ -174,6 +181,14 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
     if value is not None:
         return value
     name = shown(column.name)
+    if unit and (column.chosen or not is_common(unit)):
+        others = measures(unit)
+        why = f"which measures {others[0]}, not {quantity}" if others else "which is not known"
+        raise TestFileError(grid.path, f"column '{name}' has the unit '{shown(unit)}'"
+                                       f"{' by --columns' if column.chosen else ''}, {why}. Units of {quantity}: "
+                                       f"{', '.join(COMMON[QUANTITIES[quantity]])}. Write one of them in the file, or "
+                                       f"give it with --columns, for example {flag_for(grid, header)}",
+                            line=header.line)
     if others := measures(unit) if unit else []:
         problem = (f"has the unit '{shown(unit)}', which is no unit of {quantity} but of {others[0]}: names and units, "
                    "or columns, look exchanged. If the numbers are right, say which column is which: "

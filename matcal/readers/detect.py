@@ -42,6 +42,7 @@ def files_of(path: Path) -> list[Path]:
 def _read_file(path: Path, selection: Selection | None) -> Recording:
     data = read_bytes(path)
     if data.startswith(WORKBOOK):
+        _refuse_block(path, selection)
         return _read_grid(*read_workbook(data, path, selection.sheet if selection else None), selection)
     text, encoding = decode(data, path)
     notes = () if encoding == "utf-8" else (f"read as {encoding}.",)
@@ -49,10 +50,16 @@ def _read_file(path: Path, selection: Selection | None) -> Recording:
         raise TestFileError(path, f"--columns asks for sheet '{selection.sheet}', but this is text without sheets.")
     if is_793(text):
         return read_793(text, path, selection)
+    _refuse_block(path, selection)
     if is_testsuite(text):
         return read_testsuite(text, path, selection)
     _refuse_impedance([[line] for line in lines_of(text[:20_000]) if line.strip()], path)
     return _read_grid(text_grid(text, path), notes, selection)
+
+
+def _refuse_block(path: Path, selection: Selection | None) -> None:
+    if selection is not None and selection.block is not None:
+        raise TestFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
 
 
 def _read_grid(grid: Grid, notes: tuple[str, ...], selection: Selection | None) -> Recording:

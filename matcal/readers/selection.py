@@ -24,14 +24,17 @@ class Selection:
     sheet: str | None = None
     # the option as it was given
     text: str = ""
+    # acquisition block of a controller's file, from 1; None for all of them
+    block: int | None = None
 
 
 def parse_selection(text: str) -> Selection:
-    """`[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...` with COLUMN a name or a number from 1, and perhaps sheet=NAME.
+    """`[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...` with COLUMN a name or a number from 1, and perhaps
+    sheet=NAME or block=N.
 
     Raises ValueError, with an example, for anything else.
     """
-    where, columns, sheet = None, {}, None
+    where, columns, sheet, block = None, {}, None, None
     for k, item in enumerate(text.split(",")):
         parts = [part.strip() for part in item.split("=")]
         if k == 0 and len(parts) == 3:
@@ -42,14 +45,19 @@ def parse_selection(text: str) -> Selection:
         if key == "sheet":
             sheet = value
             continue
+        if key == "block":
+            if not value.isdecimal() or int(value) < 1:
+                raise ValueError(f"--columns '{text}': block={value} must be the number of a block, from 1.")
+            block = int(value)
+            continue
         if key not in QUANTITIES:
-            raise ValueError(f"--columns '{text}': quantity '{key}' is unknown; known: {', '.join(QUANTITIES)}, and "
-                             "sheet.")
+            raise ValueError(f"--columns '{text}': quantity '{key}' is unknown; known: "
+                             f"{', '.join(q for q in QUANTITIES if q != 'block')}, sheet and block.")
         if key in columns:
             raise ValueError(f"--columns '{text}': {key} is given twice.")
         name, colon, unit = value.rpartition(":")
         columns[key] = (name, unit) if colon and name else (value, None)
-    return Selection(where, columns, sheet, text)
+    return Selection(where, columns, sheet, text, block)
 
 
 def selections_of(inputs: Sequence[tuple[str | None, Sequence[Path]]],

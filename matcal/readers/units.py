@@ -17,6 +17,10 @@ _ALIASES = {"ohms": "ohm", "seconds": "s", "sec": "s", "sec.": "s", "sek": "s", 
 _FACTOR = r"[^\W\d_]{1,14}(?:\^?-?\d)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s?[*/·]\s?{_FACTOR}){{0,3}}")
 _SI = QUANTITIES | SIZES
+# SI unit -> units of the same dimension that test files have
+COMMON = {"s": ("s", "ms", "min", "h"), "m": ("m", "cm", "mm", "um", "in"), "N": ("N", "mN", "kN", "lbf", "kgf"),
+          "Pa": ("Pa", "kPa", "MPa", "GPa", "N/mm2", "psi"), "A": ("A", "mA", "uA"), "V": ("V", "mV"),
+          "ohm": ("ohm", "kohm", "Mohm"), "S/m": ("S/m", "S/cm"), "": ("-", "%", "mm/mm")}
 
 
 @cache
@@ -53,6 +57,14 @@ def _factor(text: str, quantity: str) -> float | None:
 def measures(unit: str) -> list[str]:
     """The quantities that a unit could be of; none for a bare number or an unknown unit."""
     return [q for q in QUANTITIES if QUANTITIES[q] and si_factor(unit, q) is not None]
+
+
+@cache
+def is_common(unit: str) -> bool:
+    """Whether a unit is one that test files have, of whatever quantity, in any case and spelling."""
+    plain = unit.strip().lower()
+    known = {other.lower() for units in COMMON.values() for other in units}
+    return plain in known or plain in _NUMBERS or plain in _ALIASES or plain in ("µm", "μm", "mv", "µa", "n/mm²", "ω")
 
 
 def split_name(cell: str) -> tuple[str, str | None]:

@@ -50,12 +50,21 @@ def test_which_input_it_belongs_to() -> None:
         selections_of([("uniaxial", [foam])], [by_kind])
 
 
+@pytest.mark.parametrize(("option", "says"), [
+    ("strain=1,stress=1:kPa", "column 1 'a' is given as strain and as stress"),
+    ("strain=1,stress=2:frob", "unit 'frob' by --columns, which is not known. Units of stress: Pa, kPa"),
+    ("strain=1,stress=2:furlong", "which measures displacement, not stress. Units of stress")])
+def test_options_that_cannot_be_right_are_refused(option: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(TestFileError, match=says):
+        read(_write(tmp_path, "a,b\n" + _rows(E, P)), parse_selection(option))
+
+
 def test_headerless_columns_by_number(tmp_path: Path) -> None:
     path = _write(tmp_path, _rows(P / 1e6, 1 + E))
     got = read(path, parse_selection("stress=1:MPa,stretch=2"))
     np.testing.assert_allclose(got.columns["stress"], P, atol=1e-2)
     for wrong, says in (("stress=7:MPa,stretch=2", "'7' is no column"), ("stress=1,stretch=2", "has no unit"),
-                        ("stress=1:mm,stretch=2", "look exchanged"), ("stress=x:Pa,stretch=2", "'x' is no column")):
+                        ("stress=1:mm,stretch=2", "measures displacement, not stress"), ("stress=x:Pa,stretch=2", "'x' is no column")):
         with pytest.raises(TestFileError, match=says):
             read(path, parse_selection(wrong))
 

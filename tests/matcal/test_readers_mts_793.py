@@ -84,6 +84,35 @@ def test_a_set_point_is_not_taken_for_the_force(tmp_path: Path) -> None:
     np.testing.assert_allclose(got.columns["force"], [-1000, -2000])
 
 
+def test_a_title_with_lines_about_the_station_below_it(tmp_path: Path) -> None:
+    path = _file(tmp_path, splits=())
+    text = path.read_text(encoding="cp1252").replace('"Running Time"', "Station Name:\trig 2\nFile:\tspecimen.dat\n\n"
+                                                     '"Running Time"')
+    path.write_text(text, encoding="cp1252")
+    got = read(path)
+    np.testing.assert_allclose(got.columns["displacement"], TRAVELS * 1e-3)
+    assert got.metadata["Station Name"] == "rig 2"
+    path.write_text(text.replace("Running Time", "9").replace("Axial", "7"), encoding="cp1252")
+    with pytest.raises(TestFileError, match=r"line 3: .*titles stand in line 3, 8, but no names .* ends in a clock"):
+        read(path)
+
+
+def test_blocks_with_clocks_of_their_own_are_chosen_one_by_one(tmp_path: Path) -> None:
+    path = _file(tmp_path)
+    path.write_text(path.read_text(encoding="cp1252").replace("\n1.25\t", "\n0.25\t"), encoding="cp1252")
+    with pytest.raises(TestFileError) as refused:
+        read(path)
+    option = str(refused.value).partition('--columns "')[2].partition('"')[0].partition("=")[2]
+    got = read(path, parse_selection(option))
+    np.testing.assert_allclose(got.columns["force"], FORCES[:5] * 1e3)
+    assert any("block 1 of 2 read, as given" in note for note in got.notes)
+    with pytest.raises(TestFileError, match=r"block 5; blocks with numbers: 1 \(5 rows\), 2 \(7 rows\)"):
+        read(path, parse_selection("block=5"))
+    (tmp_path / "a.csv").write_text("strain,stress\n-,Pa\n0,0\n0.1,1\n")
+    with pytest.raises(TestFileError, match="only MTS 793 files have blocks"):
+        read(tmp_path / "a.csv", parse_selection("block=1"))
+
+
 @pytest.mark.parametrize(("change", "says"), [
     (("|2|.|", "|7|.|"), "line 1 should give delimiter"), (("MTS793|MPT|ENU|1|2|.", "MTS793|MPT|"), "line 1"),
     (("mm\tkN", "kN\tmm"), "look exchanged"), (("\n2.0\t", "\n0.1\t"), "time runs backwards"),

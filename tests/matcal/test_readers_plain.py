@@ -73,7 +73,7 @@ BAD = {
     "short row after a blank line": ("strain,stress\n-,kPa\n0,0\n\n0.1\n0.2,2\n", "the cell is missing", 5),
     "no units": ("strain,stress\n0,0\n0.1,1\n0.2,2\n", "has no unit", 1),
     "a unit of something else": ("strain,stress\n-,mm\n0,0\n0.1,1\n", "no unit of stress", 2),
-    "nonsense as a unit": ("strain,stress (floop)\n0,0\n0.1,1\n", "no unit of stress", 1),
+    "nonsense as a unit": ("strain,stress (floop)\n0,0\n0.1,1\n", "not known. Units of stress", 1),
     "no header": ("0.0255 1.02\n0.1344 1.125\n0.2256 1.24\n", "no line of column names", 1),
     "unknown names": ("a,b\n1,2\n2,3\n", "fewer than two columns are known", 1),
     "two of one kind": ("strain,stress,sigma\n-,kPa,kPa\n0,0,0\n0.1,1,2\n", "are both stress and differ", 2),
