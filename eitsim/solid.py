@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 # Places of l_1, l_2, l_3 among the five modes (stretch 1, 2, 3, flip, twist).
 _STRETCHES, _FLIP, _TWIST = slice(0, 3), 3, 4
+# Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
+_TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
 
 
 def compiled(function: Callable[..., None]) -> Callable[..., None]:
@@ -105,6 +107,44 @@ def stress(law: Hyperfoam, at: Stretches) -> Array:
     return (force[..., None, :] @ at.modes[..., _STRETCHES, :])[..., 0, :]
 
 
+def second_piola(law: Hyperfoam, strain: Array) -> Array:
+    """Second Piola-Kirchhoff stress (..., 4), parts rr, rz, zz and hoop, F^-1 P, at F = 1 + strain (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+    p = stress(law, principal(strain))
+    area = 1 + _area_change(strain)
+    return np.stack([((1 + zz) * p[..., 0] - rz * p[..., 2]) / area, ((1 + zz) * p[..., 1] - rz * p[..., 3]) / area,
+                     ((1 + rr) * p[..., 3] - zr * p[..., 1]) / area, p[..., 4] / (1 + hoop)], axis=-1)
+
+
+def green_lagrange(strain: Array) -> Array:
+    """Green-Lagrange strain (..., 4), parts rr, rz, zz and hoop, (F'F - 1)/2 of F = 1 + strain (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+    return np.stack([rr + (rr * rr + zr * zr) / 2, (rz + zr + rr * rz + zr * zz) / 2,
+                     zz + (rz * rz + zz * zz) / 2, hoop + hoop * hoop / 2], axis=-1)
+
+
+def pushed(prestress: Array, strain: Array) -> Array:
+    """First Piola stress (..., 5), F times a second Piola-Kirchhoff stress (..., 4), at F = 1 + strain (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+    s_rr, s_rz, s_zz, s_hoop = np.moveaxis(prestress, -1, 0)
+    return np.stack([(1 + rr) * s_rr + rz * s_rz, (1 + rr) * s_rz + rz * s_zz, zr * s_rr + (1 + zz) * s_rz,
+                     zr * s_rz + (1 + zz) * s_zz, (1 + hoop) * s_hoop], axis=-1)
+
+
+def geometric_stiffness(prestress: Array, share: float) -> Array:
+    """d(F S)/dF (..., 5, 5) of a constant second Piola-Kirchhoff stress S (..., 4), negative parts scaled by share."""
+    plane = prestress[..., [0, 1, 1, 2]].reshape(*prestress.shape[:-1], 2, 2)
+    hoop = prestress[..., 3]
+    if share != 1:
+        value, vector = np.linalg.eigh(plane)
+        value = np.where(value < 0, share, 1.0) * value
+        plane = (vector * value[..., None, :]) @ np.swapaxes(vector, -1, -2)
+        hoop = np.where(hoop < 0, share, 1.0) * hoop
+    out = np.zeros((*hoop.shape, 5, 5))
+    out[..., 0:2, 0:2], out[..., 2:4, 2:4], out[..., 4, 4] = plane, plane, hoop
+    return out
+
+
 def stiffness(law: Hyperfoam, at: Stretches) -> Array:
     """d2U/dmode2 (..., 5, 5) in the modes of `at`: stretch block, flip and twist."""
     tau, inverse = hyperfoam.kirchhoff(law, at.log), np.exp(-at.log)
@@ -132,25 +172,36 @@ def damped(stiff: Array, share: float) -> Array:
     return out
 
 
-def energy(law: Hyperfoam, grid: Grid, u: Array) -> float:
-    """Stored energy; infinite where the foam would be turned inside out or squeezed beyond the range of numbers."""
+def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None) -> float:
+    """Stored energy; infinite where the foam would be turned inside out or squeezed beyond the range of numbers.
+
+    A prestress S (elements, points, 4), constant on the reference body, adds its potential S : E.
+    """
     strain = deformation(grid, u)
     if not np.all(admissible(strain)):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
-        stored = float(np.sum(grid.weight * hyperfoam.energy(law, log_stretches(strain))))
+        density = hyperfoam.energy(law, log_stretches(strain))
+        if prestress is not None:
+            density = density + (prestress * green_lagrange(strain)) @ _TWICE_OFF_DIAGONAL
+        stored = float(np.sum(grid.weight * density))
     return stored if np.isfinite(stored) else np.inf
 
 
-def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.0) -> tuple[Array, Array]:
+def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.0,
+                         prestress: Array | None = None) -> tuple[Array, Array]:
     """Gradient (unknowns,) and Hessian of the stored energy, negative modes scaled by share.
 
     The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth.
     """
-    at = principal(deformation(grid, u))
-    force = stress(law, at) * grid.weight[..., None]
-    stiff = damped(stiffness(law, at), share)
-    tangent = np.swapaxes(at.modes, -1, -2) @ stiff @ at.modes * grid.weight[..., None, None]
+    strain = deformation(grid, u)
+    at = principal(strain)
+    force, stiff = stress(law, at), damped(stiffness(law, at), share)
+    tangent = np.swapaxes(at.modes, -1, -2) @ stiff @ at.modes
+    if prestress is not None:
+        force = force + pushed(prestress, strain)
+        tangent = tangent + geometric_stiffness(prestress, share)
+    force, tangent = force * grid.weight[..., None], tangent * grid.weight[..., None, None]
     gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
     assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)
     return gradient, band

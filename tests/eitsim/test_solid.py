@@ -88,6 +88,42 @@ def test_stress_turns_with_the_foam():
     assert after[4] == pytest.approx(before[4])
 
 
+@pytest.mark.parametrize("state", STATES)
+def test_second_piola_is_objective_and_gives_the_first(state):
+    strain, angle = np.array(STATES[state], dtype=float), 0.7
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = turn @ (np.eye(2) + strain[:4].reshape(2, 2)) - np.eye(2)
+    piola = solid.second_piola(TABLE_1, strain)
+    scale = TABLE_1.mu_0_Pa + np.abs(piola).max()
+    assert np.allclose(solid.second_piola(TABLE_1, np.append(turned.ravel(), strain[4])), piola, atol=1e-10 * scale)
+    assert np.allclose(solid.green_lagrange(np.append(turned.ravel(), strain[4])), solid.green_lagrange(strain))
+    assert np.allclose(solid.pushed(piola, strain), solid.stress(TABLE_1, solid.principal(strain)), atol=1e-10 * scale)
+
+
+def test_a_prestress_is_the_derivative_of_its_potential_and_its_stiffness_of_it():
+    grid = tensor_grid(np.array([0.3, 0.7, 1.0]), np.array([0.0, 0.8, 1.3]), free=True)
+    rng, step = np.random.default_rng(2), 1e-6
+    u, direction = (scale * rng.standard_normal(grid.unknowns) for scale in (0.02, 1.0))
+    prestress = TABLE_1.mu_0_Pa * rng.standard_normal((*grid.weight.shape, 4))
+
+    def at(length):
+        return solid.residual_and_tangent(TABLE_1, grid, u + length * direction, prestress=prestress)
+
+    gradient, band = at(0.0)
+    ends = [solid.energy(TABLE_1, grid, u + length * direction, prestress) for length in (step, -step)]
+    assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(gradient @ direction, rel=1e-6)
+    change = (at(step)[0] - at(-step)[0]) / (2 * step)
+    assert np.linalg.norm(full(band) @ direction - change) < 1e-7 * np.linalg.norm(change)
+
+
+def test_damping_a_prestress_leaves_no_negative_part():
+    prestress = np.random.default_rng(3).standard_normal((20, 4))
+    values = np.linalg.eigvalsh(solid.geometric_stiffness(prestress, 1.0))
+    damped = np.linalg.eigvalsh(solid.geometric_stiffness(prestress, 0.0))
+    assert values.min() < -0.1
+    assert np.allclose(damped, np.maximum(values, 0.0), atol=1e-14)
+
+
 def test_damping_removes_negative_curvature_and_nothing_else():
     at = solid.principal(np.array(list(STATES.values()), dtype=float))
     stiff = solid.stiffness(TABLE_1, at)
