@@ -9,7 +9,9 @@ import numpy as np
 
 from matcal.card import MaterialCard
 from matcal.digits import percent
+from matcal.direction import ASSUMED
 from matcal.modes import MODES
+from matcal.poisson import STOPPED
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
 # relative RMS of a fit, and of a prediction, from which on it is said; share of a relaxation time likewise
@@ -18,7 +20,7 @@ _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _convergence, _agreement, _stability, _misfit, _predictions, _coverage, _series, _skin)
+    parts = (_origin, _convergence, _agreement, _stability, _assumed, _misfit, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -72,6 +74,16 @@ def _stability(card: MaterialCard) -> Iterator[str]:
         lost.setdefault(criterion, []).append(f"{mode} {lo:.3g} to {hi:.3g}")
     for criterion, where in lost.items():
         yield f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}."
+
+
+def _assumed(card: MaterialCard) -> Iterator[str]:
+    """What the decisions say that a reader must not pass over: a direction that nothing told, nu at its bound."""
+    said = [sentence.partition(ASSUMED) for sentence in card.provenance.get("decisions", ())]
+    yield from (f"{begin}{rest}" for _, begin, rest in said if begin)
+    if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):
+        at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))
+        yield (f"The fitted nu ({at}) ended on the bound of its range: the tests do not fix it, or the law cannot "
+               "follow them. Measure the lateral strain, or give a value with --poisson.")
 
 
 def _misfit(card: MaterialCard) -> Iterator[str]:

@@ -56,8 +56,10 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
         branch: Annotated[str, typer.Option(help="Loading of a cyclic test that is used: last (preconditioned) or "
                                             "first.")] = "last",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
-        poisson: Annotated[str, typer.Option(help="nu of all terms, one a term A,B,... (increasing alpha), fit (one) "
-                                             "or fit-each (needs lateral strain or a volumetric test).")] = "0",
+        poisson: Annotated[str, typer.Option(help="Poisson-like nu: a value for all terms, or A,B,... one a term (by "
+                                             "increasing alpha); fit: one for all terms from lateral strain, a "
+                                             "volumetric test, or two modes at least (from stress alone, less sure); "
+                                             "fit-each: one a term, from lateral strain or a volumetric test.")] = "0",
         stable: Annotated[str | None, typer.Option(help="Hold the law drucker or elliptic stable.")] = None,
         stable_range: Annotated[str | None, typer.Option(metavar="LO,HI", help="Principal stretches between which it "
                                                          "is held; by default those that the tests drive.")] = None,

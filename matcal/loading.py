@@ -5,14 +5,14 @@ Of a cyclic test one loading is kept, the last or the first; preconditioning is 
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
 from matcal.branches import BRANCHES, Loading, one_loading
 from matcal.contact import Contact, find_contact
+from matcal.direction import SIGNS, named_direction, words_about
 from matcal.errors import TestFileError
+from matcal.plausible import check_reach, check_sizes, mend_of_sizes
 from matcal.readers.recording import Recording
 from matcal.specimen import Block
 from matcal.stroke import Stroke, find_stroke
@@ -22,10 +22,6 @@ Array = NDArray[np.float64]
 
 # fewer samples than this before contact do not make a zero
 _ENOUGH = 20
-# a loading that ends below is no test of foam
-_LEAST_STRAIN = 0.03
-_SIGNS = {"compression": -1.0, "tension": 1.0}
-_DIRECTION_WORDS = {"compression": r"compress", "tension": r"tension|tensile|stretch"}
 
 
 def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
@@ -43,6 +39,7 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
     notes = [*recording.notes, *block.notes, *why, _start_sentence(recording, stroke)]
     _check_touch(recording, stroke, load_sign * force, noise)
+    check_sizes(kind, recording, block, stroke, load_sign * force, sign)
     load, drift, drift_sd = _without_drift(stroke, load_sign * force, time, block, noise)
     if drift_sd is not None:
         notes.append(f"Load drift of {load_sign * drift * 1e3:.3g} ± {drift_sd * 1e3:.1g} mN/s between the rests "
@@ -50,12 +47,13 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     try:
         contact, moved = _contact(stroke, load, block, noise, notes)
     except ValueError as error:
-        raise TestFileError(recording.paths[0], f"{error}, so the contact cannot be found. Give preload_N and the "
-                                                "height at it, or a record with more samples.") from None
+        raise TestFileError(recording.paths[0], f"{error}, so the contact cannot be found. Check {mend_of_sizes(kind)} "
+                                                "and the unit of the displacement; if they are right, give preload_N "
+                                                "and the height at it, or a record with more samples.") from None
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
     first = int(np.argmax(moved >= contact.travel_m))
-    _check_size(recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
+    check_reach(kind, recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
     facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
              "zero_sd_N": contact.zero_sd_N,
              "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
@@ -83,12 +81,6 @@ def _stroke(recording: Recording) -> Stroke:
         return find_stroke(recording.columns["displacement"])
     except ValueError as error:
         raise TestFileError(path, f"{error}, so there is no test in it.") from None
-
-
-def _check_size(recording: Recording, strain: float) -> None:
-    if strain <= -1 or abs(strain) < _LEAST_STRAIN:
-        raise TestFileError(recording.paths[0], f"the loading ends at a strain of {strain:.3g}. Check the sizes of the "
-                                                "specimen and the unit of the displacement.")
 
 
 def _check_touch(recording: Recording, stroke: Stroke, load: Array, noise: float) -> None:
@@ -171,12 +163,11 @@ def _direction(kind: str, recording: Recording, block: Block, sign: float,
         return 1.0, ()
     if kind == "volumetric":
         return -1.0, ("Compression, as every volumetric test.",)
-    text = " ".join([recording.metadata.get("Test", ""), recording.paths[0].stem]).lower()
-    named = [d for d, words in _DIRECTION_WORDS.items() if re.search(words, text)]
+    named = named_direction(words_about(recording))
     if block.direction is not None:
-        return _SIGNS[block.direction], (f"{block.direction.capitalize()}, as the specimen says.",)
-    if len(named) == 1:
-        return _SIGNS[named[0]], (f"{named[0].capitalize()}, from the test's own name.",)
+        return SIGNS[block.direction], (f"{block.direction.capitalize()}, as the specimen says.",)
+    if named is not None:
+        return SIGNS[named], (f"{named.capitalize()}, from the test's own name.",)
     if sign < 0 and load_sign < 0:
         return -1.0, ("Displacement and load both fall: taken as compression.",)
     if kind in ("planar", "biaxial") and not named:

@@ -23,6 +23,8 @@ Poisson = float | str | Sequence[float]
 FITTED = ("fit", "fit-each")
 # values that a fit may take
 NU_BOUNDS = (-0.4, 0.49)
+# words of the sentence about a value that a fit left at a bound; `matcal.cautions` looks for them
+STOPPED = "stopped at that bound"
 # share of the range of NU_BOUNDS within which a value counts as at the bound; coarse values tried first
 _AT_BOUND, _COARSE = 2e-3, 9
 
@@ -86,7 +88,7 @@ def nu_sentences(nu: Sequence[float], poisson: Poisson, curves: Sequence[Curve])
         "the volumetric data among the data" if any(c.experiment.kind == "volumetric" for c in curves) else
         "stress alone, from how the modes differ")
     out = f"{text}, fitted to {how}, between {low:g} and {high:g}"
-    return [out + (f"; {', '.join(f'{v:.4g}' for v in at)} stopped at that bound: do not read it." if at else ".")]
+    return [out + (f"; {', '.join(f'{v:.4g}' for v in at)} {STOPPED}: do not read it." if at else ".")]
 
 
 def _require_data(poisson: str, curves: Sequence[Curve]) -> None:

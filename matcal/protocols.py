@@ -101,7 +101,9 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
         raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
                          f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give replicates apart.")
     if len(recordings) == 1 and _is_reduced(first):
-        return _said(reduce_table(kind, first), why), ()
+        unused = () if specimen is None else (
+            f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)
+        return _said(reduce_table(kind, first), why, *unused), ()
     sizes, where, files = specimen_of(kind, first, specimen)
     try:
         return _said(_by_protocol(kind, recordings, sizes, branch), why, *where), files

@@ -157,7 +157,7 @@ def _posterior_part(posterior: Posterior, folder: str, law: Hyperfoam | None) ->
         if name == "plateau_Pa" and (law is None or not plateau_reached(law.strain_range)):
             continue
         lo, middle, hi = np.quantile(column, [0.025, 0.5, 0.975])
-        derived[name] = {"median": middle, "sd": column.std(), "lo": lo, "hi": hi,
+        derived[name] = {"value": middle, "median": middle, "sd": column.std(), "lo": lo, "hi": hi,
                          **posterior.quantities.get(name, {})}
     return {"file": f"{folder}/{FILE}", "n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
             "derived": derived}

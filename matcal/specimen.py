@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from matcal.direction import DIRECTIONS
 from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
 
-DIRECTIONS = ("compression", "tension")
 # how a volumetric test loads its specimen: by a piston on a fluid around it, or directly in a rigid sleeve
 METHODS = ("hydrostatic", "confined")
 _SHEET = {"length_mm", "width_mm", "thickness_mm", "compliance_mm_per_N", "preload_N", "direction"}
-_DISC = {"diameter_mm", "width_mm", "depth_mm", "height_mm", "compliance_mm_per_N", "preload_N", "direction"}
+_DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compliance_mm_per_N", "preload_N",
+         "direction"}
+# ways to give a cross-section, the first that a table has counts and the others must agree
+SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
+# areas that differ by less are one
+SAME = 0.01
 # table -> keys it may hold
 KEYS = {
     "uniaxial": _DISC,
@@ -25,7 +30,7 @@ KEYS = {
     "planar": _SHEET,
     "volumetric": {"method", "diameter_mm", "width_mm", "depth_mm", "height_mm", "lateral_ratio", "piston_diameter_mm",
                    "volume_mm3", "compliance_mm_per_N", "preload_N"},
-    "shear": {"faces", "length_mm", "width_mm", "thickness_mm", "compliance_mm_per_N"},
+    "shear": {"area_mm2", "faces", "length_mm", "width_mm", "thickness_mm", "compliance_mm_per_N"},
     "conductivity": {"length_mm", "width_mm", "thickness_mm", "coating_um", "voltage_V"},
 }
 
@@ -62,21 +67,25 @@ class Strip:
     voltage_V: float | None = None
 
 
-def read_specimen(path: Path) -> dict[str, Block | Strip]:
-    """kind -> specimen; TestFileError names an unknown table or key, a missing one, or a size that is not positive."""
+def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
+    """kind -> its keys, which need not be complete; TestFileError names an unknown table or key."""
     tables = {name: table for name, table in read_toml(path).items() if name != "kind"}
     if unknown := sorted(set(tables) - set(KEYS)):
-        raise TestFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.")
-    return {kind: _specimen(kind, table, path) for kind, table in tables.items()}
+        stray = any(unknown[0] in keys for keys in KEYS.values())
+        mend = f" Write it below the line of its test, for example [{next(iter(KEYS))}]." if stray else ""
+        raise TestFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.{mend}")
+    for kind, table in tables.items():
+        if not isinstance(table, Mapping):
+            raise TestFileError(path, f"'{kind}' must be a table: write [{kind}] and its keys below it.")
+        if strange := sorted(set(table) - KEYS[kind]):
+            known = ", ".join(sorted(KEYS[kind]))
+            raise TestFileError(path, f"[{kind}] has the unknown key '{strange[0]}'; known: {known}.")
+    return tables
 
 
-def _specimen(kind: str, table: Any, path: Path) -> Block | Strip:
-    if not isinstance(table, Mapping):
-        raise TestFileError(path, f"'{kind}' must be a table: write [{kind}] and its keys below it.")
-    if unknown := sorted(set(table) - KEYS[kind]):
-        known = ", ".join(sorted(KEYS[kind]))
-        raise TestFileError(path, f"[{kind}] has the unknown key '{unknown[0]}'; known: {known}.")
-
+def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | Strip:
+    """The specimen that the keys of one table make; TestFileError, in the name of `path`, where a key is missing, a
+    size is not positive, or two ways to give the cross-section differ."""
     def size(key: str, default: float | None = None) -> float:
         return _size(table, key, default, kind, path)
 
@@ -85,7 +94,8 @@ def _specimen(kind: str, table: Any, path: Path) -> Block | Strip:
         return Strip(size("length_mm") * 1e-3, ring, size("voltage_V") if "voltage_V" in table else None)
     compliance, preload = size("compliance_mm_per_N", 0.0) * 1e-3, size("preload_N", 0.0)
     if kind == "shear":
-        area = size("faces") * size("length_mm") * size("width_mm") * 1e-6
+        faces = ("faces", "length_mm", "width_mm")
+        area = _same_area(table, size, (("area_mm2",), faces) if "area_mm2" in table else (faces,), kind, path)
         return Block(area, size("thickness_mm") * 1e-3, compliance)
     if kind == "volumetric":
         return _volume(table, size, compliance, preload, path)
@@ -95,7 +105,8 @@ def _specimen(kind: str, table: Any, path: Path) -> Block | Strip:
     if kind in ("biaxial", "planar"):
         return sheet(kind, size("length_mm") * 1e-3, size("width_mm") * 1e-3, size("thickness_mm") * 1e-3, compliance,
                      preload, direction)
-    return Block(_area(table, size), size("height_mm") * 1e-3, compliance, preload, direction)
+    return Block(_same_area(table, size, SECTIONS, kind, path), size("height_mm") * 1e-3, compliance, preload,
+                 direction)
 
 
 def sheet(kind: str, length_m: float, width_m: float, thickness_m: float, compliance_m_per_N: float = 0.0,
@@ -130,14 +141,35 @@ def _volume(table: Mapping[str, Any], size: Callable[..., float], compliance: fl
     ratio = size("lateral_ratio", 0.0)
     said = (f"Confined: J = 1 + axial strain, mean stress = axial stress x (1 + 2 x {ratio:g})/3 with the "
             "lateral_ratio given.",)
-    return Block(_area(table, size), size("height_mm") * 1e-3, compliance, preload, "compression", (1 + 2 * ratio) / 3,
-                 said)
+    return Block(_same_area(table, size, SECTIONS[1:], "volumetric", path), size("height_mm") * 1e-3, compliance,
+                 preload, "compression", (1 + 2 * ratio) / 3, said)
 
 
-def _area(table: Mapping[str, Any], size: Callable[..., float]) -> float:
-    if "diameter_mm" in table or not {"width_mm", "depth_mm"} <= set(table):
-        return np.pi * (size("diameter_mm") * 1e-3) ** 2 / 4
-    return size("width_mm") * size("depth_mm") * 1e-6
+def _same_area(table: Mapping[str, Any], size: Callable[..., float], ways: Sequence[tuple[str, ...]], kind: str,
+               path: Path) -> float:
+    """The area, m2, by the first way that the table has; TestFileError where it has none, or another one differs."""
+    whole = [way for way in ways if set(way) <= set(table)]
+    if not whole:
+        begun = next((way for way in ways if set(way) & set(table)), ways[-1] if len(ways) == 1 else ("diameter_mm",))
+        size(next(key for key in begun if key not in table))
+    for way in ways:
+        if (stray := [key for key in way if key in table]) and way not in whole and not any(
+                set(stray) <= set(other) for other in whole):
+            needed = next(key for key in way if key not in table)
+            raise TestFileError(path, f"[{kind}] {stray[0]} has no effect without {needed}. Add that, or leave it out.")
+    areas = {way: _area_of(way, size) for way in whole}
+    first, *others = areas
+    for other in others:
+        if abs(areas[other] / areas[first] - 1) > SAME:
+            stated = " but ".join(f"{' x '.join(f'{key} = {table[key]:g}' for key in way)} ({areas[way] * 1e6:.4g} mm2)"
+                                  for way in (first, other))
+            raise TestFileError(path, f"[{kind}] gives two cross-sections: {stated}. Leave one of them out.")
+    return areas[first]
+
+
+def _area_of(way: tuple[str, ...], size: Callable[..., float]) -> float:
+    sizes = [size(key) for key in way]
+    return float(np.pi * (sizes[0] * 1e-3) ** 2 / 4 if way == ("diameter_mm",) else np.prod(sizes) * 1e-6)
 
 
 def _size(table: Mapping[str, Any], key: str, default: float | None, kind: str, path: Path) -> float:

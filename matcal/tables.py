@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from matcal.direction import ASSUMED, densifies, named_direction, words_about
 from matcal.errors import TestFileError
 from matcal.experiment import Experiment
 from matcal.holds import held_samples
@@ -32,7 +33,7 @@ def reduce_table(kind: str, recording: Recording) -> Experiment:
     strain, value = read(kind, recording, notes)
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation"):
-        strain, value = _compression_negative(recording, strain, value, notes)
+        strain, value = _compression_negative(kind, recording, strain, value, notes)
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
@@ -103,13 +104,27 @@ def _check(kind: str, recording: Recording, strain: Array, value: Array) -> None
         raise _error(recording, f"a conductivity of {value.min():g} S/m is not possible. Are two columns swapped?")
 
 
-def _compression_negative(recording: Recording, strain: Array, stress: Array,
+def _compression_negative(kind: str, recording: Recording, strain: Array, stress: Array,
                           notes: list[str]) -> tuple[Array, Array]:
     """Strain and stress with compression negative; a table that calls itself compression may count it positive."""
-    named = " ".join([*recording.names.values(), recording.paths[0].stem]).lower()
-    if re.search(r"compress", named) and np.all(strain >= 0):
+    if np.any(strain < 0):
+        return strain, stress
+    named = named_direction([*words_about(recording), *recording.names.values()])
+    if named == "compression":
         notes.append("Compression by its name and counted positive: both signs turned.")
         return -strain, -stress
+    if named == "tension":
+        notes.append("Tension, by its name.")
+    elif "strain" not in recording.columns:
+        notes.append("Tension, as the stretch is above 1.")
+    elif kind in ("uniaxial", "relaxation"):
+        shape = " Its slope falls and then rises, as that of foam does in compression." if densifies(
+            strain, stress) else ""
+        notes.append(f"{ASSUMED} in {recording.label}: its strain is positive and was read as tension.{shape} If it is "
+                     "compression, write compression in the name of the file or of a column, or make strain and "
+                     "stress negative.")
+    else:
+        notes.append(f"Its strain is positive and was read as tension, as a sheet in a {kind} test is pulled.")
     return strain, stress
 
 

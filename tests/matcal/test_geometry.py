@@ -53,3 +53,45 @@ def test_what_agrees_is_used_with_its_compliance_and_what_differs_is_refused_or_
     assert "itself states diameter 50 mm, height 30 mm" in said[1]
     own = _toml(tmp_path, "press.toml", DISC.replace("20", "30"))
     assert specimen_of("uniaxial", other, None)[2] == (own,)
+
+
+@pytest.mark.parametrize(("table", "own", "area_mm2", "length_mm", "says"), [
+    ('direction = "compression"\n', {"diameter": 0.05, "height": 0.02}, 1963.5, 20, "diameter_mm = 50, height_mm = 20"),
+    ("height_mm = 20\n", {"diameter": 0.05}, 1963.5, 20, "itself states: diameter_mm = 50"),
+    ("width_mm = 10\ndepth_mm = 20\n", {"height": 0.03}, 200, 30, "height_mm = 30"),
+    ("height_mm = 20\n", {"width": 0.01, "thickness": 0.005}, 50, 20, "width_mm = 10, depth_mm = 5"),
+    ("area_mm2 = 400\nheight_mm = 20\n", {}, 400, 20, "Specimen from")])
+def test_table_and_file_complete_each_other(table: str, own: dict[str, float], area_mm2: float, length_mm: float,
+                                            says: str, tmp_path: Path) -> None:
+    given = _toml(tmp_path, "s.toml", f"[uniaxial]\n{table}")
+    block, said, _ = specimen_of("uniaxial", _recording(tmp_path, **own), given)
+    assert isinstance(block, Block)
+    assert (block.area_m2 * 1e6, block.length_m * 1e3) == (pytest.approx(area_mm2, rel=1e-5), pytest.approx(length_mm))
+    assert says in said[0]
+
+
+def test_the_file_serves_where_the_given_table_is_of_other_tests(tmp_path: Path) -> None:
+    given = _toml(tmp_path, "s.toml", "[shear]\nthickness_mm = 10\nfaces = 1\nlength_mm = 20\nwidth_mm = 20\n")
+    _, said, used = specimen_of("uniaxial", _recording(tmp_path, diameter=0.05, height=0.02), given)
+    assert "s.toml has no table [uniaxial]" in said[0]
+    assert used == ()
+
+
+@pytest.mark.parametrize(("table", "own", "says"), [
+    ("diameter_mm = 50\nwidth_mm = 3\ndepth_mm = 3\nheight_mm = 20\n", {}, r"two cross-sections: diameter_mm = 50 "),
+    ("area_mm2 = 400\ndiameter_mm = 50\nheight_mm = 20\n", {}, r"area_mm2 = 400 .* but diameter_mm = 50"),
+    ("diameter_mm = 50\nwidth_mm = 3\nheight_mm = 20\n", {}, "width_mm has no effect without depth_mm"),
+    ("height_mm = 20\n", {"area": 4e-4, "diameter": 0.05}, "two cross-sections"),
+    ("diameter_mm = 50\n", {"width": 0.01}, r"needs the key height_mm. press.csv itself states width 10 mm")])
+def test_sizes_that_contradict_or_do_not_suffice_are_refused(table: str, own: dict[str, float], says: str,
+                                                             tmp_path: Path) -> None:
+    given = _toml(tmp_path, "s.toml", f"[uniaxial]\n{table}")
+    with pytest.raises(TestFileError, match=says):
+        specimen_of("uniaxial", _recording(tmp_path, **own), given)
+
+
+def test_a_file_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TestFileError, match=r"press.csv: .*two cross-sections"):
+        specimen_of("uniaxial", _recording(tmp_path, area=4e-4, diameter=0.05, height=0.02), None)
+    with pytest.raises(TestFileError, match=r"needs the key height_mm. .* \[uniaxial\] in --specimen .* completes it"):
+        specimen_of("uniaxial", _recording(tmp_path, diameter=0.05), None)

@@ -193,7 +193,7 @@ def test_direction_and_preload_of_the_specimen(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("table", "says"), [
-    ("[uniaxial]\ndiameter = 50\n", "unknown key 'diameter'; known: compliance_mm_per_N"),
+    ("[uniaxial]\ndiameter = 50\n", "unknown key 'diameter'; known: area_mm2, compliance_mm_per_N"),
     ("[uniaxal]\ndiameter_mm = 50\n", "unknown table or key 'uniaxal'"),
     ("[uniaxial]\ndiameter_mm = 50\n", "needs the key height_mm"),
     ("[uniaxial]\nheight_mm = 20\n", "needs the key diameter_mm"),
@@ -203,7 +203,7 @@ def test_direction_and_preload_of_the_specimen(tmp_path: Path) -> None:
     ("uniaxial = 3\n", "must be a table"),
     ("[uniaxial\n", "not TOML"),
     ("[shear]\nfaces = 4\nlength_mm = 25\nwidth_mm = 20\nthickness_mm = 10\n", r"no table \[uniaxial\]"),
-    ("[uniaxial]\ndiameter_mm = 50\nheight_mm = 2\n", "Check the sizes"),
+    ("[uniaxial]\ndiameter_mm = 50\nheight_mm = 2\n", "Check height_mm, in mm"),
 ])
 def test_a_specimen_that_does_not_serve_is_refused(table: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(TestFileError, match=says):

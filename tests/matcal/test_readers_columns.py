@@ -64,7 +64,8 @@ def test_headerless_columns_by_number(tmp_path: Path) -> None:
     got = read(path, parse_selection("stress=1:MPa,stretch=2"))
     np.testing.assert_allclose(got.columns["stress"], P, atol=1e-2)
     for wrong, says in (("stress=7:MPa,stretch=2", "'7' is no column"), ("stress=1,stretch=2", "has no unit"),
-                        ("stress=1:mm,stretch=2", "measures displacement, not stress"), ("stress=x:Pa,stretch=2", "'x' is no column")):
+                        ("stress=1:mm,stretch=2", "measures displacement, not stress"),
+                        ("stress=x:Pa,stretch=2", "'x' is no column")):
         with pytest.raises(TestFileError, match=says):
             read(path, parse_selection(wrong))
 
