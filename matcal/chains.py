@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import emcee
 import numpy as np
@@ -118,7 +119,8 @@ def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np
     return np.where(np.isfinite(density(apart, 1.0))[:, None], apart, points)
 
 
-def _rescued(states: list[emcee.State], scale: Array, rng: np.random.Generator) -> tuple[list[emcee.State], int]:
+def _rescued(states: Sequence[Any], scale: Array,
+             rng: np.random.Generator) -> tuple[list[Any], int]:
     """States with walkers from lost modes put where walkers of the best ensemble are, and how many they were.
 
     Lost is a log density below that ensemble's median by _LOST and three for each sampled number.
