@@ -22,12 +22,15 @@ from matcal.nuisance import refined_records, surprise, with_drift
 from matcal.poisson import FITTED, Poisson
 from matcal.prony import Prony
 from matcal.relaxation_fit import PronyFit, fit_prony, order_sentences
+from matcal.specimens import factor_sentences, replicated, with_factors
 from matcal.uncertainty import Uncertainty, linearised
 
 # turns of (series, law) at most, and the change of g below which they have settled
 _TURNS, _SETTLED = 6, 1e-5
 # starts of the fit that only refines the records
 _FEW = 3
+# fits that find the factors of specimens
+_FACTOR_TURNS = 2
 # times the residual of the chosen order up to which a lower one may refine the records as well
 _NEAR = 1.5
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
@@ -154,9 +157,18 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) 
 
 def _law(curves: tuple[Curve, ...], prony: PronyFit | None, choices: Choices) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
+    curves = _with_factors(curves, choices)
     curves, moved = _refined(curves, choices)
     found = fit(curves, choices.order, choices.poisson, stable=choices.stable, stable_range=choices.stable_range)
-    return found, (_moduli_sentence(curves, prony.prony if prony else None), *moved, *found.decisions)
+    return found, (_moduli_sentence(curves, prony.prony if prony else None), *factor_sentences(curves), *moved,
+                   *found.decisions)
+
+
+def _with_factors(curves: tuple[Curve, ...], choices: Choices) -> tuple[Curve, ...]:
+    """Replicates with the factors of their specimens, from laws that are fitted without and then with them."""
+    for _ in range(_FACTOR_TURNS if replicated(curves) else 0):
+        curves = with_factors(curves, fit(curves, *_with_one_nu(choices), starts=_FEW, thorough=False).law)
+    return curves
 
 
 def _refined(curves: tuple[Curve, ...], choices: Choices) -> tuple[tuple[Curve, ...], tuple[str, ...]]:

@@ -43,8 +43,13 @@ def tests(card: MaterialCard) -> dict[str, Mapping[str, Any]]:
 
 
 def relative_rms(card: MaterialCard, kind: str) -> float:
-    """Relative RMS of the card's law over all fitted tests of a kind."""
-    return float(np.sqrt(np.mean([row["relative_rms"] ** 2 for row in tests(card).values() if row["kind"] == kind])))
+    """Relative RMS of the card's law over all fitted tests of a kind, each with the factor of its specimen."""
+    return float(np.sqrt(np.mean([own_rms(row) ** 2 for row in tests(card).values() if row["kind"] == kind])))
+
+
+def own_rms(row: Mapping[str, Any]) -> float:
+    """Relative RMS of a fitted test after the stiffness factor of its specimen, where it has one."""
+    return float(row.get("relative_rms_of_specimen", row["relative_rms"]))
 
 
 def _origin(card: MaterialCard) -> Iterator[str]:
@@ -87,8 +92,7 @@ def _assumed(card: MaterialCard) -> Iterator[str]:
 
 
 def _misfit(card: MaterialCard) -> Iterator[str]:
-    poor = [f"{label} by {percent(row['relative_rms'], 2)}" for label, row in tests(card).items()
-            if row["relative_rms"] > _MISFIT]
+    poor = [f"{label} by {percent(own_rms(row), 2)}" for label, row in tests(card).items() if own_rms(row) > _MISFIT]
     if poor:
         yield f"The fit misses (relative RMS) {', '.join(poor)}."
     tried = {row["order"]: row for row in card.fit.get("orders", ())}

@@ -41,16 +41,20 @@ class Curve:
     unit: str = "the rms stress of the curve"
     # (n, n) from long-term second Piola-Kirchhoff history to relaxed history; None: the record is taken as long-term
     kernel: Array | None = None
+    # stiffness of this specimen over that of the mean foam, see `matcal.specimens.with_factors`
+    factor: float = 1.0
 
     def design(self, alpha: Array, nu: float) -> Array:
-        """d stress/d mu_longterm, (n, N)."""
-        return design(self.experiment.kind, self.experiment.strain, alpha, nu, self.kernel)
+        """d stress/d mu_longterm, (n, N), of this specimen."""
+        return self.factor * design(self.experiment.kind, self.experiment.strain, alpha, nu, self.kernel)
 
     def model(self, law: Hyperfoam) -> Array:
-        """Nominal stress of a long-term law with any nu along the curve's own history, Pa, (n,)."""
+        """Nominal stress of this specimen, for a long-term law of the mean foam with any nu, along the curve's own
+        history, Pa, (n,)."""
         kind, e = self.experiment.kind, self.experiment.strain
         history = second_piola(law, kind, e)
-        return np.sum(push_forward(kind, e) * (history if self.kernel is None else self.kernel @ history), axis=-1)
+        history = history if self.kernel is None else self.kernel @ history
+        return self.factor * np.sum(push_forward(kind, e) * history, axis=-1)
 
 
 def weigh(experiments: Sequence[Experiment], residual: str = "relative",
@@ -83,6 +87,11 @@ def weigh(experiments: Sequence[Experiment], residual: str = "relative",
     return tuple(out)
 
 
+def of_mean_foam(curve: Curve) -> Curve:
+    """The curve as the mean foam, not its own specimen, is compared with it."""
+    return replace(curve, factor=1.0)
+
+
 def weight_sentence(curves: Sequence[Curve]) -> str:
     """How residuals are measured and what share of the sum of squares each curve has."""
     units = {c.unit for c in curves}
@@ -110,7 +119,7 @@ def projected_operator(curve: Curve, directions: Array) -> Array:
     """(r, n C) matrix from the second Piola-Kirchhoff history (n, C), flattened, to the curve's weighted stress along
     `directions` (n, r)."""
     e = curve.experiment.strain
-    push = push_forward(curve.experiment.kind, e) / curve.scale_Pa[:, None]
+    push = curve.factor * push_forward(curve.experiment.kind, e) / curve.scale_Pa[:, None]
     out = directions.T[:, :, None] * push
     if curve.kernel is not None:
         out = np.einsum("rnc,nm->rmc", out, curve.kernel, optimize=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from matcal.calibrate import Calibration, is_curve, labels
 from matcal.conductivity_fit import ConductivityFit
-from matcal.curves import Curve
+from matcal.curves import Curve, of_mean_foam
 from matcal.experiment import Experiment
 from matcal.fit import Fit, relative_rms
 from matcal.relaxation_fit import PronyFit
@@ -93,7 +93,10 @@ def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[st
     row |= {name: value for name, value in experiment.facts.items() if name.startswith(_REPEATED)}
     if is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
-        row |= _errors(curve.experiment.value, relative_rms(found.fit.law, curve)) | {"weight": curve.weight}
+        row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))
+        row |= {"weight": curve.weight}
+        if curve.factor != 1:
+            row |= {"specimen_factor": curve.factor, "relative_rms_of_specimen": relative_rms(found.fit.law, curve)}
     elif experiment.kind == "relaxation" and found.prony:
         row |= _errors(experiment.value, found.prony.relative_rms[k])
         row |= {"compared": "hold", "time_s": float(experiment.time_s[-1]) if experiment.time_s is not None else None}

@@ -9,13 +9,13 @@ exactly in its times and fractions, as that of the fitted law scaled with the sa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator, CubicSpline
 
-from matcal.curves import Curve, weighted_model
+from matcal.curves import Curve, of_mean_foam, weighted_model
 from matcal.fit import Fit, allowed_exponents
 from matcal.hyperfoam import Hyperfoam
 from matcal.linear_response import PRIOR_MODULI, free_slopes
@@ -50,7 +50,7 @@ class LawPart:
     # (r, J) nuisance effects on that basis and (J,) their prior means
     effect: Array
     mean: Array
-    # (r, S) effects of ln s of the specimens; no columns without replicates
+    # (r, S - 1) effects of contrasts between the ln s of S specimens; no columns without replicates
     factor: Array
     # rate effect: ln tau -> (r,) per unit g/g_inf, that of the fitted series (r,), the fitted law's stress (r,)
     rate: CubicSpline | None
@@ -72,6 +72,7 @@ class LawPart:
 
 def law_part(fit: Fit, points: float, prony: PronyFit | None, fitted_nu: bool) -> LawPart:
     """Tables of a fit whose residuals are worth `points`; ValueError for a law with unequal nu."""
+    fit = replace(fit, curves=tuple(of_mean_foam(c) for c in fit.curves))  # factors are drawn, not taken
     law = fit.law
     if np.ptp(law.nu) > 0:
         raise ValueError(f"--posterior is built for one nu for all terms, the law has {law.nu.tolist()}. Use --poisson "
@@ -93,9 +94,10 @@ def law_part(fit: Fit, points: float, prony: PronyFit | None, fitted_nu: bool) -
         lateral = CubicSpline(grid, [lateral_cost(fit.curves, Hyperfoam(np.ones(1), np.ones(1), np.full(1, v)))
                                      for v in grid])
     effect = basis.T @ np.column_stack([known.effect, differ.stated])
-    return LawPart(tables, nu, lateral, effect, np.r_[known.mean, np.zeros(differ.stated.shape[1])],
-                   basis.T @ differ.factor, spline, fitted_rate, basis.T @ weighted_model(fit.curves, law), allowed,
-                   law.alpha.size, law.mu_0_Pa, points, differ.decisions)
+    factor = basis.T @ differ.factor @ _contrasts(differ.factor.shape[1])
+    return LawPart(tables, nu, lateral, effect, np.r_[known.mean, np.zeros(differ.stated.shape[1])], factor, spline,
+                   fitted_rate, basis.T @ weighted_model(fit.curves, law), allowed, law.alpha.size, law.mu_0_Pa, points,
+                   differ.decisions)
 
 
 def log_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, share: float = 1.0) -> Array:
@@ -126,7 +128,8 @@ def draw_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None,
     solved = conditional(_triangles(part, x, ln_tau, g, part.points), rng)
     nu = x[:, part.order + 1] if part.nu.size > 1 else np.full(x.shape[0], part.nu[0])
     omega = np.exp(x[:, -1]) if part.factor.shape[1] else np.zeros(x.shape[0])
-    return solved[:, :part.order] * part.mu_0_Pa, x[:, :part.order], nu, omega
+    common = omega / np.sqrt(part.factor.shape[1] + 1) * rng.standard_normal(x.shape[0])
+    return solved[:, :part.order] * part.mu_0_Pa * np.exp(-common)[:, None], x[:, :part.order], nu, omega
 
 
 def start_law(part: LawPart, fit: Fit) -> Array:
@@ -141,7 +144,7 @@ def prior_words(part: LawPart) -> str:
     a = part.allowed
     words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, {a.gap:.2g} apart",
              f"mu_i normal about 0 with {PRIOR_MODULI:g} mu_0, mu_0 positive", "ln sigma flat",
-             "contact points, drifts and stated scatter normal with their own errors"]
+             "contact points, load zeros, drifts and stated scatter normal with their own errors"]
     if part.nu.size > 1:
         words.append(f"nu uniform between {part.nu.min():.3g} and {part.nu.max():.3g}")
     if part.factor.shape[1]:
@@ -176,6 +179,14 @@ def _columns(part: LawPart, x: Array) -> Array:
     weight = BarycentricInterpolator(part.nu, np.eye(part.nu.size))(x[:, part.order + 1])
     each = np.stack([t.column(alpha).reshape(shape) for t in part.tables])
     return np.einsum("wk,kwnr->wrn", weight, each)
+
+
+def _contrasts(count: int) -> Array:
+    """(S, S - 1) orthonormal differences of S numbers. What S factors have in common scales the law and nothing else:
+    no test sees it, it is independent of the differences, and it is drawn from its prior."""
+    if not count:
+        return np.zeros((0, 0))
+    return np.linalg.qr(np.column_stack([np.ones(count), np.eye(count)[:, 1:]]))[0][:, 1:]
 
 
 def _tables(fit: Fit, nu: Array, bounds: tuple[float, float], more: Array) -> tuple[Table, ...]:

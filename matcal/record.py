@@ -27,6 +27,7 @@ from matcal.calibrate import Calibration, is_curve, labels
 from matcal.card import MaterialCard, write_card, write_json
 from matcal.conductivity import conductivity
 from matcal.cross_prediction import Predicted
+from matcal.curves import of_mean_foam
 from matcal.derived import derived_of
 from matcal.draws import FILE, write_draws
 from matcal.experiment import Experiment
@@ -139,7 +140,7 @@ def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFra
     elif is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
         columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
-                   "fit_stress_Pa": modelled(found.fit.law, curve),
+                   "fit_stress_Pa": modelled(found.fit.law, of_mean_foam(curve)),
                    "longterm_stress_Pa": nominal_stress(found.fit.law, experiment.kind, curve.experiment.strain)}
     else:
         columns = {"strain": experiment.strain, "stress_Pa": experiment.value}

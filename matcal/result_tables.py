@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from matcal.card import MaterialCard
-from matcal.cautions import relative_rms, tests
+from matcal.cautions import own_rms, relative_rms, tests
 from matcal.digits import percent, significant, with_error, within
 from matcal.modes import MODES
 
@@ -94,13 +94,15 @@ def skin(card: MaterialCard) -> Printed:
 def errors(card: MaterialCard) -> Printed:
     """Errors of the fit, one row a test; weights where they differ from equal shares of the kinds."""
     rows, found = [], tests(card)
-    weighted = _weighted(found.values())
+    weighted, factors = _weighted(found.values()), any("specimen_factor" in row for row in found.values())
     for label, row in found.items():
         rows.append([label, str(row["n"]), _span(row["strain_range"]),
                      f"{significant(row['rms'], 3)} {row['unit']}", percent(row["relative_rms"]),
                      "-" if row["r2"] is None else _r_squared(row["r2"]),
-                     *([significant(row["weight"], 2)] if weighted else [])])
-    head = ["test", "points", "strain", "rms", "relative", "R2", *(["weight"] if weighted else [])]
+                     *([significant(row["weight"], 2)] if weighted else []),
+                     *([significant(row.get("specimen_factor", 1.0)), percent(own_rms(row))] if factors else [])])
+    head = ["test", "points", "strain", "rms", "relative", "R2", *(["weight"] if weighted else []),
+            *(["factor", "after it"] if factors else [])]
     return Printed("Errors of the fit", head, rows, "<" + ">" * (len(head) - 1))
 
 
@@ -145,14 +147,14 @@ def predicted(card: MaterialCard) -> Printed:
 def stability_cost(card: MaterialCard) -> Printed:
     """Relative RMS of the law held stable, beside that of the free one."""
     free, held = card.fit["without_stability"]["relative_rms_of"], tests(card)
-    rows = [[label, percent(held[label]["relative_rms"]), percent(share)] for label, share in free.items()]
+    rows = [[label, percent(own_rms(held[label])), percent(share)] for label, share in free.items()]
     return Printed("What stability costs: relative RMS", ["test", "held stable", "free"], rows, "<>>")
 
 
 def by_test(card: MaterialCard) -> Printed:
     """Relative RMS of every law in every test, where some mode was tested more than once."""
     alone, found = card.fit["cross_prediction"], tests(card)
-    rows = [[label, percent(found[label]["relative_rms"]),
+    rows = [[label, percent(own_rms(found[label])),
              *(percent(law["relative_rms_of"][label]) for law in alone.values())]
             for label in next(iter(alone.values()))["relative_rms_of"]]
     return Printed("Relative RMS by test", ["test", "all modes", *(f"{mode} alone" for mode in alone)], rows,

@@ -1,19 +1,22 @@
 """How much specimens of one foam differ: a stiffness factor of each, inferred where replicates show it.
 
-ln s_k ~ N(0, omega^2), one s_k a specimen, omega half-normal. To first order the record of specimen k is off by
-ln s_k times the fitted stress. Where a file states the scatter from specimen to specimen, that takes the place of the
+ln s_k ~ N(0, omega^2), one s_k a specimen, omega half-normal. Least squares find the factors of replicates first, with
+a geometric mean of 1, so that scatter is not taken for misfit. To first order the record of specimen k is off by ln s_k
+times the fitted stress. Where a file states the scatter from specimen to specimen, that takes the place of the
 factor: one standard normal number moves the record along its stated deviation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import root_scalar
+from scipy.stats import norm
 
-from matcal.curves import Curve, weighted_model
+from matcal.curves import Curve, of_mean_foam, weighted_model
 from matcal.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
@@ -30,6 +33,8 @@ class Specimens:
     factor: Array
     # (n, D) weighted stress for one stated deviation, one column a curve that states it
     stated: Array
+    # half the width of the 95 % interval of a single ln s, 0 without replicates
+    reach: float
     # what was assumed, one sentence each
     decisions: tuple[str, ...]
 
@@ -39,7 +44,8 @@ def specimens(curves: Sequence[Curve], law: Hyperfoam) -> Specimens:
     ends = np.cumsum([c.experiment.value.size for c in curves])
     model = weighted_model(curves, law)
     stating = [k for k, c in enumerate(curves) if c.experiment.deviation is not None]
-    repeated = _replicates(curves)
+    groups = _replicates(curves)
+    repeated = [c.label for group in groups for c in group]
     free = [k for k in range(len(curves)) if k not in stating] if repeated else []
     factor, stated = np.zeros((model.size, len(free))), np.zeros((model.size, len(stating)))
     for column, k in enumerate(free):
@@ -49,26 +55,63 @@ def specimens(curves: Sequence[Curve], law: Hyperfoam) -> Specimens:
         rows = slice(ends[k] - curves[k].experiment.value.size, ends[k])
         deviation = np.abs(np.asarray(curves[k].experiment.deviation)) * np.sign(curves[k].experiment.value)
         stated[rows, column] = deviation / curves[k].scale_Pa
-    return Specimens(factor, stated, _sentences(curves, repeated, stating))
+    return Specimens(factor, stated, _reach(groups, law), _sentences(curves, repeated, stating))
 
 
-def scatter(found: Specimens, residual: Array) -> float:
-    """Standard deviation of ln s that the weighted residuals (n,) of a fit show, 0 without replicates."""
-    if not found.factor.shape[1]:
+def with_factors(curves: Sequence[Curve], law: Hyperfoam) -> tuple[Curve, ...]:
+    """Replicates with the factor by which each is stiffer than the mean foam of `law`, geometric mean 1."""
+    found: dict[str, float] = {}
+    for group in _replicates(curves):
+        ln_s = np.array([_ln_factor(curve, law) for curve in group])
+        found |= {curve.label: float(np.exp(s)) for curve, s in zip(group, ln_s - ln_s.mean(), strict=True)}
+    return tuple(replace(c, factor=found.get(c.label, 1.0)) for c in curves)
+
+
+def replicated(curves: Sequence[Curve]) -> bool:
+    """Whether any kind was tested twice over the same strains."""
+    return bool(_replicates(curves))
+
+
+def factor_sentences(curves: Sequence[Curve]) -> list[str]:
+    """The factors of replicates, one sentence."""
+    named = ", ".join(f"{c.label} {c.factor:.4g}" for group in _replicates(curves) for c in group)
+    return [f"Stiffness of each specimen over that of the mean foam (geometric mean 1): {named}; orders are compared "
+            "and residuals judged with these factors."] if named else []
+
+
+def _ln_factor(curve: Curve, law: Hyperfoam) -> float:
+    model, value = of_mean_foam(curve).model(law), curve.experiment.value
+    share = float(value @ model / (model @ model))
+    if share <= 0:
+        raise ValueError(f"{curve.label} ({', '.join(curve.experiment.source)}): its stress runs against that of the "
+                         "other specimens of its kind. Check its signs and its columns.")
+    return float(np.log(share))
+
+
+def _reach(groups: Sequence[Sequence[Curve]], law: Hyperfoam) -> float:
+    """Half the 95 % interval of ln s = omega z, omega being as likely as its prior and the replicates' factors make it:
+    Student's law with a prior."""
+    spare = sum(len(group) - 1 for group in groups)
+    if not spare:
         return 0.0
-    ln_s = (found.factor.T @ residual) / np.sum(found.factor**2, axis=0)
-    return float(np.sqrt(np.sum(ln_s**2) / max(ln_s.size - 1, 1)))
+    squares = sum(float(np.var([_ln_factor(c, law) for c in group])) * len(group) for group in groups)
+    omega = np.geomspace(1e-6, 2.0, 600)
+    log = (1 - spare) * np.log(omega) - squares / (2 * omega**2) - omega**2 / (2 * PRIOR_OMEGA**2)
+    weight = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
+    return float(root_scalar(lambda q: float(weight @ norm.cdf(q / omega)) - 0.975, bracket=(0.0, 10.0)).root)
 
 
-def _replicates(curves: Sequence[Curve]) -> list[str]:
-    """Labels of the curves that share their kind and most of their strains with another."""
-    out = []
-    for a in curves:
-        for b in curves:
-            if a is not b and a.experiment.kind == b.experiment.kind and _overlap(a, b) > _SHARED:
-                out.append(a.label)
-                break
-    return out
+def _replicates(curves: Sequence[Curve]) -> list[list[Curve]]:
+    """Curves without a stated deviation that share their kind and most of their strains with others, by groups."""
+    groups: list[list[Curve]] = []
+    for curve in (c for c in curves if c.experiment.deviation is None):
+        alike = [g for g in groups if g[0].experiment.kind == curve.experiment.kind
+                 and any(_overlap(curve, other) > _SHARED for other in g)]
+        if alike:
+            alike[0].append(curve)
+        else:
+            groups.append([curve])
+    return [group for group in groups if len(group) > 1]
 
 
 def _overlap(a: Curve, b: Curve) -> float:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from matcal.fit import Fit
@@ -27,17 +28,18 @@ from matcal.linear_response import (
     joint_gain,
     prior_precision,
     propagated,
-    weighted_residual,
 )
 from matcal.modes import nominal_stress
-from matcal.nuisance import nuisance
+from matcal.nuisance import Nuisance, nuisance
 from matcal.relaxation_fit import PronyFit
-from matcal.specimens import scatter, specimens
+from matcal.specimens import Specimens, specimens
 
 Array = NDArray[np.float64]
 
 # least points to spare that Student's law is told: the errors' sizes are averaged already, see `matcal.correlation`
 _LEAST_SPARE = 4.0
+# standard deviations to either side that hold 95 % where many points are left
+_LARGE = float(norm.ppf(0.975))
 # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 PLATEAU_STRAIN = -0.4
 
@@ -97,18 +99,16 @@ def measured_quantities(law: Hyperfoam) -> dict[str, float]:
 def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
     free, differ = free_directions(fit), specimens(fit.curves, fit.law)
-    omega = scatter(differ, weighted_residual(fit))
     known = nuisance(fit, prony)
-    effect = np.column_stack([known.effect, differ.stated, omega * differ.factor])
-    errors = errors_of(fit, effect)
-    variance, n = effective_variance(errors), sum(e.count for e in errors)
+    errors = errors_of(fit, _effects(known, differ, _LARGE))
+    variance, n, parameters = effective_variance(errors), sum(e.count for e in errors), 2 * fit.law.alpha.size
+    spare = max(sum(e.points for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
+    reach = float(student.ppf(0.975, spare))
+    effect = _effects(known, differ, reach)
     gain = joint_gain(free_slopes(fit), effect, variance, prior_precision(fit))[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
     from_data = propagated(errors, data)
     covariance = from_data + variance * prior @ prior.T
-    parameters = 2 * fit.law.alpha.size
-    spare = max(sum(e.points for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
-    reach = float(student.ppf(0.975, spare))
     bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach, {}, ())
     derived = intervals(bare, measured_quantities)
     mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(fit.law.alpha.size)]
@@ -116,6 +116,11 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), variance * (mu_0 @ prior) ** 2, names)
     return replace(bare, derived=derived, shares=shares, decisions=(_share_sentence(shares), *differ.decisions,
                                                                     *_limit_sentences(fit)))
+
+
+def _effects(known: Nuisance, differ: Specimens, reach: float) -> Array:
+    """(n, J) effects of all that is normal: nuisances, stated scatter, factors whose interval `reach` times them is."""
+    return np.column_stack([known.effect, differ.stated, differ.reach / reach * differ.factor])
 
 
 def _limit_sentences(fit: Fit) -> list[str]:

@@ -104,3 +104,33 @@ def test_moduli_on_their_bound_are_warned_of_with_the_safer_command() -> None:
                         posterior={})
     warned = " ".join(cautions(card))
     assert "Outside the tests --order" in warned
+
+
+def test_scatter_between_specimens_is_not_misfit() -> None:
+    strain = np.linspace(-0.7, -0.01, 80)
+    tests = [replace(e := curve("uniaxial", strain, 0.002, k), value=factor * e.value)
+             for k, factor in enumerate((0.9, 1.0, 1.1))]
+    found = calibrate(tests)
+    assert found.fit is not None
+    assert found.uncertainty is not None
+    assert found.fit.law.alpha.size == 2
+    np.testing.assert_allclose([c.factor for c in found.fit.curves],
+                               np.array([0.9, 1.0, 1.1]) / np.cbrt(0.99), rtol=2e-3)
+    mu_0, shares = found.uncertainty.derived["mu_0_Pa"], found.uncertainty.shares
+    assert mu_0.value == pytest.approx(TWO_TERMS.mu_0_Pa * np.cbrt(0.99), rel=0.02)
+    assert 0.12 < (mu_0.hi - mu_0.lo) / 2 / mu_0.value < 0.25
+    assert shares["scatter between specimens"] > 0.8
+    row = fit_part(found)["uniaxial_1"]
+    assert row["relative_rms"] > 0.08
+    assert row["relative_rms_of_specimen"] < 0.004
+
+
+def test_more_specimens_pin_the_mean_foam_better() -> None:
+    strain, widths = np.linspace(-0.7, -0.01, 40), []
+    for factors in ((0.95, 1.05), (0.93, 0.97, 1.0, 1.03, 1.07)):
+        found = calibrate([replace(e := curve("uniaxial", strain, 0.002, k), value=factor * e.value)
+                           for k, factor in enumerate(factors)], Choices(order=2))
+        assert found.uncertainty is not None
+        mu_0 = found.uncertainty.derived["mu_0_Pa"]
+        widths.append((mu_0.hi - mu_0.lo) / mu_0.value)
+    assert widths[1] < 0.7 * widths[0]

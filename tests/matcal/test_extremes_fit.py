@@ -107,6 +107,7 @@ def test_columns_that_are_no_curve_are_refused_by_name(strain: np.ndarray, stres
         weigh([Experiment("uniaxial", strain, stress, source=("x.csv",))])
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_points_need_bounded_time_and_memory() -> None:
     tests = [curve("uniaxial", points=100_000, noise=0.02), curve("shear", points=1000, noise=0.02, seed=1)]
     start = time.process_time()

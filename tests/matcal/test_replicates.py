@@ -40,7 +40,8 @@ def test_only_like_is_compared() -> None:
     assert scatter([pulled], "uniaxial") is None
 
 
-def test_repeated_files_say_so() -> None:
-    file = DATA / "uniaxial.csv"
-    got = reduce_tests([(None, (file,)), (None, (file,))])
+def test_repeated_files_say_so(tmp_path: Path) -> None:
+    file, other = DATA / "uniaxial.csv", tmp_path / "uniaxial_2.csv"
+    other.write_text(file.read_text() + "\n")
+    got = reduce_tests([(None, (file,)), (None, (other,))])
     assert all(e.facts["stiffness_factor_sd"] == pytest.approx(0.0, abs=1e-12) for e in got)
