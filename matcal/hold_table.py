@@ -1,8 +1,8 @@
 """Relaxation tests as a fit of a series sees them: the hold through the law's own curve, tabulated in the time.
 
-With the instantaneous second Piola-Kirchhoff history S_0 of a law the nominal stress of a series is
-A w (g_inf S_0 + sum g_i D(tau_i)), D(tau) = int exp(-(t - s)/tau) dS_0. D is smooth in ln tau: a spline of it on the
-few directions that all D span costs microseconds a point, whatever the number of measurements and of decades.
+With instantaneous second Piola-Kirchhoff histories S_0k (`matcal.instantaneous`) the nominal stress of a series is
+sum_k A_k w (g_inf S_0k + sum g_i D_k(tau_i)), D_k(tau) = int exp(-(t - s)/tau) dS_0k. D is smooth in ln tau: a spline
+of it on the few directions that all D span costs microseconds a point, whatever the number of measurements and decades.
 """
 
 from __future__ import annotations
@@ -15,15 +15,19 @@ from scipy.interpolate import CubicSpline
 
 from matcal.experiment import Experiment
 from matcal.hyperfoam import Hyperfoam
-from matcal.modes import push_forward, second_piola
+from matcal.instantaneous import of_law, of_ramp
+from matcal.modes import push_forward
 from matcal.prony import Prony, decaying
 
 Array = NDArray[np.float64]
 
 # the hold begins where the strain first reaches this share of its largest value, unless the experiment marks it
 _HELD = 0.999
-# tabulated times in each decade; directions smaller than this share of the largest are left out
-_PER_DECADE, _KEPT = 40, 1e-12
+# longest step of the strain over its largest
+_FAR = 0.02
+# tabulated times in each decade, of which every second spans the basis (the others lie in it to 1e-8); directions
+# smaller than this share of the largest are left out
+_PER_DECADE, _SPANNING, _KEPT = 40, 2, 1e-11
 
 
 @dataclass(frozen=True)
@@ -32,19 +36,26 @@ class Hold:
 
     # (n,) times, s, from rest
     time_s: Array
-    # (n,) instantaneous second Piola-Kirchhoff stress of the law (or nominal strain), at the recorded strain
+    # (m,) times, s, with some between samples where the strain moves far, and (n,) where the samples are among them
+    fine_s: Array
+    at: NDArray[np.intp]
+    # (m, K) columns of the instantaneous second Piola-Kirchhoff stress there, the strain linear between samples
     instantaneous: Array
     # (n,) push-forward to nominal stress
     push: Array
     # (n,) measured nominal stress, Pa
     stress_Pa: Array
-    # (n,) one over the standard deviation of the noise, 0 before the hold and on ramps between holds
+    # (n,) one over the standard deviation of the noise, 0 where nothing is compared
     precision: Array
+    # (n,) whether the strain is held
+    held: NDArray[np.bool_]
+    # where the columns come from: "law", "ramp" or "straight"
+    shape: str
 
     @property
     def ramp_s(self) -> float:
         """Time at which the (first) hold begins."""
-        return float(self.time_s[np.argmax(self.precision > 0)])
+        return float(self.time_s[np.argmax(self.held)])
 
     @property
     def hold_s(self) -> float:
@@ -56,11 +67,11 @@ class Hold:
 class HoldTable:
     """One test on a short basis; inner products are those of the full weighted hold."""
 
-    # (n_held, r) orthonormal directions
+    # (n_seen, r) orthonormal directions
     basis: Array
-    # (r,) weighted law without relaxation
+    # (r, K) weighted columns without relaxation
     rest: Array
-    # ln tau -> (r,) weighted D(tau)
+    # ln tau -> (r, K) weighted D(tau)
     slow: CubicSpline
     # (r,) weighted measured stress
     target: Array
@@ -68,13 +79,14 @@ class HoldTable:
     more: Array
 
     def unit(self, ln_tau: Array, share: Array) -> Array:
-        """(W, r) weighted law for (W, M) ln tau and g/g_inf, over its own long-term scale."""
-        return self.rest + np.einsum("wm,wmr->wr", share, self.slow(ln_tau))
+        """(W, r, K) weighted columns for (W, M) ln tau and g/g_inf, over their own long-term scale."""
+        return self.rest + np.einsum("wm,wmrk->wrk", share, self.slow(ln_tau))
 
 
 def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int,
             held: NDArray[np.bool_] | None = None) -> Hold:
-    """The test through the law's curve; `held` (n,) marks the hold where it is known already.
+    """The test through the law's curve, or through that of its own ramp, which is then compared too; `held` (n,) marks
+    the hold where it is known already.
 
     Raises ValueError for a test without clock or ramp, and for fewer points in the hold than `terms` need.
     """
@@ -90,27 +102,42 @@ def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int,
                          f"{2 * terms + 3}.")
     count = np.ones(t.size) if experiment.samples is None else experiment.samples
     noise = experiment.noise or 1e-3 * float(np.abs(experiment.value).max()) or 1.0
-    precision = np.where(held, np.sqrt(count) / noise, 0.0)
-    curve = e.copy() if law is None else second_piola(law, "uniaxial", e)[:, 0]
-    push = np.ones(t.size) if law is None else push_forward("uniaxial", e)[:, 0]
-    return Hold(t, curve, push, experiment.value, precision)
+    fine_s, at = _refined(t, e)
+    fine = np.interp(fine_s, t, e)
+    still = np.zeros(fine_s.size, dtype=bool)
+    still[at] = held
+    columns, shape = (of_law(law, fine, still), "law") if law is not None else _own_shape(fine, still, at)
+    precision = np.where(held | ((shape == "ramp") & (e != 0)), np.sqrt(count) / noise, 0.0)
+    return Hold(t, fine_s, at, columns, push_forward("uniaxial", e)[:, 0], experiment.value, precision, held, shape)
+
+
+def _refined(time_s: Array, strain: Array) -> tuple[Array, NDArray[np.intp]]:
+    """(m,) times with some between samples where the strain moves far, and (n,) where the samples are among them."""
+    step = np.abs(np.diff(strain)) / (_FAR * np.abs(strain).max())
+    more = np.where(np.diff(time_s) > 0, np.clip(np.ceil(step), 1, None), 1).astype(int)
+    parts = [a + (b - a) * np.arange(k) / k for a, b, k in zip(time_s[:-1], time_s[1:], more, strict=True)]
+    return np.concatenate([*parts, time_s[-1:]]), np.r_[0, np.cumsum(more)]
+
+
+def _own_shape(fine: Array, still: NDArray[np.bool_], at: NDArray[np.intp]) -> tuple[Array, str]:
+    columns, shaped = of_ramp(fine, still, at)
+    return columns, "ramp" if shaped else "straight"
 
 
 def tabulate_hold(hold: Hold, bounds_s: tuple[float, float], more: Array | None = None) -> HoldTable:
-    """Table for times within `bounds_s`; `more` (n_held, J) are further vectors that the basis must hold."""
+    """Table for times within `bounds_s`; `more` (n_seen, J) are further vectors that the basis must hold."""
     seen = hold.precision > 0
     more = np.zeros((np.count_nonzero(seen), 0)) if more is None else more
     low, high = np.log(bounds_s)
     times = np.linspace(low, high, int(np.ceil((high - low) / np.log(10) * _PER_DECADE)) + 4)
-    slow = decaying(Prony(np.zeros(times.size), np.exp(times)), hold.time_s, hold.instantaneous)
+    slow = decaying(Prony(np.zeros(times.size), np.exp(times)), hold.fine_s, hold.instantaneous)[:, hold.at[seen]]
     weight = (hold.precision * hold.push)[seen]
-    rest, columns = weight * hold.instantaneous[seen], weight[:, None] * slow[:, seen].T
+    rest, columns = weight[:, None] * hold.instantaneous[hold.at[seen]], weight[:, None] * slow
     target = (hold.precision * hold.stress_Pa)[seen]
-    q, r = np.linalg.qr(_unit(np.column_stack([columns, rest, target, more])))
-    left, size, _ = np.linalg.svd(r, full_matrices=False)
-    basis = q @ left[:, size > _KEPT * size[0]]
-    return HoldTable(basis, basis.T @ rest, CubicSpline(times, (basis.T @ columns).T), basis.T @ target,
-                     basis.T @ more)
+    flat = columns[::_SPANNING].transpose(1, 0, 2).reshape(seen.sum(), -1)
+    basis = _spanning(np.column_stack([flat, rest, target, more]))
+    return HoldTable(basis, basis.T @ rest, CubicSpline(times, np.einsum("nr,tnk->trk", basis, columns)),
+                     basis.T @ target, basis.T @ more)
 
 
 def doubted(experiment: Experiment) -> list[Experiment]:
@@ -121,6 +148,13 @@ def doubted(experiment: Experiment) -> list[Experiment]:
     if (drift := facts.get("drift_sd_N_per_s", 0.0)) and experiment.time_s is not None:
         out.append(replace(experiment, value=experiment.value + drift / (facts["area_mm2"] * 1e-6) * experiment.time_s))
     return out
+
+
+def _spanning(columns: Array) -> Array:
+    """(n, r) orthonormal directions that columns (n, m) span, each column counted alike."""
+    q, r = np.linalg.qr(_unit(columns))
+    left, size, _ = np.linalg.svd(r, full_matrices=False)
+    return np.asarray(q @ left[:, size > _KEPT * size[0]])
 
 
 def _unit(columns: Array) -> Array:

@@ -1,24 +1,26 @@
 """Prony series fitted to relaxation tests with the ramp that they really had.
 
-The recorded strain history drives the foam's own instantaneous curve, whose second Piola-Kirchhoff stress is convolved
-with the series: a term faster than the ramp has decayed in part before the hold begins, and a fit that takes the ramp
-for a step loses it. Only what is held is compared, one hold or several, each test with its own amplitude, so that only
-the shape of the instantaneous curve matters. Source: paper, equation 5; ISO 3384-1.
+The recorded strain history drives an instantaneous curve (`matcal.instantaneous`), whose second Piola-Kirchhoff stress
+is convolved with the series: a term faster than the ramp has decayed in part before the hold begins, and a fit that
+takes the ramp for a step loses it. With a law only what is held is compared, each hold with its own size; without one
+the stress of the ramps is compared too and shapes the curve. Source: paper, equation 5; ISO 3384-1.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from matcal.autocorrelation import inflation
 from matcal.correlation import Errors, correlated_errors
 from matcal.experiment import Experiment
 from matcal.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
 from matcal.hyperfoam import Hyperfoam
+from matcal.instantaneous import bent, runs
 from matcal.linear_response import propagated
 from matcal.prony import Prony, convolve
 from matcal.series_search import LEAST_RATIO, best_series, residual, series_at, slopes
@@ -30,6 +32,8 @@ Array = NDArray[np.float64]
 TERMS = (1, 2, 3, 4, 5, 6)
 # longest time over the length of the holds
 _LONGEST = 20.0
+# difference of BIC up to which fewer terms whose times the holds bound are preferred to more whose slowest they do not
+_NEARLY = 10.0
 # least fall of the stress over its noise's standard deviation that counts as relaxation
 _FLAT = 4.0
 
@@ -42,8 +46,10 @@ class SeriesRow:
     terms: int
     # rms(residual)/rms(stress) over all holds
     rms: float
-    # Bayesian information criterion n ln(rms^2) + 2 terms ln n, n points worth
+    # Bayesian information criterion n ln(rms^2) + 2 terms ln n, n the points that correlated residuals are worth
     bic: float
+    # whether the holds bound its slowest time above; None where that was not asked
+    bounded: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,8 @@ class PronyFit:
     covariance: Array
     # measured over modelled hold stress of each test for a law with these instantaneous moduli; 1 without such a law
     amplitude: tuple[float, ...]
+    # (K,) fitted sizes of the columns of each test's instantaneous curve
+    sizes: tuple[Array, ...]
     # rms(residual)/rms(stress) over the hold, each test
     relative_rms: tuple[float, ...]
     # modelled stress of each test over its whole history, Pa
@@ -80,9 +88,10 @@ class PronyFit:
 def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: int | str = 3) -> PronyFit:
     """Series with least noise-weighted squares over the holds of relaxation tests.
 
-    terms: 1 to 6, or "auto" (by BIC). `law` gives the shape of the instantaneous curve (its scale only enters
-    `amplitude`); None takes stress as proportional to strain. Raises ValueError for another choice, for a test without
-    clock, ramp or hold, and for too few points.
+    terms: 1 to 6, or "auto" (by BIC over the points that correlated residuals are worth; fewer terms that fit nearly
+    as well are preferred to more whose slowest time nothing bounds). `law` gives the shape of the instantaneous curve,
+    each hold its own size; without one the ramps of the tests give it. Raises ValueError for another choice, for a test
+    without clock, ramp or hold, and for too few points.
     """
     start = time.process_time()
     holds = tuple(hold_of(e, law, 1 if terms == "auto" else int(terms)) for e in experiments)
@@ -90,18 +99,64 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
     tables = [tabulate_hold(h, bounds) for h in holds]
     if _flat(holds):
         return _without_relaxation(holds, bounds, start)
-    tried = {n: best_series(tables, n, bounds, holds[0].hold_s) for n in _allowed(terms, holds, bounds)}
-    rows = tuple(_row(tables, holds, n, v) for n, v in tried.items())
-    vector = tried[min(rows, key=lambda r: r.bic).terms]
+    tried = _tried(tables, _allowed(terms, holds, bounds), bounds, holds[0].hold_s)
+    rows = _rows(tables, tried)
+    seen: dict[int, _Judged] = {}
+
+    def judged(n: int) -> _Judged:
+        if n not in seen:
+            seen[n] = _judge(experiments, holds, tables, law, tried[n], bounds)
+        return seen[n]
+
+    vector = tried[preferred(rows, lambda n: judged(n).slowest.hi_s is not None)]
+    found = judged(vector.size // 2)
+    rows = tuple(replace(r, bounded=seen[r.terms].slowest.hi_s is not None) if r.terms in seen else r for r in rows)
     prony = series_at(vector)
-    pairs = [_projected(hold, prony) for hold in holds]
+    fits = [_projected(hold, prony) for hold in holds]
+    return PronyFit(prony, _covariance(tables, found.doubts, found.errors, vector),
+                    tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
+                    tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
+                    tuple(stress for _, stress in fits),
+                    (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, found.slowest)),
+                    time.process_time() - start, bounds, rows, found.slowest, holds, found.doubts,
+                    sum(e.points for e in found.errors))
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What the holds say about one series."""
+
+    doubts: tuple[Array, ...]
+    errors: tuple[Errors, ...]
+    slowest: Slowest
+
+
+def _judge(experiments: Sequence[Experiment], holds: Sequence[Hold], tables: Sequence[HoldTable],
+           law: Hyperfoam | None, vector: Array, bounds_s: tuple[float, float]) -> _Judged:
+    prony = series_at(vector)
     doubts = tuple(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True))
     errors = _errors(tables, doubts, vector)
-    slowest = slowest_time(tables, doubts, vector, bounds, errors)
-    return PronyFit(prony, _covariance(tables, doubts, errors, vector), tuple(a for a, _ in pairs),
-                    tuple(map(_hold_rms, holds, pairs)), tuple(a * unit for a, unit in pairs),
-                    (*order_sentences(terms, rows), *series_sentences(holds, law, prony, slowest)),
-                    time.process_time() - start, bounds, rows, slowest, holds, doubts, sum(e.points for e in errors))
+    return _Judged(doubts, errors, slowest_time(tables, doubts, vector, bounds_s, errors))
+
+
+def preferred(rows: Sequence[SeriesRow], bounded: Callable[[int], bool]) -> int:
+    """Number of terms with the least BIC; where nothing bounds its slowest time, the best lower one nearly as good."""
+    best = min(rows, key=lambda r: r.bic)
+    if len(rows) == 1 or bounded(best.terms):
+        return best.terms
+    near = sorted((r for r in rows if r.terms < best.terms and r.bic < best.bic + _NEARLY), key=lambda r: r.bic)
+    return next((r.terms for r in near if bounded(r.terms)), best.terms)
+
+
+def _tried(tables: Sequence[HoldTable], orders: Sequence[int], bounds_s: tuple[float, float],
+           hold_s: float) -> dict[int, Array]:
+    """Vector of the best series of each number of terms, until two in a row do not lower the BIC."""
+    out: dict[int, Array] = {}
+    for n in orders:
+        out[n] = best_series(tables, n, bounds_s, hold_s)
+        if n >= min(_rows(tables, out), key=lambda r: r.bic).terms + 2:
+            break
+    return out
 
 
 def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, float]) -> tuple[int, ...]:
@@ -109,7 +164,7 @@ def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, flo
         raise ValueError(f"--prony-terms '{terms}' is unknown; known: auto, {', '.join(map(str, TERMS))}.")
     if terms != "auto":
         return (int(terms),)
-    points = min(int(np.count_nonzero(h.precision)) for h in holds)
+    points = min(int(np.count_nonzero(h.held)) for h in holds)
     room = int(np.log(bounds_s[1] / bounds_s[0]) / np.log(LEAST_RATIO))
     return tuple(n for n in TERMS if 2 * n + 3 <= points and n <= room)
 
@@ -117,82 +172,112 @@ def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, flo
 def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
     """Shortest and longest time that a term may have: a tenth of the ramp, many times the holds."""
     ramp = min(h.ramp_s for h in holds)
-    steps = [np.diff(h.time_s[h.precision > 0]) for h in holds]
+    steps = [np.diff(h.time_s[h.held]) for h in holds]
     first = min(float(np.min(s[s > 0], initial=np.inf)) for s in steps)
     longest = max(h.hold_s for h in holds)
     return min(max(first if ramp == 0 else min(first, ramp), 0.1 * ramp), longest / 4), _LONGEST * longest
 
 
 def _flat(holds: Sequence[Hold]) -> bool:
-    """Whether no test's hold is better described by a falling course than by a constant."""
-    for hold in holds:
-        seen = hold.precision > 0
-        y, p = np.abs(hold.stress_Pa[seen]), hold.precision[seen]
-        strain = np.abs(hold.instantaneous * hold.push)[seen]
-        level = float((p * y) @ (p * strain) / max((p * strain) @ (p * strain), 1e-300))
-        late = np.log1p(hold.time_s[seen] - hold.ramp_s + 1e-9)
-        off = late - (p**2 @ late) / (p**2).sum()
-        fall = -float((p**2 * off) @ (y - level * strain)) / max(float(p**2 @ off**2), 1e-300)
-        left = p * (y - level * strain + fall * off)
-        if fall * np.sqrt(p**2 @ off**2) > _FLAT * max(1.0, float(np.sqrt(np.mean(left**2)))):
-            return False
-    return True
+    """Whether no hold of any test is better described by a falling course than by a constant."""
+    return not any(_falls(hold, run) for hold in holds for run in runs(hold.held, hold.push)
+                   if run.stop - run.start > 2)
+
+
+def _falls(hold: Hold, run: slice) -> bool:
+    y, p, t = np.abs(hold.stress_Pa[run]), hold.precision[run], hold.time_s[run]
+    strain = np.abs(hold.instantaneous[hold.at].sum(axis=1) * hold.push)[run]
+    level = float((p * y) @ (p * strain) / max((p * strain) @ (p * strain), 1e-300))
+    late = np.log1p(t - hold.time_s[max(run.start - 1, 0)] + 1e-9)
+    off = late - (p**2 @ late) / (p**2).sum()
+    fall = -float((p**2 * off) @ (y - level * strain)) / max(float(p**2 @ off**2), 1e-300)
+    left = p * (y - level * strain + fall * off)
+    return bool(fall * np.sqrt(p**2 @ off**2) > _FLAT * max(1.0, float(np.sqrt(np.mean(left**2)))))
 
 
 def _without_relaxation(holds: tuple[Hold, ...], bounds_s: tuple[float, float], start: float) -> PronyFit:
     tau = float(np.sqrt(bounds_s[0] * bounds_s[1]))
     prony = Prony(np.zeros(1), np.full(1, tau))
-    pairs = [_projected(hold, prony) for hold in holds]
+    fits = [_projected(hold, prony) for hold in holds]
     said = ("The stress does not fall during the hold by more than its noise: no relaxation was found, g is set to 0 "
             f"and its time ({tau:.3g} s) means nothing.")
     none = tuple(np.zeros((int(np.count_nonzero(h.precision)), 0)) for h in holds)
-    return PronyFit(prony, np.zeros((2, 2)), tuple(a for a, _ in pairs), tuple(map(_hold_rms, holds, pairs)),
-                    tuple(a * unit for a, unit in pairs), (said,), time.process_time() - start, bounds_s, (),
+    return PronyFit(prony, np.zeros((2, 2)), tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
+                    tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
+                    tuple(stress for _, stress in fits), (said,), time.process_time() - start, bounds_s, (),
                     Slowest(tau, 0.0, None), holds, none, float(sum(x.shape[0] for x in none)))
 
 
-def _row(tables: Sequence[HoldTable], holds: Sequence[Hold], terms: int, vector: Array) -> SeriesRow:
-    square = float(np.sum(residual(tables, vector) ** 2))
-    n = sum(int(np.count_nonzero(h.precision)) for h in holds)
+def _rows(tables: Sequence[HoldTable], tried: Mapping[int, Array]) -> tuple[SeriesRow, ...]:
+    """Every number of terms with its BIC over the points that the residuals of the best are worth."""
+    count = sum(t.basis.shape[0] for t in tables)
     size = sum(float(t.target @ t.target) for t in tables)
-    floor = max(square / n, 1e-14 * size / n)
-    return SeriesRow(terms, float(np.sqrt(square / size)), float(n * np.log(floor) + 2 * terms * np.log(n)))
+    misses = {n: residual(tables, v) for n, v in tried.items()}
+    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
+    least = min(misses.values(), key=lambda m: float(m @ m))
+    worth = sum(t.basis.shape[0] / inflation(t.basis @ m)
+                for t, m in zip(tables, np.split(least, ends), strict=True))
+
+    def row(terms: int, square: float) -> SeriesRow:
+        floor = max(square, 1e-14 * size) / count
+        return SeriesRow(terms, float(np.sqrt(square / size)),
+                         float(worth * np.log(floor) + 2 * terms * np.log(worth)))
+
+    return tuple(row(n, float(m @ m)) for n, m in misses.items())
 
 
-def _projected(hold: Hold, prony: Prony) -> tuple[float, Array]:
-    """Best amplitude and unit history of nominal stress."""
-    unit = hold.push * convolve(prony, hold.time_s, hold.instantaneous)
-    u, y = hold.precision * unit, hold.precision * hold.stress_Pa
-    return float(u @ y / (u @ u)), unit
+def _projected(hold: Hold, prony: Prony) -> tuple[Array, Array]:
+    """Best sizes (K,) of the columns and the history (n,) of nominal stress that they make."""
+    unit = _history(hold, prony)
+    c = np.asarray(np.linalg.lstsq(hold.precision[:, None] * unit, hold.precision * hold.stress_Pa)[0], dtype=float)
+    return c, unit @ c
+
+
+def _history(hold: Hold, prony: Prony) -> Array:
+    """(n, K) nominal stress of each column."""
+    return hold.push[:, None] * convolve(prony, hold.fine_s, hold.instantaneous)[hold.at]
+
+
+def _amplitude(hold: Hold, prony: Prony) -> float:
+    """Best size of the law as it is; 1 without a law."""
+    if hold.shape != "law":
+        return 1.0
+    u, y = hold.precision * _history(hold, prony).sum(axis=1), hold.precision * hold.stress_Pa
+    return float(u @ y / (u @ u))
 
 
 def _doubts(experiment: Experiment, hold: Hold, law: Hyperfoam | None, prony: Prony) -> Array:
-    """(n_held, J) weighted change of model minus record for one standard deviation of contact point and load drift."""
+    """(n_seen, J) weighted change of model minus record for one standard deviation of contact point and load drift, and
+    of the shape of a ramp that is not known."""
     seen = hold.precision > 0
-    amplitude, unit = _projected(hold, prony)
+    sizes, stress = _projected(hold, prony)
     out = [np.zeros((int(np.count_nonzero(seen)), 0))]
     for moved in doubted(experiment):
-        other = hold_of(moved, law, 1, seen)
-        change = amplitude * (_projected(other, prony)[1] - unit) - (other.stress_Pa - hold.stress_Pa)
+        other = hold_of(moved, law, 1, hold.held)
+        change = _history(other, prony) @ sizes - stress - (other.stress_Pa - hold.stress_Pa)
         out.append((hold.precision * change)[seen][:, None])
+    if hold.shape == "straight":
+        other = replace(hold, instantaneous=bent(hold.instantaneous))
+        out.append((hold.precision * (_projected(other, prony)[1] - stress))[seen][:, None])
     return np.hstack(out)
 
 
 def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array) -> tuple[Errors, ...]:
     """Errors of each hold, misfit among them, in units of the noise."""
     width, first = vector.size + sum(d.shape[1] for d in doubts), 0
+    free = sum(t.rest.shape[1] for t in tables)
     whole = slopes(lambda v: residual(tables, v), vector)
     miss, at, residuals, columns, doubt = residual(tables, vector), 0, [], [], vector.size
     for table, own in zip(tables, doubts, strict=True):
-        rows = slice(at, at := at + table.rest.size)
-        block = np.zeros((table.basis.shape[0], width + len(tables)))
+        rows, columns_here = slice(at, at := at + table.rest.shape[0]), table.rest.shape[1]
+        block = np.zeros((table.basis.shape[0], width + free))
         block[:, :vector.size] = table.basis @ whole[rows]
         block[:, doubt:doubt + own.shape[1]] = own
-        block[:, width + first] = table.basis @ (table.rest / np.linalg.norm(table.rest))
-        doubt, first = doubt + own.shape[1], first + 1
+        block[:, width + first:width + first + columns_here] = table.basis @ np.linalg.qr(table.rest)[0]
+        doubt, first = doubt + own.shape[1], first + columns_here
         residuals.append(table.basis @ miss[rows])
         columns.append(block)
-    prior = np.diag(np.r_[np.full(vector.size, 1e-6), np.ones(width - vector.size), np.full(len(tables), 1e-12)])
+    prior = np.diag(np.r_[np.full(vector.size, 1e-6), np.ones(width - vector.size), np.full(free, 1e-12)])
     return correlated_errors(residuals, columns, prior, [1.0] * len(tables))
 
 
@@ -202,7 +287,7 @@ def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Se
     jacobian = slopes(lambda v: residual(tables, v), vector)
     free = np.linalg.norm(jacobian, axis=0) > 0
     inverse = np.linalg.pinv(jacobian[:, free], rcond=1e-12)
-    ends = np.cumsum([t.rest.size for t in tables])[:-1]
+    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
     gains = [part @ t.basis.T for part, t in zip(np.split(inverse, ends, axis=1), tables, strict=True)]
     covariance = propagated(errors, np.hstack(gains))
     for gain, doubt in zip(gains, doubts, strict=True):
@@ -211,15 +296,19 @@ def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Se
     return turn @ covariance @ turn.T
 
 
-def _hold_rms(hold: Hold, pair: tuple[float, Array]) -> float:
-    seen = hold.precision > 0
-    miss = pair[0] * pair[1][seen] - hold.stress_Pa[seen]
-    return float(np.sqrt(np.mean(miss**2) / np.mean(hold.stress_Pa[seen] ** 2)))
+def _hold_rms(hold: Hold, stress_Pa: Array) -> float:
+    miss = (stress_Pa - hold.stress_Pa)[hold.held]
+    return float(np.sqrt(np.mean(miss**2) / np.mean(hold.stress_Pa[hold.held] ** 2)))
 
 
-def order_sentences(terms: int | str, rows: Sequence[SeriesRow]) -> list[str]:
-    """The numbers of terms tried, where the choice was open."""
+def order_sentences(terms: int | str, rows: Sequence[SeriesRow], chosen: int) -> list[str]:
+    """The numbers of terms tried, where the choice was open, and why the least BIC was passed over."""
     if terms != "auto":
         return []
     table = ", ".join(f"{r.terms}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)
-    return [f"Prony terms by BIC (terms: relative RMS of the hold {table})."]
+    said = [f"Prony terms by BIC (terms: relative RMS of what was compared {table})."]
+    best = min(rows, key=lambda r: r.bic)
+    if best.terms != chosen:
+        said.append(f"{chosen} terms were taken, not {best.terms} with the least BIC: nothing bounds the slowest time "
+                    f"of {best.terms}, and fewer fit nearly as well.")
+    return said

@@ -1,7 +1,9 @@
-"""The series' part of the posterior: ln tau, g and the noise sampled, amplitudes and doubtful numbers integrated out.
+"""The series' part of the posterior: ln tau, g and the noise sampled, sizes and doubtful numbers integrated out.
 
-Each held stress is A w (g_inf S_0 + sum g_i D(tau_i)) + V z + e, linear in the amplitude A of its test and in what the
-test doubts of itself (contact point, load drift), z ~ N(0, 1). The shape of the instantaneous curve is the fitted one.
+Each compared stress is sum_k A_k w (g_inf S_0k + sum g_i D_k(tau_i)) + V z + e, linear in the sizes A of the columns of
+the instantaneous curve (`matcal.instantaneous`) and in what the test doubts of itself (contact point, load drift),
+z ~ N(0, 1). Given the series the sizes have a flat prior over the stress that they make, so that no series is favoured
+for the scale or the number of its columns.
 """
 
 from __future__ import annotations
@@ -14,12 +16,12 @@ from numpy.typing import NDArray
 from matcal.hold_table import HoldTable, tabulate_hold
 from matcal.marginal import log_marginal, triangles
 from matcal.relaxation_fit import PronyFit
-from matcal.series_search import LEAST_RATIO
+from matcal.series_search import LEAST_RATIO, residual, vector_of
 
 Array = NDArray[np.float64]
 
-# standard deviation of the prior of an amplitude, over its fitted value
-_AMPLITUDE = 100.0
+# precision that holds a size only where no record sees it, over that of a size as large as the fitted ones
+_HELD = 1e-2
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class SeriesPart:
 
     # tests on their bases, with the effects of what they doubt
     tables: tuple[HoldTable, ...]
-    # fitted amplitude of each test
-    amplitude: Array
+    # (K,) scale of the sizes of each test
+    sizes: tuple[Array, ...]
     # ln of the shortest and longest time
     bounds: tuple[float, float]
     # number of terms
@@ -49,12 +51,13 @@ def series_part(prony: PronyFit) -> SeriesPart:
     tables = tuple(tabulate_hold(h, prony.bounds_s, d) for h, d in zip(prony.holds, prony.doubts, strict=True))
     count = float(sum(t.basis.shape[0] for t in tables))
     low, high = np.log(prony.bounds_s)
-    return SeriesPart(tables, np.array(prony.amplitude), (float(low), float(high)), prony.prony.g.size, count,
+    sizes = tuple(np.full(c.size, np.abs(c).max()) for c in prony.sizes)
+    return SeriesPart(tables, sizes, (float(low), float(high)), prony.prony.g.size, count,
                       min(prony.points, count))
 
 
 def log_series(part: SeriesPart, x: Array, share: float = 1.0) -> Array:
-    """(W,) log density at (ln tau, g, ln noise) (W, size), amplitudes and doubts integrated out."""
+    """(W,) log density at (ln tau, g, ln noise) (W, size), sizes and doubts integrated out."""
     m = part.terms
     ln_tau, g, ln_noise = x[:, :m], x[:, m:2 * m], x[:, -1]
     inside = (ln_tau[:, 0] > part.bounds[0]) & (ln_tau[:, -1] < part.bounds[1]) & (np.abs(ln_noise) < 15)
@@ -66,18 +69,18 @@ def log_series(part: SeriesPart, x: Array, share: float = 1.0) -> Array:
         points = share * part.points
         precision = np.exp(-y[:, -1]) * np.sqrt(points / part.count)
         out[inside] = -points * y[:, -1]
-        for table, amplitude in zip(part.tables, part.amplitude, strict=True):
-            out[inside] += log_marginal(_triangles(table, float(amplitude), y[:, :m], y[:, m:2 * m], precision))
+        for table, sizes in zip(part.tables, part.sizes, strict=True):
+            r = _triangles(table, sizes, y[:, :m], y[:, m:2 * m], precision)
+            diagonal = np.abs(np.einsum("wkk->wk", r)[:, :sizes.size])
+            out[inside] += log_marginal(r) + np.log(diagonal).sum(axis=1) - sizes.size * np.log(precision)
     return out
 
 
 def start_series(part: SeriesPart, prony: PronyFit) -> Array:
     """(size,) the fit in the coordinates that are sampled."""
-    series = prony.prony
-    units = [series.g_infinity * t.unit(np.log(series.tau_s)[None], _share(series.g[None]))[0] for t in part.tables]
-    miss = [np.linalg.norm(a * unit - t.target)
-            for a, unit, t in zip(part.amplitude, units, part.tables, strict=True)]
-    noise = max(float(np.sqrt(np.sum(np.square(miss)) / part.count)), 1e-6)
+    vector = vector_of(prony.prony)
+    miss = residual(part.tables, vector)
+    noise = max(float(np.sqrt(miss @ miss / part.count)), 1e-6)
     return np.r_[np.log(prony.prony.tau_s), prony.prony.g, np.log(noise)]
 
 
@@ -85,18 +88,18 @@ def prior_words(part: SeriesPart) -> str:
     """The prior of everything in the series' part."""
     low, high = np.exp(part.bounds)
     return (f"ln tau uniform between {low:.3g} and {high:.3g} s, in order, a ratio of {LEAST_RATIO:g} apart; g uniform "
-            f"over g_i >= 0 with a sum below 1; amplitudes of the holds normal about 0 with {_AMPLITUDE:g} times the "
-            f"fitted one; ln of their noise flat; {part.points:.0f} effective points in the holds")
+            f"over g_i >= 0 with a sum below 1; sizes of the instantaneous curve flat over the stress that "
+            f"they make; ln of their noise flat; {part.points:.0f} effective points in the holds")
 
 
 def _share(g: Array) -> Array:
     return g / (1 - g.sum(axis=1, keepdims=True))
 
 
-def _triangles(table: HoldTable, amplitude: float, ln_tau: Array, g: Array, precision: Array) -> Array:
-    unit = amplitude * (1 - g.sum(axis=1, keepdims=True)) * table.unit(ln_tau, _share(g))
+def _triangles(table: HoldTable, sizes: Array, ln_tau: Array, g: Array, precision: Array) -> Array:
+    unit = sizes * (1 - g.sum(axis=1))[:, None, None] * table.unit(ln_tau, _share(g))
     doubt = np.broadcast_to(table.more, (g.shape[0], *table.more.shape))
-    columns = np.concatenate([unit[:, :, None], doubt], axis=2) * precision[:, None, None]
+    columns = np.concatenate([unit, doubt], axis=2) * precision[:, None, None]
     width = columns.shape[2]
-    root = np.r_[1 / _AMPLITUDE, np.ones(width - 1)]
+    root = np.r_[np.full(sizes.size, _HELD), np.ones(width - sizes.size)]
     return triangles(columns, precision[:, None] * table.target, root, np.zeros(width))

@@ -31,14 +31,20 @@ def series_at(vector: Array) -> Prony:
     return Prony(q / (1 + q.sum()), np.exp(np.cumsum(vector[:terms])))
 
 
+def vector_of(prony: Prony) -> Array:
+    """Series -> (ln tau_1, ln of ratios, g_i/g_inf)."""
+    return np.r_[np.diff(np.log(prony.tau_s), prepend=0.0), prony.g / prony.g_infinity]
+
+
 def residual(tables: Sequence[HoldTable], vector: Array) -> Array:
-    """Weighted residual on the bases of all tests at (ln tau_1, ln of ratios, g_i/g_inf), amplitudes solved for."""
+    """Weighted residual on the bases of all tests at (ln tau_1, ln of ratios, g_i/g_inf), sizes of columns solved for.
+    """
     terms = vector.size // 2
     ln_tau, share = np.cumsum(vector[:terms])[None], np.maximum(vector[terms:], 0.0)[None]
     out = []
     for table in tables:
-        unit = table.unit(ln_tau, share)[0]
-        out.append(unit * (unit @ table.target) / (unit @ unit) - table.target)
+        q = np.linalg.qr(table.unit(ln_tau, share)[0])[0]
+        out.append(q @ (q.T @ table.target) - table.target)
     return np.concatenate(out)
 
 
@@ -79,8 +85,8 @@ def _starts(table: HoldTable, terms: int, bounds_s: tuple[float, float], hold_s:
     """Good combinations of times on a grid, grown one time at a time, each with its non-negative shares."""
     least, most = 1.5 * bounds_s[0], 0.7 * hold_s
     grid = np.geomspace(least, max(most, 4 * least), max(_GRID, int(_PER_DECADE * np.log10(most / least)) + 1))
-    columns = np.column_stack([table.rest, table.slow(np.log(grid)).T])
-    columns = columns * np.sign(float(columns[:, 0] @ table.target))
+    curve = np.linalg.lstsq(table.rest, table.target, rcond=None)[0]
+    columns = np.column_stack([table.rest @ curve, (table.slow(np.log(grid)) @ curve).T])
     kept: list[tuple[int, ...]] = [()]
     for _ in range(terms):
         grown = sorted({tuple(sorted({*old, k})) for old in kept for k in range(grid.size) if k not in old})

@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from matcal.correlation import Errors
 from matcal.hold_table import Hold, HoldTable
-from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
 from matcal.series_search import residual, search_series
 
 Array = NDArray[np.float64]
 
+# where the instantaneous curve of a test comes from
+_SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its own size",
+           "ramp": "a spline that the stress recorded on the ramp itself shapes (no stress-strain curve was given)",
+           "straight": "a stress straight between the strains that are held (no stress-strain curve was given, and the "
+                       "ramp has too few samples to show its shape: what a bent curve would change is in the errors)"}
 # fall of twice the log likelihood at the ends of a 95 % interval; longest step of the profile in ln tau
 _CHI_SQUARE, _STEPS = 3.84, 9
 
@@ -39,7 +43,7 @@ def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: A
     terms = vector.size // 2
     best = float(np.sum(vector[:terms]))
     inflated = [float(e.covariance[0, 0]) * e.count / e.points for e in errors]
-    ends = np.cumsum([t.rest.size for t in tables])[:-1]
+    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
 
     def misfit(at: Array) -> float:
         parts = np.split(residual(tables, at), ends)
@@ -66,12 +70,10 @@ def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: A
                    None if up is None else float(np.exp(up)))
 
 
-def series_sentences(holds: Sequence[Hold], law: Hyperfoam | None, prony: Prony, slowest: Slowest) -> tuple[str, ...]:
+def series_sentences(holds: Sequence[Hold], prony: Prony, slowest: Slowest) -> tuple[str, ...]:
     """How the series was fitted, and what the holds say about its slowest time."""
     ramp = ", ".join(f"{h.ramp_s:.3g} s" for h in holds)
-    shape = ("the fitted hyperfoam curve" if law is not None else
-             "a stress proportional to strain (no stress-strain curve was given, so the true ramp of the stress is "
-             "unknown and the fast terms are uncertain)")
+    shape = ", ".join(dict.fromkeys(_SHAPES[h.shape] for h in holds))
     hold = max(h.hold_s for h in holds)
     out = [f"Prony series of {prony.g.size} terms on the hold, with the recorded ramp ({ramp}) convolved through "
            f"{shape}."]
