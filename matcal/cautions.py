@@ -20,7 +20,8 @@ _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _convergence, _agreement, _stability, _assumed, _misfit, _predictions, _coverage, _series, _skin)
+    parts = (_origin, _convergence, _long_term, _agreement, _stability, _assumed, _misfit, _predictions,
+             _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -62,6 +63,14 @@ def _convergence(card: MaterialCard) -> Iterator[str]:
     if checks and not checks.get("converged", True):
         yield (f"The posterior did not converge (R-hat {checks['rhat']:.3f}, effective sample size "
                f"{checks['ess']:.0f}): do not use its intervals.")
+
+
+def _long_term(card: MaterialCard) -> Iterator[str]:
+    slowest = card.fit.get("prony", {}).get("slowest_s")
+    if card.prony is None or slowest is None or slowest["hi"] is not None or not np.any(card.prony.g):
+        return
+    yield (f"The long-term moduli are not determined by this record: nothing bounds its slowest relaxation time above "
+           f"(at least {slowest['lo']:.3g} s). Hold longer, or give fewer --prony-terms.")
 
 
 def _agreement(card: MaterialCard) -> Iterator[str]:
@@ -135,8 +144,8 @@ def _series(card: MaterialCard) -> Iterator[str]:
     if card.prony is None or sd is None:
         return
     if card.hyperfoam is None:
-        yield ("Relaxation was fitted without a stress-strain curve: the true ramp of the stress is unknown, and the "
-               "fast terms are uncertain beyond their errors.")
+        yield ("Relaxation was fitted without a stress-strain curve: the ramp of the test itself had to give the shape "
+               "of the curve, on which the fast terms depend.")
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
     if loose:
         yield f"Weakly determined relaxation times: {', '.join(loose)}."

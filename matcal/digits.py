@@ -6,8 +6,9 @@ import math
 
 # values printed with a power of ten: below 1e-4, from 1e7 on
 _SMALLEST, _LARGEST = -4, 7
-# most significant digits of a value, however small its error
-_MOST = 8
+# most significant digits of a value, however small its error; least, however large, where it is not below a hundredth of
+# that
+_MOST, _LEAST = 8, 2
 
 
 def significant(value: float, digits: int = 4) -> str:
@@ -31,7 +32,8 @@ def percent(fraction: float, digits: int = 3) -> str:
 
 
 def with_error(value: float, error: float) -> tuple[str, str]:
-    """A value and its standard error, both to the second significant digit of the error."""
+    """A value and its standard error, both to the second significant digit of the error, or to the second of the value.
+    """
     first, second = _rounded((value, error), error)
     return first, second
 
@@ -49,7 +51,11 @@ def _rounded(values: tuple[float, ...], error: float) -> tuple[str, ...]:
     decimals = min(1 - _power(float(f"{error:.1e}")), _MOST - 1 - _power(size))
     if not _SMALLEST <= _power(size) < _LARGEST:
         return tuple(f"{v:.{max(decimals + _power(size), 1)}e}" for v in values)
-    return tuple(f"{round(v, decimals) + 0.0:.{max(decimals, 0)}f}" for v in values)
+    own = decimals
+    if abs(values[0]) > 10.0**-_LEAST * error:
+        own = max(decimals, _LEAST - 1 - _power(values[0]))
+    return tuple(f"{round(v, d) + 0.0:.{max(d, 0)}f}" for v, d in zip(values, (own, *[decimals] * len(values)),
+                                                                     strict=False))
 
 
 def _power(value: float) -> int:

@@ -8,6 +8,8 @@ curve is straight between the strains that are held, and what a bent one would c
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
@@ -58,7 +60,7 @@ def runs(held: NDArray[np.bool_], strain: Array) -> list[slice]:
     """The holds, one slice each: neighbours that are held (n,) at one level of strain (n,)."""
     jump = np.abs(np.diff(strain)) > _LEVEL * np.ptp(strain)
     cuts = np.r_[0, np.flatnonzero((held[1:] != held[:-1]) | jump) + 1, held.size]
-    return [slice(int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if held[a]]
+    return [slice(int(a), int(b)) for a, b in pairwise(cuts) if held[a]]
 
 
 def _levels(travel: Array, held: NDArray[np.bool_]) -> Array:

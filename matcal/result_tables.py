@@ -74,7 +74,7 @@ def series(card: MaterialCard) -> Printed:
 
 
 def _slowest(found: Mapping[str, Any]) -> list[str]:
-    if "slowest_s" not in found:
+    if "slowest_s" not in found or not any(found.get("g_sd", ())):
         return []
     row = found["slowest_s"]
     end = "without an upper end" if row["hi"] is None else f"to {row['hi']:.3g} s"

@@ -7,6 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from matcal.card import MaterialCard
+from matcal.cautions import cautions
+from matcal.digits import with_error, within
 from matcal.experiment import Experiment
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import hereditary_stress
@@ -171,3 +174,19 @@ def test_few_points_carry_few_terms() -> None:
     assert fit_prony([few], TABLE_1, "auto").prony.g.size <= 2
     with pytest.raises(ValueError, match="3 terms need 9"):
         fit_prony([few], TABLE_1, 3)
+
+
+def test_an_unbounded_slow_term_is_the_first_caution_on_the_moduli() -> None:
+    prony = {"tau_sd_s": [0.1, 900.0], "slowest_s": {"value": 800.0, "lo": 90.0, "hi": None}}
+    card = MaterialCard("a", None, Prony([0.2, 0.1], [1.0, 800.0]), None, fit={"prony": prony}, stability={},
+                        provenance={}, data="a.d", posterior={})
+    assert cautions(card)[0].startswith("The long-term moduli are not determined by this record")
+    prony["slowest_s"]["hi"] = 2000.0
+    assert not any("not determined by this record" in s for s in cautions(card))
+
+
+def test_a_value_keeps_two_digits_however_large_its_error() -> None:
+    assert with_error(20790.0, 630000.0) == ("21000", "630000")
+    assert within(10395.0, -616000.0, 637000.0)[0] == "10000"
+    assert with_error(0.3, 8.0) == ("0.30", "8.0")
+    assert with_error(1.2345, 0.012) == ("1.234", "0.012")
