@@ -1,4 +1,4 @@
-"""Axisymmetric touches: a frictionless punch with a rounded edge pressed into a foam disc about its own axis.
+"""Axisymmetric touches: a frictionless rounded punch, flat, spherical or conical, pressed into foam about its own axis.
 
 Every touch is solved from rest on a mesh of twice the element size and carried over to the mesh that is asked for.
 The difference of the two is the error estimate, but at least a floor that was measured on Table 1, 8 to 20 mm and
@@ -21,16 +21,17 @@ from eitsim import surface
 from eitsim.mesh import default_element_m
 from eitsim.pressing import Equilibrium, Pressing, at_rest, equilibrium, fraction_non_elliptic, pressing, transferred
 from eitsim.results import Touch
-from eitsim.scene import Body, Punch
+from eitsim.scene import PROFILES, Body, Punch
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
 
-PROFILES = ("flat", "sphere")
 # Nominal contact pressure over penetration, in mu_0 over the mesh's feature length (mesh.feature_m): 10 MPa/mm for
 # mu_0 = 9.53 kPa, a thickness of 10 mm and a fillet of 0.5 mm.
 PENALTY = 525.0
+# The same for a cone, whose tip presses harder: at 45 degrees a tenth of it leaves the largest pressure 30 % too low.
+CONE_PENALTY = 5250.0
 # Floors of the relative errors of depth and signal at the default element size h_0, and their powers of h/h_0.
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
 # Least element size, in default sizes: about 5 GB.
@@ -42,12 +43,13 @@ _DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP = 1e-9, 40, 0.5
 
 
 def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None, strain: str = "normal",
-                penalty: float = PENALTY) -> Touch:
+                penalty: float | None = None) -> Touch:
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
 
     element_m: element size at the punch's edge, m, by default mesh.default_element_m; strain: the skin's driving
-    strain for which signal_error is told; penalty: contact stiffness, mu_0 over mesh.feature_m. ValueError for what is
-    not built (profile, friction), NotConverged where no equilibrium is found.
+    strain for which signal_error is told; penalty: contact stiffness, mu_0 over mesh.feature_m, by default
+    PENALTY, for a cone CONE_PENALTY. ValueError for what is not built (friction), NotConverged where no equilibrium is
+    found.
     """
     if punch.force_N is not None:
         return solve_path(law, body, punch, [punch.force_N], element_m=element_m, strain=strain, penalty=penalty)[0]
@@ -60,7 +62,7 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
 
 
 def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
-               strain: str = "normal", penalty: float = PENALTY) -> list[Touch]:
+               strain: str = "normal", penalty: float | None = None) -> list[Touch]:
     """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch."""
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the foam), got {list(forces_N)}.")
@@ -78,14 +80,17 @@ def _force_unit(law: Hyperfoam, body: Body) -> float:
     return law.mu_0_Pa * body.thickness_m**2
 
 
-def _levels(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, penalty: float) -> list[Pressing]:
+def _levels(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
+            penalty: float | None) -> list[Pressing]:
     """Pressings from coarse to fine, halving; the coarsest with at least twice the default element size."""
     if punch.profile not in PROFILES:
-        raise ValueError(f"profile in [punch]: '{punch.profile}' is not built; built are {', '.join(PROFILES)}.")
+        raise ValueError(f"profile in [punch]: '{punch.profile}' is unknown; known: {', '.join(PROFILES)}.")
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built; built is none.")
     if punch.profile == "sphere":
         punch = replace(punch, fillet_m=punch.diameter_m / 2)
+    if penalty is None:
+        penalty = CONE_PENALTY if punch.profile == "cone" else PENALTY
     default = default_element_m(body, punch)
     sizes = [default if element_m is None else element_m]
     if not _FINEST * default <= sizes[0] < body.thickness_m / 2:
@@ -152,6 +157,10 @@ def _touch(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Equi
            started: float) -> Touch:
     model, state, unit = levels[-1], states[-1], body.thickness_m
     radius, field = surface.samples(model, state.x)
+    if not np.all(field.normal > 0):
+        raise NotConverged("the mesh does not resolve the foam at the punch's edge or tip: its surface is found turned "
+                           "inside out there. Try a larger fillet, or a smaller force or depth.", estimate=state.x,
+                           residuals=state.residuals)
     contact = surface.contact_of(model, state.x)
     pressure = np.interp(radius, contact.middle, contact.pressure, right=0.0)
     force_N = state.force * _force_unit(law, body)

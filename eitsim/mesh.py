@@ -22,8 +22,10 @@ _POINTS = 3
 # element at the edge of the punch, and the distances over which elements double from there, inwards, outwards and
 # downwards. Inwards they stay fine longer, since the foam under the fillet comes from there.
 _FEATURE, _ELEMENT, _INWARDS, _OUTWARDS, _DOWNWARDS = 0.05, 0.12, 1.2, 0.6, 0.6
-# Widest default element under the punch, in thicknesses.
-_WIDEST = 0.08
+# The same outwards from a cone's tip, towards which elements are as small as at its edge.
+_FROM_TIP = 1.2
+# Widest default element under the punch, in thicknesses; under a cone the contact may end anywhere.
+_WIDEST, _WIDEST_UNDER_CONE = 0.08, 0.03
 
 
 @dataclass(frozen=True)
@@ -86,11 +88,14 @@ def foam_grid(body: Body, punch: Punch, element_m: float) -> Grid:
         raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc (radius "
                          f"{body.radius_m} m).")
     size, feature = element_m / unit, feature_m(body, punch) / unit
-    widest = _WIDEST * size / (_ELEMENT * feature)
+    cone = punch.profile == "cone"
+    widest = (_WIDEST_UNDER_CONE if cone else _WIDEST) * size / (_ELEMENT * feature)
     start = max(edge - fillet, 0.0)
 
     def width(r: Array) -> Array:
         away = np.maximum((start - r) / _INWARDS, np.maximum((r - edge) / _OUTWARDS, 0))
+        if cone:
+            away = np.minimum(away, np.maximum(r - fillet, 0) / _FROM_TIP)
         return np.minimum(size * (1 + away / feature), np.where(r < edge, widest, np.inf))
 
     def height(z: Array) -> Array:

@@ -47,7 +47,7 @@ def _refusal(scene: Scene) -> str:
     (punch,) = scene.punches
     if scene.hold.time_s:
         return "a hold (time_s in [hold]) is not built; leave it out for the touch right after loading."
-    built = {"profile": (punch.profile, ("flat", "sphere")), "friction": (punch.friction, ("none",)),
+    built = {"friction": (punch.friction, ("none",)),
              "kind in [electrodes]": (scene.electrodes.kind, ("line",))}
     for key, (given, known) in built.items():
         if given not in known:

@@ -18,7 +18,7 @@ from eitsim.linear import Solve, bordered, factorise_band
 from eitsim.mesh import Grid, default_element_m, feature_m, foam_grid
 from eitsim.newton import System, minimise
 from eitsim.punch import Facets, Tool, Touching
-from eitsim.scene import Body, Punch
+from eitsim.scene import Body, Punch, slope_rad
 from matcal.ellipticity import strongly_elliptic
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
@@ -66,7 +66,7 @@ def pressing(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty
     """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over mesh.feature_m."""
     grid, unit = foam_grid(body, punch, element_m), body.thickness_m
     stiffness = penalty * unit / feature_m(body, punch)
-    tool = Tool(punch.diameter_m / 2 / unit, punch.fillet_m / unit, stiffness)
+    tool = Tool(punch.diameter_m / 2 / unit, punch.fillet_m / unit, stiffness, slope_rad(punch))
     return Pressing(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, tool,
                     contact.top_facets(grid, tool.radius + _REACH), element_m / default_element_m(body, punch))
 
@@ -118,8 +118,8 @@ def _implausible(model: Pressing, at: Touching, x: Array) -> str:
     """Why a minimum is none of the physical problem; empty where it is fine."""
     deepest = float(at.gap.max()) / model.tool.fillet
     if deepest > _DEEPEST:
-        return (f"The foam under the punch's edge is so stiff that it stands {deepest:.1f} fillet radii inside the "
-                "punch, more than the contact model allows.")
+        return (f"The foam under the punch's edge or tip is so stiff that it stands {deepest:.1f} fillet radii "
+                "inside the punch, more than the contact model allows.")
     return "The punch has gone through the foam between the points of contact." if x[-1] > 1 + at.gap.max() else ""
 
 
@@ -128,7 +128,7 @@ def _state(model: Pressing, x: Array) -> str:
     cause = "the foam is squeezed flat" if depth > _FLAT else "strong ellipticity is lost" if lost else (
         "the law is elliptic everywhere")
     return (f"The punch stood {depth:.3f} thicknesses deep, where {cause} ({lost:.1%} of the points are not elliptic). "
-            "Try a smaller force or depth, or a larger punch.")
+            "Try a smaller force or depth, or a larger punch or fillet.")
 
 
 def fraction_non_elliptic(model: Pressing, x: Array) -> float:

@@ -1,4 +1,5 @@
-"""Frictionless contact of the foam's top with a rigid rounded cylinder: exact distance and its penalty energy."""
+"""Frictionless contact of the foam's top with a rigid rounded cylinder or cone: exact distance and its penalty energy.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ POINTS = 4
 
 @dataclass(frozen=True)
 class Tool:
-    """A rigid cylinder with a rounded edge; with a fillet as large as its radius, a hemisphere on a shank."""
+    """All points within `fillet` of a cylinder or a cone on a shank, tip downwards: a flat punch with a rounded edge, a
+    cone with a rounded tip and edge, or a hemisphere where the fillet is as large as the radius."""
 
     # radius, fillet included
     radius: float
@@ -26,6 +28,8 @@ class Tool:
     fillet: float
     # penalty: nominal pressure over penetration
     stiffness: float
+    # angle between the face and the horizontal, rad; 0 for a flat face
+    slope: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -79,22 +83,29 @@ def quadratic(t: Array) -> tuple[Array, Array]:
 
 
 def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touching:
-    """Contact state of nodes at `position` (nodes, 2), the punch face `depth` below z = 0.
+    """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0.
 
-    With c = radius - fillet and y the height over the face, the penetration is y under the face, fillet minus the
-    distance to the fillet's circle about (c, fillet), radius - r at the wall; deep inside the nearer of face and wall.
+    The penetration is the distance to the nearest of rounded tip, face, rounded edge and side wall. With f the fillet,
+    c = radius - f, b the slope and y the height over the lowest point: f minus the distance to (0, f) and
+    to (c, f + c tan b), within the angles that tip and edge subtend there; y cos b - r sin b + f (1 - cos b) at the
+    face; radius - r at the wall; deep inside the nearer of face and wall.
     """
     r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
+    sine, cosine = np.sin(tool.slope), np.cos(tool.slope)
     y, inner = z + depth, tool.radius - tool.fillet
-    dx, dy = r - inner, tool.fillet - y
-    corner, away = (dx > 0) & (dy > 0), np.hypot(dx, dy)
-    wall = ~corner & (dy <= 0) & (tool.radius - r < y)
-    gap = np.where(corner, tool.fillet - away, np.where(wall, tool.radius - r, y))
+    dx, dy = r - inner, tool.fillet + inner * sine / cosine - y
+    edge = (dx * cosine > dy * sine) & (dy > 0)
+    tip = r * cosine < (tool.fillet - y) * sine
+    rounded, dx, dy = edge | tip, np.where(tip, r, dx), np.where(tip, tool.fillet - y, dy)
+    away = np.hypot(dx, dy)
+    face = y * cosine - r * sine + tool.fillet * (1 - cosine)
+    wall = ~rounded & (dy <= 0) & (tool.radius - r < face)
+    gap = np.where(rounded, tool.fillet - away, np.where(wall, tool.radius - r, face))
     length = np.where(away > 0, away, 1.0)
-    n_r = np.where(corner, -dx / length, np.where(wall, -1.0, 0.0))
-    n_z = np.where(corner, dy / length, np.where(wall, 0.0, 1.0))
+    n_r = np.where(rounded, -dx / length, np.where(wall, -1.0, -sine))
+    n_z = np.where(rounded, dy / length, np.where(wall, 0.0, cosine))
     tangent = np.stack([n_z, -n_r], axis=-1)
-    curvature = -tangent[..., :, None] * tangent[..., None, :] * np.where(corner, 1 / length, 0.0)[..., None, None]
+    curvature = -tangent[..., :, None] * tangent[..., None, :] * np.where(rounded, 1 / length, 0.0)[..., None, None]
     return Touching(np.maximum(gap, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)
 
 

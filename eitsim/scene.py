@@ -44,8 +44,10 @@ class Punch:
     depth_m: float | None = None
     # one of PROFILES
     profile: str = "flat"
-    # edge fillet radius, m
+    # radius that rounds the edge, and a cone's tip; m
     fillet_m: float = 0.0005
+    # angle between a cone's axis and its face, rad; without effect on the other profiles
+    half_angle_rad: float = math.radians(60)
     # one of FRICTIONS
     friction: str = "none"
     # whether the punch conducts and floats
@@ -133,7 +135,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
     "body": {"radius_mm": ("radius_m", 1e3), "thickness_mm": ("thickness_m", 1e3)},
     "punch": {"x_mm": ("x_m", 1e3), "y_mm": ("y_m", 1e3), "diameter_mm": ("diameter_m", 1e3),
               "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
-              "fillet_mm": ("fillet_m", 1e3), "friction": ("friction", None), "conductor": ("conductor", None),
+              "fillet_mm": ("fillet_m", 1e3), "half_angle_deg": ("half_angle_rad", 180 / math.pi),
+              "friction": ("friction", None), "conductor": ("conductor", None),
               "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
     "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
@@ -146,6 +149,11 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
 }
 _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
             "accuracy": Accuracy}
+
+
+def slope_rad(punch: Punch) -> float:
+    """Angle of the punch's face to the horizontal, rad: pi/2 minus a cone's half-angle, 0 for the other profiles."""
+    return math.pi / 2 - punch.half_angle_rad if punch.profile == "cone" else 0.0
 
 
 def scene_keys() -> dict[str, tuple[str, ...]]:
@@ -265,6 +273,8 @@ def _check_punch(punch: Punch, body: Body) -> None:
     _require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
              "(0.5 unless given) must be positive (a sharp edge has no finite peak stress) and at most half of "
              f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)
+    _require(0 < punch.half_angle_rad < math.pi / 2, "half_angle_deg in [punch]",
+             "(from the axis to the face of a cone) must lie between 0 and 90", math.degrees(punch.half_angle_rad))
     _require(punch.contact_impedance_Ohm_m2 > 0, "contact_impedance_Ohm_m2 in [punch]", "must be positive",
              punch.contact_impedance_Ohm_m2)
     _choice("profile in [punch]", punch.profile, PROFILES)

@@ -16,7 +16,9 @@ def test_every_key_is_optional() -> None:
 
 def test_units_convert_and_come_back() -> None:
     raw = {"punch": {"x_mm": 20, "y_mm": -10, "diameter_mm": 14, "force_N": 2}, "electrodes": {"first_angle_deg": 90}}
+    raw["punch"] |= {"profile": "cone", "half_angle_deg": 45}
     scene = scene_from(raw)
+    assert scene.punches[0].half_angle_rad == pytest.approx(0.78539816)
     assert scene.punches[0].x_m == pytest.approx(0.02)
     assert scene.electrodes.first_angle_rad == pytest.approx(1.5707963)
     assert scene_from(scene_tables(scene)) == scene
@@ -33,7 +35,8 @@ def test_depth_replaces_force() -> None:
     ({"punch": {"force_N": 1, "depth_mm": 1}}, "force_N and depth_mm"), ({"colour": {}}, "colour"),
     ({"punch": {"profile": "star"}}, "flat, sphere, cone"), ({"skin": {"strain": "shear"}}, "normal, principal, areal"),
     ({"punch": {"x_mm": "left"}}, "x_mm"), ({"punch": {"x_mm": float("nan")}}, "x_mm"),
-    ({"punch": {"fillet_mm": 0}}, "sharp edge"), ({"electrodes": {"width_mm": 60}}, "gap"),
+    ({"punch": {"fillet_mm": 0}}, "sharp edge"), ({"punch": {"half_angle_deg": 90}}, "half_angle_deg.*cone"),
+    ({"electrodes": {"width_mm": 60}}, "gap"),
     ({"electrodes": {"count": 16.5}}, "count"), ({"punch": {"depth_mm": 12}}, "thickness"), ({"hold": 3}, r"\[hold\]")])
 def test_mistakes_are_named(raw: dict, named: str) -> None:
     with pytest.raises(ValueError, match=named):

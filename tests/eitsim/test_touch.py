@@ -9,7 +9,7 @@ import pytest
 
 from eitsim import punch as contact
 from eitsim import solid, surface
-from eitsim.axisymmetric import PENALTY, solve_path, solve_touch
+from eitsim.axisymmetric import CONE_PENALTY, PENALTY, solve_path, solve_touch
 from eitsim.linear import factorise_band
 from eitsim.mesh import default_element_m, foam_grid
 from eitsim.newton import minimise
@@ -264,8 +264,79 @@ def test_a_shallow_sphere_on_thick_foam_comes_near_hertz():
     assert abs(ratio[1] - 1) < abs(ratio[0] - 1) < 0.06
 
 
+def cone_of(half_angle_deg, force_N=1.0, **keys):
+    return Punch(profile="cone", half_angle_rad=np.radians(half_angle_deg), force_N=force_N, **keys)
+
+
+def test_a_blunt_shallow_cone_on_thick_foam_comes_near_sneddon():
+    """F = (2/pi) E tan(a) d^2 with nu = 0, d from the apex of the sharp cone, f (1/cos b - 1) below the rounded tip."""
+    law, depth, fillet, ratio = Hyperfoam([1e4], [2.0], [0.0]), 1e-4, 2e-4, []
+    for angle in np.radians([80, 85]):
+        reach = 2 / np.pi * depth * np.tan(angle)
+        punch = cone_of(np.degrees(angle), None, depth_m=depth, fillet_m=fillet, diameter_m=0.02)
+        touch = solve_touch(law, Body(2.0, 0.5), punch, element_m=reach / 10)
+        sharp = depth + fillet * (1 / np.sin(angle) - 1)
+        ratio.append(touch.force_N / (2 / np.pi * law.E_0_Pa * np.tan(angle) * sharp**2))
+    print("force over Sneddon's at shrinking slope", ratio)
+    assert abs(ratio[1] - 1) < 0.6 * abs(ratio[0] - 1) < 0.04
+
+
+def test_a_cone_opens_into_the_flat_punch():
+    flat = solve_touch(TABLE_1, Body(), punch_of(14, 1.0), element_m=0.12e-3)
+    depths = [solve_touch(TABLE_1, Body(), cone_of(a), element_m=0.12e-3).depth_m for a in (88, 89, 89.9)]
+    missed = np.array(depths) / flat.depth_m - 1
+    assert np.all(np.diff(missed) < 0)
+    assert abs(missed[-1]) < 0.005
+
+
+def test_work_of_a_cone_is_the_stored_energy():
+    """Trapezoidal rule for the integral of F d(depth) over a path of forces that grow with the square of the depth."""
+    model = pressing(TABLE_1, Body(), cone_of(60), 0.2e-3, CONE_PENALTY)
+    forces, depths = 1.0 * np.linspace(0.02, 1, 48) ** 2, []
+    x = at_rest(model, forces[0])
+    for force in forces:
+        x = equilibrium(model, force, x).x
+        depths.append(x[-1])
+    work = np.trapezoid(np.append(0.0, forces), np.append(0.0, depths))
+    assert work == pytest.approx(energy(model, 0.0, x), rel=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_scaling_all_moduli_scales_the_force_on_a_cone(scale):
+    law = replace(TABLE_1, mu_Pa=TABLE_1.mu_Pa * scale)
+    one = solve_touch(TABLE_1, Body(), cone_of(60, 0.3), element_m=0.12e-3)
+    other = solve_touch(law, Body(), cone_of(60, 0.3 * scale), element_m=0.12e-3)
+    assert other.depth_m == pytest.approx(one.depth_m, rel=1e-9)
+    assert other.sigma_max_Pa == pytest.approx(one.sigma_max_Pa * scale, rel=1e-6)
+
+
+@pytest.mark.parametrize(("half_angle_deg", "force_N"), [(60, 0.05), (60, 0.3), (75, 1.0)])
+def test_error_estimates_of_a_cone_cover_the_errors(half_angle_deg, force_N):
+    """Against a mesh of half the finer one's element size: depth within the estimate, stress and area."""
+    punch = cone_of(half_angle_deg, force_N)
+    coarse, default, fine = (solve_touch(TABLE_1, Body(), punch, element_m=h) for h in (0.12e-3, 0.06e-3, 0.03e-3))
+    print([(t.depth_m, t.sigma_max_Pa, t.contact_area_m2) for t in (coarse, default, fine)])
+    for touch in (coarse, default):
+        assert abs(touch.depth_m / fine.depth_m - 1) < touch.depth_error
+    assert fine.signal_error < default.signal_error <= coarse.signal_error
+    assert default.sigma_max_Pa == pytest.approx(fine.sigma_max_Pa, rel=0.03)
+    assert default.contact_area_m2 == pytest.approx(fine.contact_area_m2, rel=0.015)
+
+
+def test_prescribed_depth_of_a_cone_is_the_inverse_of_the_force():
+    forced = solve_touch(TABLE_1, Body(), cone_of(60, 0.3), element_m=0.12e-3)
+    pushed = solve_touch(TABLE_1, Body(), cone_of(60, None, depth_m=forced.depth_m), element_m=0.12e-3)
+    assert pushed.force_N == pytest.approx(0.3, rel=1e-7)
+
+
+def test_ten_times_the_contact_stiffness_leaves_the_cone():
+    default, stiff = (solve_touch(TABLE_1, Body(), cone_of(60, 0.5), penalty=k) for k in (None, 10 * CONE_PENALTY))
+    assert stiff.depth_m == pytest.approx(default.depth_m, rel=5e-4)
+    assert stiff.sigma_max_Pa == pytest.approx(default.sigma_max_Pa, rel=0.02)
+
+
 def test_what_is_not_built_is_refused():
-    for change, text in (({"profile": "cone"}, "'cone' is not built"), ({"friction": "stick"}, "'stick' is not built"),
+    for change, text in (({"profile": "star"}, "'star' is unknown"), ({"friction": "stick"}, "'stick' is not built"),
                          ({"force_N": None, "depth_m": 0.02}, "between 0 and the thickness"),
                          ({"force_N": -1.0}, "must be positive"), ({"diameter_m": 0.3}, "smaller than the disc")):
         with pytest.raises(ValueError, match=text):
