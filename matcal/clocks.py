@@ -123,8 +123,10 @@ def shift_by_motion(frame_time: Array, strain: Array, pot_time: Array, conductan
     Its standard deviation comes from the curvature of the sum of squares. The frame is taken to stand still before its
     record begins; potentiostat samples after its end are left out. ValueError where the records cannot overlap.
     """
-    moving = np.flatnonzero(np.abs(strain) > 0.01 * np.abs(strain).max())
-    first, last = float(frame_time[moving[0]]), float(frame_time[moving[-1]])
+    little = 0.01 * np.abs(strain).max()
+    first = float(frame_time[np.flatnonzero(np.abs(strain) > little)[0]])
+    # a strip that is held stretched at the end does not move there
+    last = float(frame_time[np.flatnonzero(np.abs(strain - strain[-1]) > little)[-1]])
     slack = 0.1 * (last - first)
     lo, hi = pot_time[0] - first - slack, pot_time[-1] - last + slack
     if lo >= hi:

@@ -27,8 +27,8 @@ def named_direction(texts: Sequence[str]) -> str | None:
 
 
 def words_about(recording: Recording) -> list[str]:
-    """What a recording says of its test: the title of the test and the file's name."""
-    return [recording.metadata.get("Test", ""), recording.paths[0].stem]
+    """What a recording says of its test: the titles above its table and the file's name."""
+    return [*(value for key, value in recording.titles if key != "File Path"), recording.paths[0].stem]
 
 
 def densifies(strain: Array, stress: Array) -> bool:

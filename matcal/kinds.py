@@ -38,9 +38,9 @@ def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[
 
 def _told_by(recording: Recording) -> tuple[str, str] | None:
     path = recording.paths[0]
-    for key in ("Test", "File Path"):
-        if (kind := _from_words(recording.metadata.get(key, ""))) is not None:
-            return kind, f"{recording.label}: {kind}, from its own line '{key}: {recording.metadata[key].strip()}'."
+    for key, value in recording.titles:
+        if (kind := _from_words(value)) is not None:
+            return kind, f"{recording.label}: {kind}, from its own line '{key}: {value.strip()}'."
     sidecar = path.with_suffix(".toml")
     if sidecar.exists() and "kind" in (table := read_toml(sidecar)):
         return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."

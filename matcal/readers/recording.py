@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,9 @@ QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "str
 
 # size of a specimen that a file may state itself -> SI unit
 SIZES = {"diameter": "m", "width": "m", "depth": "m", "thickness": "m", "length": "m", "height": "m", "area": "m^2"}
+
+# keys of the lines above a table whose values name the test
+_TITLE = re.compile(r"test|method|prüf|versuch|essai|m[ée]thode|ensayo|m[ée]todo|prova|试验|方法|試験")
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,13 @@ class Recording:
     def rows(self) -> int:
         """Number of samples."""
         return next(iter(self.columns.values())).size
+
+    @property
+    def titles(self) -> tuple[tuple[str, str], ...]:
+        """(key, value) of the lines above the table that name the test or its method, the test's own line first."""
+        own = [(key, self.metadata[key]) for key in ("Test", "File Path") if key in self.metadata]
+        others = [(key, value) for key, value in self.metadata.items() if _TITLE.search(key.lower())]
+        return tuple(dict.fromkeys([*own, *others]))
 
     @property
     def label(self) -> str:

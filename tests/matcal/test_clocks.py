@@ -35,6 +35,18 @@ def test_motion_gives_the_shift_within_its_error(cycles: int, settling: float) -
     assert found[0].sd_s < 0.3
 
 
+def test_a_strip_held_stretched_beyond_the_potentiostats_end_does_not_move_there() -> None:
+    frame = np.arange(0, 500, 0.1)
+    strain = np.interp(frame, [0, 20, 380, 500], [0, 0, 0.4, 0.4])
+    time = np.arange(-4, 385, 0.5) + SHIFT
+    e = np.interp(time - SHIFT, frame, strain)
+    conductance = 5e-4 * (1 - 2 * e + 2 * e**2 - e**3) / (1 + e)
+    conductance = conductance + 1e-6 * np.random.default_rng(3).standard_normal(time.size)
+    found = shift_by_motion(frame, strain, time, conductance, False)
+    assert abs(found.seconds - SHIFT) < 3.5 * found.sd_s
+    assert found.sd_s < 0.3
+
+
 def test_records_that_cannot_overlap_are_refused() -> None:
     time = np.arange(0, 60, 0.5)
     with pytest.raises(ValueError, match="too short for a motion of"):

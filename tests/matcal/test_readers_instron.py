@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from matcal.errors import TestFileError
+from matcal.protocols import reduce_tests
 from matcal.readers.detect import read
 
 TIMES = np.arange(40) * 0.5
@@ -97,3 +98,16 @@ def test_a_hold_of_ninety_thousand_rows_is_read_in_seconds(tmp_path: Path) -> No
     assert time.process_time() - started < 4.0
     assert got.rows == t.size
     assert got.columns["force"][-1] == pytest.approx(1500 - t[-1] / 2)
+
+
+def test_the_method_named_above_the_table_tells_kind_and_direction(tmp_path: Path) -> None:
+    travel = np.r_[np.zeros(60), np.linspace(0, 10, 800)]
+    rows = "".join(f'"{t:.2f}";"{d:.4f}";"{3 * max(d - 1, 0):.4f}"\n'.replace(".", ",")
+                   for t, d in zip(np.arange(travel.size) / 10, travel, strict=True))
+    path = tmp_path / "probe_7.csv"
+    path.write_text("Prüfart;Druckversuch\nProbendurchmesser;50,0;mm\nProbenhöhe;20,0;mm\n\nZeit;Verschiebung;Last\n"
+                    "(s);(mm);(N)\n" + rows, encoding="cp1252")
+    test, = reduce_tests([(None, (path,))])
+    assert test.kind == "uniaxial"
+    assert test.strain.min() == pytest.approx(-9 / 20, abs=0.01)
+    assert any("from its own line 'Prüfart: Druckversuch'" in sentence for sentence in test.decisions)
