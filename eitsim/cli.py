@@ -48,6 +48,8 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
 @app.command(name="run")
 def run_scene(scene: SceneFile, card: CardOption = None,
               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
+              fields: Annotated[Path | None, typer.Option(
+                  help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
               report: Annotated[Path | None, typer.Option(help="Write a PDF report here; needs --out.")] = None,
               as_json: JsonOption = False) -> None:
     """Solve one scene: depth, pressure, contact area and 16 x 13 voltages, each with its error estimate.
@@ -56,10 +58,12 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     """
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
-    for place, flag in ((out, "--out"), (report, "--report")):
+    for place, flag in ((out, "--out"), (fields, "--fields"), (report, "--report")):
         if place is not None:
             check_out(place, flag)
     parsed = read_scene(scene)
+    if fields is not None and parsed.hold.time_s:
+        raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
     path = _card_path(scene, parsed, card)
     result, document = _solve(parsed, path)
     if result.outcome == "refused":
@@ -70,6 +74,13 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         print_json(document)
     else:
         _print_result(result, document, out)
+    if fields is not None and result.touches:
+        from eitsim.fields import write_vtu
+
+        (touch,) = result.touches
+        write_vtu(touch, fields)
+        if not as_json:
+            print(f"fields: {fields}")
     if report is not None and out is not None:
         _write_report(out, report)
     if result.outcome != "ok":

@@ -16,6 +16,8 @@ from eitsim.scene import Body, Punch
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+# Corners, middles of edges and centre among an element's nodes column after column.
+_AROUND = [0, 6, 8, 2, 3, 7, 5, 1, 4]
 # Gauss points per element and direction.
 _POINTS = 3
 # Sizes in feature lengths, where a feature is the fillet radius or, if less, a twentieth of the thickness: the default
@@ -50,6 +52,11 @@ class Grid:
         """Radii of the node columns and heights of the node rows."""
         rows = int(self.top[0, 0]) + 1
         return self.nodes[::rows, 0], self.nodes[:rows, 1]
+
+    @property
+    def counter_clockwise(self) -> Indices:
+        """Nodes (elements, 9): corners counter-clockwise, middles of the edges from the first corner on, centre."""
+        return np.sort(self.elements, axis=1)[:, _AROUND]
 
     @property
     def unknowns(self) -> int:

@@ -71,3 +71,10 @@ def test_a_hopeless_touch_saves_what_was_reached_with_status_3(folder: Path) -> 
     result = json.loads((folder / "result.json").read_text())
     assert result["outcome"] == "not_converged"
     assert result["residuals"]
+
+
+def test_a_run_writes_the_fields(folder: Path) -> None:
+    done = eitsim(folder, "run", "scene.toml", "--fields", "fields.vtu")
+    assert done.returncode == 0, done.stderr
+    assert b'Name="displacement_m"' in (folder / "fields.vtu").read_bytes()
+    assert "fields.vtu" in done.stdout
