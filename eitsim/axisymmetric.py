@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim import solid, surface
+from eitsim import surface
 from eitsim.mesh import default_element_m
 from eitsim.pressing import Equilibrium, Pressing, at_rest, equilibrium, fraction_non_elliptic, pressing, transferred
-from eitsim.results import Section, Touch
+from eitsim.results import Touch
 from eitsim.scene import PROFILES, Body, Punch
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
@@ -57,8 +57,8 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
         raise ValueError(f"the punch's depth_m must lie between 0 and the thickness of {body.thickness_m} m where "
                          f"force_N is None, got {punch.depth_m}.")
     started = time.process_time()
-    levels = _levels(law, body, punch, element_m, penalty)
-    return _touch(law, body, levels, _at_depth(levels, punch.depth_m / body.thickness_m), strain, started)
+    levels = pressings(law, body, punch, element_m, penalty)
+    return touch_of(law, body, levels, at_depth(levels, punch.depth_m / body.thickness_m), strain, started)
 
 
 def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
@@ -67,21 +67,22 @@ def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[floa
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the foam), got {list(forces_N)}.")
     started = time.process_time()
-    levels = _levels(law, body, punch, element_m, penalty)
+    levels = pressings(law, body, punch, element_m, penalty)
     touches, states = [], None
     for force in forces_N:
-        states = _under_force(levels, force / _force_unit(law, body), states[0] if states else None)
-        touches.append(_touch(law, body, levels, states, strain, started))
+        states = under_force(levels, force / force_unit(law, body), states[0] if states else None)
+        touches.append(touch_of(law, body, levels, states, strain, started))
         started = time.process_time()
     return touches
 
 
-def _force_unit(law: Hyperfoam, body: Body) -> float:
+def force_unit(law: Hyperfoam, body: Body) -> float:
+    """Force, N, of one unit of a pressing: mu_0 H^2."""
     return law.mu_0_Pa * body.thickness_m**2
 
 
-def _levels(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
-            penalty: float | None) -> list[Pressing]:
+def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
+              penalty: float | None) -> list[Pressing]:
     """Pressings from coarse to fine, halving; the coarsest with at least twice the default element size."""
     if punch.profile not in PROFILES:
         raise ValueError(f"profile in [punch]: '{punch.profile}' is unknown; known: {', '.join(PROFILES)}.")
@@ -101,9 +102,9 @@ def _levels(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
     return [pressing(law, body, punch, size, penalty) for size in sizes]
 
 
-def _under_force(levels: list[Pressing], force: float, before: Equilibrium | None) -> list[Equilibrium]:
-    """Equilibria on all levels under a force."""
-    states = [equilibrium(levels[0], force, before.x) if before else _from_rest(levels[0], force, _HALVINGS)]
+def under_force(levels: list[Pressing], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
+    """Equilibria on all levels under a force, from the coarsest level's one before or from rest."""
+    states = [equilibrium(levels[0], force, before.x) if before else from_rest(levels[0], force)]
     for coarse, fine in itertools.pairwise(levels):
         states.append(_carried_over(coarse, states[-1], fine))
     return states
@@ -114,29 +115,31 @@ def _carried_over(coarse: Pressing, state: Equilibrium, fine: Pressing) -> Equil
     try:
         return equilibrium(fine, state.force, transferred(state.x, coarse.grid, fine.grid))
     except NotConverged:
-        return _from_rest(fine, state.force, _HALVINGS)
+        return from_rest(fine, state.force)
 
 
-def _from_rest(model: Pressing, force: float, halvings: int) -> Equilibrium:
+def from_rest(model: Pressing, force: float, halvings: int = _HALVINGS) -> Equilibrium:
+    """The equilibrium under a force, from rest, or by way of half the force where that fails."""
     try:
         return equilibrium(model, force, at_rest(model, force))
     except NotConverged:
         if halvings == 0:
             raise
-    return equilibrium(model, force, _from_rest(model, force / 2, halvings - 1).x)
+    return equilibrium(model, force, from_rest(model, force / 2, halvings - 1).x)
 
 
-def _at_depth(levels: list[Pressing], depth: float) -> list[Equilibrium]:
+def at_depth(levels: list[Pressing], depth: float) -> list[Equilibrium]:
     """Equilibria on all levels whose corrected depth is the given one: Newton's method in the logarithm of the force.
     """
     guess = np.pi * levels[0].tool.radius**2 * depth
-    states = [_reached(levels[0], depth, _from_rest(levels[0], guess, _HALVINGS))]
+    states = [reached(levels[0], depth, from_rest(levels[0], guess))]
     for coarse, fine in itertools.pairwise(levels):
-        states.append(_reached(fine, depth, _carried_over(coarse, states[-1], fine)))
+        states.append(reached(fine, depth, _carried_over(coarse, states[-1], fine)))
     return states
 
 
-def _reached(model: Pressing, depth: float, state: Equilibrium) -> Equilibrium:
+def reached(model: Pressing, depth: float, state: Equilibrium) -> Equilibrium:
+    """The equilibrium whose corrected depth is the given one, from a near one."""
     spent = state.residuals
     for _ in range(_DEPTH_STEPS):
         missing = depth - state.depth
@@ -153,8 +156,9 @@ def _reached(model: Pressing, depth: float, state: Equilibrium) -> Equilibrium:
                        estimate=state.x, residuals=spent)
 
 
-def _touch(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Equilibrium], strain: str,
-           started: float) -> Touch:
+def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Equilibrium], strain: str,
+             started: float) -> Touch:
+    """The finest level's equilibrium as a touch, its errors from the two finest; `law` gives the units."""
     model, state, unit = levels[-1], states[-1], body.thickness_m
     radius, field = surface.samples(model, state.x)
     if not np.all(field.normal > 0):
@@ -163,7 +167,7 @@ def _touch(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Equi
                            residuals=state.residuals)
     contact = surface.contact_of(model, state.x)
     pressure = np.interp(radius, contact.middle, contact.pressure, right=0.0)
-    force_N = state.force * _force_unit(law, body)
+    force_N = state.force * force_unit(law, body)
     depth_error, signal_error = _errors(levels, states, strain)
     residuals = tuple(r for s in states for r in s.residuals)
     return Touch(
@@ -174,9 +178,7 @@ def _touch(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Equi
         sigma_ave_Pa=force_N / (contact.area * unit**2), contact_area_m2=contact.area * unit**2,
         wall_contact_m2=contact.wall * unit**2, depth_error=depth_error, signal_error=signal_error,
         fraction_non_elliptic=fraction_non_elliptic(model, state.x), iterations=len(residuals), residuals=residuals,
-        cpu_s=time.process_time() - started,
-        section=Section(model.grid.nodes * unit, model.grid.counter_clockwise,
-                        solid.nodal(model.grid, state.x[:-1]) * unit, law))
+        cpu_s=time.process_time() - started)
 
 
 def _errors(levels: list[Pressing], states: list[Equilibrium], strain: str) -> tuple[float, float]:

@@ -190,8 +190,21 @@ def _print_result(result: Result, document: dict[str, Any], out: Path | None) ->
         _add_ranges(table, document["stability"])
         table.add_row("CPU, s", f"{result.cost['cpu_s']:.2f}")
         Console().print(table)
+    if result.moments:
+        Console().print(_hold_table(document["times"]))
     if out is not None:
         print(f"result: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]})")
+
+
+def _hold_table(times: list[dict[str, Any]]) -> Table:
+    """The hold, one row a time after loading."""
+    from rich.table import Table
+
+    keys = ("time_s", "delta_max_mm", "force_N", "sigma_ave_kPa", "sigma_max_kPa", "A_c_mm2")
+    table = Table(*keys, title="hold, from the end of loading")
+    for block in times:
+        table.add_row(*(f"{block[key]:.5g}" for key in keys))
+    return table
 
 
 def _add_ranges(table: Table, stability: dict[str, Any]) -> None:

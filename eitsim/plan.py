@@ -9,7 +9,8 @@ import numpy as np
 
 from eitsim.results import Decision, Plan
 from eitsim.scene import Punch, Scene
-from matcal.card import MaterialCard, with_moduli
+from matcal.card import MaterialCard, require, with_moduli
+from matcal.hyperfoam import Hyperfoam
 
 # Effect of the rim on the surface displacement u_r: gap from the punch's edge to the rim over the foam's thickness
 # against RMS change over the maximum of u_r. Measured on three-dimensional solutions with d = 14 mm, 1 N, a sharp
@@ -40,13 +41,22 @@ def make_plan(scene: Scene, card: MaterialCard) -> Plan:
     return Plan(tuple(_decisions(scene, card)), _refusal(scene))
 
 
+def law_of(scene: Scene, card: MaterialCard) -> Hyperfoam:
+    """The foam's law of a scene: with the moduli that it asks for, or instantaneous ones where there is a hold.
+
+    ValueError where the card lacks the law, or a Prony series that is needed.
+    """
+    if not scene.hold.time_s:
+        return with_moduli(card, scene.hold.moduli)
+    require(card, "prony", "a hold (time_s in [hold])")
+    return with_moduli(card, "instantaneous")
+
+
 def _refusal(scene: Scene) -> str:
     """Why the scene cannot be solved yet, with the nearest thing that can; empty where it can."""
     if len(scene.punches) != 1:
         return f"{len(scene.punches)} touches are asked for; only one touch a scene is built. Give one [punch]."
     (punch,) = scene.punches
-    if scene.hold.time_s:
-        return "a hold (time_s in [hold]) is not built; leave it out for the touch right after loading."
     built = {"friction": (punch.friction, ("none",)),
              "kind in [electrodes]": (scene.electrodes.kind, ("line",))}
     for key, (given, known) in built.items():
@@ -81,7 +91,7 @@ def _gap_for(effect: float, thickness_m: float) -> float:
 
 
 def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
-    law = with_moduli(card, scene.hold.moduli)
+    law = law_of(scene, card)
     for punch in scene.punches:
         gap = rim_gap_m(scene, punch)
         yield Decision("mechanics axisymmetric about the punch",
@@ -91,7 +101,7 @@ def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
             yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
         if not punch.conductor:
             yield Decision("no conduction through the punch", "conductor is false in [punch]", 0.0)
-    yield _moduli_decision(scene, card)
+    yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, card)]
     yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
                    "may compress the foam further than its test; the result tells both strains, the cost is unknown "
                    "and not in the bound", 0.0)
@@ -124,3 +134,22 @@ def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:
     if law.moduli == "instantaneous" and card.prony is not None:
         reason += f" (a touch held to equilibrium needs {card.prony.g_infinity:.2f} of the force: set moduli in [hold])"
     return Decision("no viscoelasticity", reason, 0.0)
+
+
+def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
+    hold = scene.hold
+    if hold.keeps_deformation:
+        yield Decision("a hold at constant depth, without steps in time", "at a kept deformation every stress falls by "
+                       "G(t)/G_0, and with it the force on a rigid punch; strains and readings stay", 0.0)
+    else:
+        yield Decision(f"a hold at constant {hold.control}, stepped in time", "the deformation goes on, which no "
+                       "formula tells; halving the steps tells their error, which counts in the result's own", 0.0)
+    ramp = f"over {hold.loading_s:g} s at a constant rate (loading_s in [hold])"
+    yield Decision("loaded at once" if hold.loading_s == 0 else "loaded " + ramp,
+                   "loading_s in [hold] is 0; instantaneous moduli" if hold.loading_s == 0 else
+                   "stepped in time; instantaneous moduli at its start", 0.0)
+    if np.any(law.nu != 0):
+        yield Decision("shear and bulk relax alike", "the card has one Prony series; for nu other than 0 the cost is "
+                       "unknown and not in the bound", 0.0)
+    yield Decision("the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows "
+                   "no time", 0.0)

@@ -44,6 +44,8 @@ class Pressing:
     facets: Facets
     # element size over the default element size
     relative_size: float
+    # (elements, points, 4) second Piola-Kirchhoff stress beside the law's, rr, rz, zz and hoop, over mu_0; None: none
+    prestress: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -141,13 +143,13 @@ def fraction_non_elliptic(model: Pressing, x: Array) -> float:
 
 def energy(model: Pressing, force: float, x: Array) -> float:
     """Foam energy + contact energy - force depth at x; infinite where the foam is turned inside out."""
-    stored = solid.energy(model.law, model.grid, x[:-1])
+    stored = solid.energy(model.law, model.grid, x[:-1], model.prestress)
     return stored + contact.energy(model.tool, model.facets, touching(model, x)) - force * float(x[-1])
 
 
 def system(model: Pressing, force: float, x: Array, share: float = 1.0) -> System:
     """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled by share."""
-    gradient, band = solid.residual_and_tangent(model.law, model.grid, x[:-1], share)
+    gradient, band = solid.residual_and_tangent(model.law, model.grid, x[:-1], share, model.prestress)
     at = touching(model, x)
     blocks, border, corner = contact.stiffness(model.tool, model.facets, at, share)
     push, reaction = _contact_gradient(model, at)

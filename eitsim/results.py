@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from matcal.hyperfoam import Hyperfoam
-
 Array = NDArray[np.float64]
 
 OUTCOMES = ("ok", "not_converged", "bottomed_out", "refused")
@@ -39,19 +37,6 @@ class Plan:
     def error_bound(self) -> float:
         """Sum of the bounds of the decisions."""
         return sum(d.error_bound for d in self.decisions)
-
-
-@dataclass(frozen=True)
-class Section:
-    """The foam's displacement on the half-plane through the punch's axis, on Q2 elements."""
-
-    # (nodes, 2) reference position (r, z), m, z = 0 at the top
-    nodes_m: Array
-    # (elements, 9) nodes: corners counter-clockwise, middles of edges, centre
-    elements: NDArray[np.int64]
-    # (nodes, 2) displacement (u_r, u_z), m
-    displacement_m: Array
-    law: Hyperfoam
 
 
 @dataclass(frozen=True)
@@ -98,8 +83,6 @@ class Touch:
     residuals: tuple[float, ...]
     # CPU time spent, s
     cpu_s: float
-    # displacement inside the foam; None where it is not kept
-    section: Section | None = None
 
 
 @dataclass(frozen=True)
@@ -127,16 +110,28 @@ class Readings:
 
 
 @dataclass(frozen=True)
+class Moment:
+    """A held touch at one time."""
+
+    # time since the end of loading, s
+    time_s: float
+    touch: Touch
+    readings: Readings
+
+
+@dataclass(frozen=True)
 class Result:
     """One scene, solved."""
 
     # one of OUTCOMES
     outcome: str
     plan: Plan
-    # one a punch; empty where the mechanics did not converge
+    # one a punch, at the end of a hold; empty where the mechanics did not converge
     touches: tuple[Touch, ...] = ()
     # None where there are no touches
     readings: Readings | None = None
+    # a hold from the end of loading on, increasing in time, the last as in touches and readings; empty without one
+    moments: tuple[Moment, ...] = ()
     # in words, where the outcome is not "ok"
     message: str = ""
     # relative residuals of a solver that did not converge; empty otherwise

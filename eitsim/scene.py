@@ -102,8 +102,15 @@ class Hold:
     time_s: tuple[float, ...] = ()
     # one of CONTROLS
     control: str = "force"
-    # one of MODULI: as the card labels them, or scaled by its Prony series
+    # time that loading takes at a constant rate of force or depth, s; 0: loaded at once
+    loading_s: float = 0.0
+    # one of MODULI: as the card labels them, or scaled by its Prony series; a hold begins with instantaneous ones
     moduli: str = "card"
+
+    @property
+    def keeps_deformation(self) -> bool:
+        """Whether the foam stays as it was loaded: at a depth kept from loading at once only stresses relax."""
+        return self.control == "depth" and self.loading_s == 0
 
 
 @dataclass(frozen=True)
@@ -144,7 +151,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
                    "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None)},
-    "hold": {"time_s": ("time_s", None), "control": ("control", None), "moduli": ("moduli", None)},
+    "hold": {"time_s": ("time_s", None), "control": ("control", None), "loading_s": ("loading_s", 1.0),
+             "moduli": ("moduli", None)},
     "accuracy": {"signal": ("signal", 1.0)},
 }
 _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
@@ -259,6 +267,12 @@ def _check(scene: Scene) -> None:
     _require(electrodes.count * electrodes.width_m < 2 * math.pi * body.radius_m, "width_mm in [electrodes]",
              "leaves no gap between the electrodes", electrodes.width_m * 1e3)
     _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
+    _require(scene.hold.loading_s >= 0, "loading_s in [hold]", "must not be negative", scene.hold.loading_s)
+    _require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
+             "has no effect without time_s; give time_s, or leave it out", scene.hold.loading_s)
+    _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
+             "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
+             scene.hold.moduli)
     for punch in scene.punches:
         _check_punch(punch, body)
 

@@ -11,13 +11,16 @@ import numpy as np
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
+from eitsim.holding import solve_hold
 from eitsim.mesh import default_element_m
-from eitsim.plan import make_plan
-from eitsim.results import Plan, Readings, Result, Touch
+from eitsim.plan import law_of, make_plan
+from eitsim.results import Moment, Plan, Readings, Result, Touch
 from eitsim.scene import Punch, Scene
-from matcal.card import MaterialCard, require, with_moduli
+from matcal.card import MaterialCard, require
+from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
+from matcal.prony import Prony
 
 # Depth over thickness from which a touch counts as bottomed out.
 BOTTOM = 0.95
@@ -31,38 +34,67 @@ def simulate(scene: Scene, card: MaterialCard) -> Result:
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu = time.perf_counter(), time.process_time()
-    law = with_moduli(card, scene.hold.moduli)
+    law = law_of(scene, card)
     skin_law = require(card, "conductivity", "the skin")
     plan = make_plan(scene, card)
     if plan.refusal:
         return Result("refused", plan, message=plan.refusal, cost=_cost(wall, cpu))
     try:
-        touches = tuple(_touch(law, scene, punch) for punch in scene.punches)
+        moments = _moments(law, scene, card, skin_law) if scene.hold.time_s else ()
+        touches = (moments[-1].touch,) if moments else tuple(_touch(law, scene, punch) for punch in scene.punches)
+        readings = moments[-1].readings if moments else _readings(scene, touches, skin_law)
     except NotConverged as error:
         return Result("not_converged", plan, message=str(error), residuals=error.residuals, cost=_cost(wall, cpu))
     deepest = max(touch.depth_m for touch in touches)
-    readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive,
-                     tuple(zip(scene.punches, touches, strict=True)), skin_law,
-                     signal=ELECTRICS_SHARE * scene.accuracy.signal)
     outcome, message = "ok", ""
     if deepest > BOTTOM * scene.body.thickness_m:
         outcome = "bottomed_out"
         message = f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
-    return Result(outcome, plan, touches, readings, message, error_estimate=_errors(plan, touches, readings),
+    return Result(outcome, plan, touches, readings, moments, message, error_estimate=errors(plan, touches, readings),
                   cost=_cost(wall, cpu))
+
+
+def _readings(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity) -> Readings:
+    return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
+                 tuple(zip(scene.punches, touches, strict=True)), skin_law,
+                 signal=ELECTRICS_SHARE * scene.accuracy.signal)
+
+
+def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conductivity) -> tuple[Moment, ...]:
+    """A held touch with its readings; one solve serves all times where the strains stay as they were loaded."""
+    (punch,) = scene.punches
+    held = _held(law, require(card, "prony", "a hold"), scene, punch)
+    if scene.hold.keeps_deformation:
+        readings = [_readings(scene, (held[0][1],), skin_law)] * len(held)
+    else:
+        readings = [_readings(scene, (touch,), skin_law) for _, touch in held]
+    return tuple(Moment(t, touch, reading) for (t, touch), reading in zip(held, readings, strict=True))
 
 
 def _touch(law: Hyperfoam, scene: Scene, punch: Punch) -> Touch:
     """A touch on the default mesh, and on one of half its element size where the first misses the wanted error."""
     touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
-    fine = touch.signal_error <= MECHANICS_SHARE * scene.accuracy.signal
-    if fine or touch.depth_m > BOTTOM * scene.body.thickness_m:
+    if _fine_enough([touch], scene):
         return touch
-    finer = default_element_m(scene.body, punch) / 2
-    return solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=finer)
+    return solve_touch(law, scene.body, punch, strain=scene.skin.strain,
+                       element_m=default_element_m(scene.body, punch) / 2)
 
 
-def _errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
+def _held(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch) -> list[tuple[float, Touch]]:
+    """A held touch as `_touch`, fine enough at the times that the scene asks for."""
+    held = solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain)
+    if _fine_enough([touch for _, touch in held[1:]], scene):
+        return held
+    return solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain,
+                      element_m=default_element_m(scene.body, punch) / 2)
+
+
+def _fine_enough(touches: list[Touch], scene: Scene) -> bool:
+    return all(touch.signal_error <= MECHANICS_SHARE * scene.accuracy.signal
+               or touch.depth_m > BOTTOM * scene.body.thickness_m for touch in touches)
+
+
+def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
     """Relative errors: the signal's is the sum of mechanics, electrics and what the plan left out."""
     return {"signal": max(t.signal_error for t in touches) + readings.signal_error + plan.error_bound,
             "depth": max(t.depth_error for t in touches) + plan.error_bound}
@@ -94,7 +126,14 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
                       "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
                       **fitted_ranges(result, card)},
-        "profile": [profile(touch, scene) for touch in result.touches]}
+        "profile": [profile(touch, scene) for touch in result.touches]} | (
+            {"times": [moment_block(moment, result.plan) for moment in result.moments]} if result.moments else {})
+
+
+def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:
+    """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
+    return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": moment.readings.touched_V.tolist(),
+            "error_estimate": errors(plan, (moment.touch,), moment.readings)}
 
 
 def fitted_ranges(result: Result, card: MaterialCard) -> dict[str, Any]:

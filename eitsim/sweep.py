@@ -18,11 +18,12 @@ import numpy as np
 from eitsim import dataset
 from eitsim.design import Design, scene_at
 from eitsim.drive import read_electrodes
+from eitsim.plan import law_of
 from eitsim.provenance import card_identity, versions
 from eitsim.results import Result
 from eitsim.scene import Scene
 from eitsim.simulate import mechanical, simulate
-from matcal.card import MaterialCard, read_card, require, with_moduli
+from matcal.card import MaterialCard, read_card, require
 from matcal.errors import TestFileError
 
 CHUNK = 8
@@ -70,7 +71,7 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1) ->
 
 def _check_card(card: MaterialCard, design: Design) -> None:
     """Fail before the first row where the card lacks what every row needs."""
-    with_moduli(card, scene_at(design, 0).hold.moduli)
+    law_of(scene_at(design, 0), card)
     require(card, "conductivity", "the skin")
 
 

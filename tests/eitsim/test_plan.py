@@ -40,7 +40,7 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
 
 @pytest.mark.parametrize(("raw", "named"), [
     ({"punch": {"x_mm": 80}}, "rim"), ({"punch": {"x_mm": 98}}, "beyond the rim"),
-    ({"punch": [{"x_mm": 20}, {"x_mm": -20}]}, "2 touches"), ({"hold": {"time_s": [2.0]}}, "hold"),
+    ({"punch": [{"x_mm": 20}, {"x_mm": -20}]}, "2 touches"),
     ({"punch": {"friction": "stick"}}, "friction"),
     ({"electrodes": {"kind": "patch"}}, "electrodes")])
 def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:

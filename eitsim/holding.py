@@ -1,0 +1,159 @@
+"""A touch that lasts: creep under a force that is kept, relaxation at a depth that is kept, after loading.
+
+A depth that is kept from loading in no time needs no solving: the deformation stays, every stress is the instantaneous
+one times G(t)/G_0, so equilibrium and the contact with a rigid punch stay, and force and pressures fall by G(t)/G_0.
+All else is stepped in time by `eitsim.viscoelastic`. The error of the steps is the change from half as many on the
+coarsest mesh, about three times what is left.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim import surface
+from eitsim.axisymmetric import at_depth, force_unit, from_rest, pressings, reached, touch_of, under_force
+from eitsim.pressing import Equilibrium, Pressing, equilibrium
+from eitsim.results import Touch
+from eitsim.scene import Body, Hold, Punch
+from eitsim.viscoelastic import Memory, loaded_at_once, remembered, stepped, steps_s, unloaded
+from matcal.errors import NotConverged
+from matcal.hyperfoam import Hyperfoam
+from matcal.prony import Prony, relaxation
+
+Array = NDArray[np.float64]
+
+# Steps per decade of time; a loading that takes time has twice as many.
+PER_DECADE = 4
+
+
+@dataclass(frozen=True)
+class Course:
+    """What is asked of a touch over time; forces over mu_0 H^2, depths over H."""
+
+    # Prony series of the foam
+    series: Prony
+    # force at the end of loading; None where the depth is given
+    force: float | None
+    # depth at the end of loading; None where the force is given
+    depth: float | None
+    # control, loading time and times of the hold
+    hold: Hold
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step in time and what holds at its end."""
+
+    # its length, s
+    length_s: float
+    # force over mu_0 H^2; None where the depth is given
+    force: float | None
+    # depth over H; None where the force is given
+    depth: float | None
+
+
+def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Hold, *, element_m: float | None = None,
+               strain: str = "normal", per_decade: int = PER_DECADE) -> list[tuple[float, Touch]]:
+    """(time, s, touch) at the end of loading, where the time is 0, and at each of the hold's times, increasing.
+
+    law: instantaneous moduli; per_decade: steps in time; the rest as in axisymmetric.solve_touch. ValueError for
+    other moduli or no times, NotConverged where no equilibrium is found.
+    """
+    if law.moduli != "instantaneous" or not hold.time_s:
+        raise ValueError(f"a hold needs instantaneous moduli and times, got {law.moduli} ones and {hold.time_s} s.")
+    started = time.process_time()
+    levels = pressings(law, body, punch, element_m, None)
+    force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
+    depth = None if punch.depth_m is None or force is not None else punch.depth_m / body.thickness_m
+    course = Course(series, force, depth, hold)
+    loaded = _loaded_at_once(levels, course) if hold.loading_s == 0 else None
+    times = np.append(0.0, np.unique(hold.time_s))
+    if loaded is not None and hold.keeps_deformation:
+        first = touch_of(law, body, levels, loaded, strain, started)
+        return [(float(t), relaxed(first, float(g))) for t, g in zip(times, relaxation(series, times), strict=True)]
+    starts = loaded or [None] * len(levels)
+    courses = [states_over(level, course, per_decade, start) for level, start in zip(levels, starts, strict=True)]
+    halved = states_over(levels[0], course, max(per_decade // 2, 1), starts[0])
+    out = []
+    for t, rough, *states in zip(times, halved, *courses, strict=True):
+        touch = touch_of(law, body, levels, states, strain, started)
+        out.append((float(t), _with_time_error(touch, levels[0], states[0], rough, strain)))
+        started = time.process_time()
+    return out
+
+
+def relaxed(touch: Touch, share: float) -> Touch:
+    """The touch with its deformation kept and every stress times share."""
+    return replace(touch, pressure_Pa=touch.pressure_Pa * share, force_N=touch.force_N * share,
+                   sigma_max_Pa=touch.sigma_max_Pa * share, sigma_ave_Pa=touch.sigma_ave_Pa * share)
+
+
+def _loaded_at_once(levels: list[Pressing], course: Course) -> list[Equilibrium]:
+    if course.force is not None:
+        return under_force(levels, course.force)
+    assert course.depth is not None
+    return at_depth(levels, course.depth)
+
+
+def states_over(model: Pressing, course: Course, per_decade: int, loaded: Equilibrium | None) -> list[Equilibrium]:
+    """Equilibria at the end of loading and at each time of the hold, in as many steps per decade, on one mesh.
+
+    loaded: the equilibrium after loading in no time; None where loading takes time.
+    """
+    if loaded is None:
+        memory, loaded = _ramped(model, course, 2 * per_decade)
+    else:
+        memory = loaded_at_once(model, course.series, loaded.x)
+    force, depth = (loaded.force, None) if course.hold.control == "force" else (None, loaded.depth)
+    ends = steps_s(course.series, np.array(course.hold.time_s), per_decade)
+    steps = [Step(float(length), force, depth) for length in np.diff(ends, prepend=0.0)]
+    held = stepped_through(model, course.series, memory, loaded, steps)
+    return [loaded, *(state for t, (_, state) in zip(ends, held, strict=True) if t in course.hold.time_s)]
+
+
+def _ramped(model: Pressing, course: Course, steps: int) -> tuple[Memory, Equilibrium]:
+    """Memory and equilibrium after a loading at constant rate of force or depth."""
+    def share(end: float | None, k: int) -> float | None:
+        return None if end is None else end * k / steps
+
+    ramp = [Step(course.hold.loading_s / steps, share(course.force, k), share(course.depth, k))
+            for k in range(1, steps + 1)]
+    return list(stepped_through(model, course.series, unloaded(model, course.series), None, ramp))[-1]
+
+
+def stepped_through(model: Pressing, series: Prony, memory: Memory, state: Equilibrium | None,
+                     steps: list[Step]) -> Iterator[tuple[Memory, Equilibrium]]:
+    """Memory and equilibrium after each step; `state` is the one before, None at rest."""
+    spent, phase = 0.0, "loading" if state is None else "the hold"
+    for step in steps:
+        spent += step.length_s
+        try:
+            state = _met(stepped(model, series, memory, step.length_s), step, state)
+        except NotConverged as error:
+            raise NotConverged(f"{error} This was {spent:.3g} s after the start of {phase}.",
+                               estimate=error.estimate, residuals=error.residuals) from None
+        memory = remembered(model, series, memory, step.length_s, state.x)
+        yield memory, state
+
+
+def _met(model: Pressing, step: Step, before: Equilibrium | None) -> Equilibrium:
+    """The equilibrium at the end of a step, from the one before or from rest."""
+    if step.force is not None:
+        return equilibrium(model, step.force, before.x) if before else from_rest(model, step.force)
+    assert step.depth is not None
+    if before is None:
+        return at_depth([model], step.depth)[0]
+    return reached(model, step.depth, equilibrium(model, before.force, before.x))
+
+
+def _with_time_error(touch: Touch, model: Pressing, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:
+    """The touch with the change from half the steps in time added to its errors."""
+    shift = abs(rough.depth - fine.depth - fine.by_force[-1] * (rough.force - fine.force)) / fine.depth
+    before, after = (surface.dipole_response(model, state.x, strain) for state in (rough, fine))
+    return replace(touch, depth_error=touch.depth_error + shift,
+                   signal_error=touch.signal_error + abs(before / after - 1))
