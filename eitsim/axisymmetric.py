@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim import surface
+from eitsim import solid, surface
 from eitsim.mesh import default_element_m
 from eitsim.pressing import Equilibrium, Pressing, at_rest, equilibrium, fraction_non_elliptic, pressing, transferred
-from eitsim.results import Touch
+from eitsim.results import Section, Touch
 from eitsim.scene import PROFILES, Body, Punch
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
@@ -178,7 +178,9 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Eq
         sigma_ave_Pa=force_N / (contact.area * unit**2), contact_area_m2=contact.area * unit**2,
         wall_contact_m2=contact.wall * unit**2, depth_error=depth_error, signal_error=signal_error,
         fraction_non_elliptic=fraction_non_elliptic(model, state.x), iterations=len(residuals), residuals=residuals,
-        cpu_s=time.process_time() - started)
+        cpu_s=time.process_time() - started,
+        section=Section(model.grid.nodes * unit, model.grid.counter_clockwise,
+                        solid.nodal(model.grid, state.x[:-1]) * unit, law))
 
 
 def _errors(levels: list[Pressing], states: list[Equilibrium], strain: str) -> tuple[float, float]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from matcal.hyperfoam import Hyperfoam
+
 Array = NDArray[np.float64]
 
 OUTCOMES = ("ok", "not_converged", "bottomed_out", "refused")
@@ -37,6 +39,19 @@ class Plan:
     def error_bound(self) -> float:
         """Sum of the bounds of the decisions."""
         return sum(d.error_bound for d in self.decisions)
+
+
+@dataclass(frozen=True)
+class Section:
+    """The foam's displacement on the half-plane through the punch's axis, on Q2 elements."""
+
+    # (nodes, 2) reference position (r, z), m, z = 0 at the top
+    nodes_m: Array
+    # (elements, 9) nodes: corners counter-clockwise, middles of edges, centre
+    elements: NDArray[np.int64]
+    # (nodes, 2) displacement (u_r, u_z), m
+    displacement_m: Array
+    law: Hyperfoam
 
 
 @dataclass(frozen=True)
@@ -83,6 +98,8 @@ class Touch:
     residuals: tuple[float, ...]
     # CPU time spent, s
     cpu_s: float
+    # displacement inside the foam; None where it is not kept
+    section: Section | None = None
 
 
 @dataclass(frozen=True)
