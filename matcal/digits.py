@@ -6,7 +6,7 @@ import math
 
 # values printed with a power of ten: below 1e-4, from 1e7 on
 _SMALLEST, _LARGEST = -4, 7
-# most significant digits of a value, however small its error; least, however large, unless it is below a hundredth of it
+# most significant digits of a value, however small its error, and least where it is above a hundredth of its error
 _MOST, _LEAST = 8, 2
 
 

@@ -66,13 +66,14 @@ def log_series(part: SeriesPart, x: Array, share: float = 1.0) -> Array:
     out = np.full(x.shape[0], -np.inf)
     if inside.any():
         y = x[inside]
-        points = share * part.points
-        precision = np.exp(-y[:, -1]) * np.sqrt(points / part.count)
-        out[inside] = -points * y[:, -1]
+        taken = sum(c.size for c in part.sizes)  # points that the sizes take up, beside those that are left to judge by
+        worth = min(part.points + taken, part.count)
+        precision = np.exp(-y[:, -1]) * np.sqrt(share * worth / part.count)
+        out[inside] = -share * part.points * y[:, -1]
         for table, sizes in zip(part.tables, part.sizes, strict=True):
             r = _triangles(table, sizes, y[:, :m], y[:, m:2 * m], precision)
             diagonal = np.abs(np.einsum("wkk->wk", r)[:, :sizes.size])
-            out[inside] += log_marginal(r) + np.log(diagonal).sum(axis=1) - sizes.size * np.log(precision)
+            out[inside] += log_marginal(r) + np.log(diagonal).sum(axis=1)
     return out
 
 

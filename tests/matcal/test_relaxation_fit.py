@@ -15,6 +15,7 @@ from matcal.hyperfoam import Hyperfoam
 from matcal.modes import hereditary_stress
 from matcal.prony import Prony
 from matcal.relaxation_fit import SeriesRow, fit_prony, preferred
+from matcal.series_posterior import log_series, series_part, start_series
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])
 SERIES = Prony([0.1505, 0.1696, 0.0604], [0.2936, 5.85, 81.672])
@@ -190,3 +191,12 @@ def test_a_value_keeps_two_digits_however_large_its_error() -> None:
     assert within(10395.0, -616000.0, 637000.0)[0] == "10000"
     assert with_error(0.3, 8.0) == ("0.30", "8.0")
     assert with_error(1.2345, 0.012) == ("1.234", "0.012")
+
+
+@pytest.mark.parametrize("share", [0.01, 1.0])
+def test_free_sizes_do_not_let_the_noise_grow_without_end(share: float) -> None:
+    found = fit_prony([hold(60.0)], None)
+    part = series_part(found)
+    start = start_series(part, found)
+    louder = start + np.r_[np.zeros(start.size - 1), 1.0] * np.array([[0.0], [6.0], [9.0], [12.0]])
+    assert np.all(np.diff(log_series(part, louder, share)) < 0)
