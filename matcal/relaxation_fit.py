@@ -34,6 +34,8 @@ TERMS = (1, 2, 3, 4, 5, 6)
 _LONGEST = 20.0
 # difference of BIC up to which fewer terms whose times the holds bound are preferred to more whose slowest they do not
 _NEARLY = 10.0
+# relative RMS below which no record tells numbers of terms apart
+_FINEST = 1e-4
 # least fall of the stress over its noise's standard deviation that counts as relaxation
 _FLAT = 4.0
 
@@ -219,7 +221,7 @@ def _rows(tables: Sequence[HoldTable], tried: Mapping[int, Array]) -> tuple[Seri
                 for t, m in zip(tables, np.split(least, ends), strict=True))
 
     def row(terms: int, square: float) -> SeriesRow:
-        floor = max(square, 1e-14 * size) / count
+        floor = max(square, _FINEST**2 * size) / count
         return SeriesRow(terms, float(np.sqrt(square / size)),
                          float(worth * np.log(floor) + 2 * terms * np.log(worth)))
 

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 # scale of the half-normal prior of omega; share of the shorter strain range that replicates must have in common
 PRIOR_OMEGA, _SHARED = 0.2, 0.5
+# ratio of loading rates from which replicates are told to be tests at another rate
+_ANOTHER_RATE = 2.0
 
 
 @dataclass(frozen=True)
@@ -74,9 +76,22 @@ def replicated(curves: Sequence[Curve]) -> bool:
 
 def factor_sentences(curves: Sequence[Curve]) -> list[str]:
     """The factors of replicates, one sentence."""
-    named = ", ".join(f"{c.label} {c.factor:.4g}" for group in _replicates(curves) for c in group)
-    return [f"Stiffness of each specimen over that of the mean foam (geometric mean 1): {named}; orders are compared "
+    groups = _replicates(curves)
+    named = ", ".join(f"{c.label} {c.factor:.4g}" for group in groups for c in group)
+    said = [f"Stiffness of each specimen over that of the mean foam (geometric mean 1): {named}; orders are compared "
             "and residuals judged with these factors."] if named else []
+    return said + [sentence for group in groups for sentence in _rate_sentences(group)]
+
+
+def _rate_sentences(group: Sequence[Curve]) -> list[str]:
+    """Whether factors of one group may be the rate of its tests, which nothing corrected."""
+    loose = [c for c in group if c.kernel is None and c.experiment.time_s is not None]
+    rates = [float(np.ptp(c.experiment.strain) / max(np.ptp(np.asarray(c.experiment.time_s)), 1e-300)) for c in loose]
+    if len(rates) < 2 or max(rates) < _ANOTHER_RATE * min(rates):
+        return []
+    return [f"{', '.join(c.label for c in loose)} were loaded at rates that differ by a factor of "
+            f"{max(rates) / min(rates):.3g} and no relaxation was given: their stiffness factors may be rate and not "
+            "scatter. Give a relaxation test."]
 
 
 def _ln_factor(curve: Curve, law: Hyperfoam) -> float:

@@ -33,6 +33,7 @@ def test_compression_and_shear_are_fitted_under_4_percent_each(order: int | str)
     tension = found.predicted[0].relative_rms
     print(f"order {found.fit.law.alpha.size}: UC, SS {shares}, UT predicted {dict(tension)}")
     assert max(shares) < 0.04
+    assert found.fit.alone["uniaxial"].relative_rms["shear"] > 0.3
     assert np.abs(found.fit.law.alpha).max() <= 25
     lost = unstable_within(found.fit.law, found.fit.curves)
     assert lost or any("Drucker stable and strongly elliptic along all fitted tests" in d for d in found.decisions)
