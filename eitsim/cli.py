@@ -47,6 +47,8 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
 
 @app.command(name="run")
 def run_scene(scene: SceneFile, card: CardOption = None,
+              exact: Annotated[bool, typer.Option("--exact", help="Turn off what the plan leaves out where that is "
+                                                  "built; the plan tells what stays.")] = False,
               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
               fields: Annotated[Path | None, typer.Option(
                   help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
@@ -65,7 +67,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     if fields is not None and parsed.hold.time_s:
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
     path = _card_path(scene, parsed, card)
-    result, document = _solve(parsed, path)
+    result, document = _solve(parsed, path, exact)
     if result.outcome == "refused":
         raise ValueError(f"{scene}: {result.message}")
     if out is not None:
@@ -87,12 +89,12 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
 
 
-def _solve(scene: Scene, card_path: Path) -> tuple[Result, dict[str, Any]]:
+def _solve(scene: Scene, card_path: Path, exact: bool) -> tuple[Result, dict[str, Any]]:
     from eitsim.provenance import card_identity, versions
     from eitsim.simulate import as_json, simulate
 
     card: MaterialCard = read_card(card_path)
-    result = simulate(scene, card)
+    result = simulate(scene, card, exact=exact)
     document = {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card, card_path),
                 "versions": versions()} | as_json(result, scene, card)
     return result, document

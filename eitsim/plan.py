@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ _RIM_EFFECT = np.array([0.095, 0.095, 0.095, 0.08, 0.05, 0.033, 0.012])
 # Part of the wanted signal error that neglecting the rim may use up.
 _RIM_SHARE = 0.5
 STEEL_E_PA = 210e9
+_RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
 
 
 def rim_effect(gap_m: float, thickness_m: float) -> float:
@@ -36,9 +38,35 @@ def rim_gap_m(scene: Scene, punch: Punch) -> float:
     return scene.body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
 
 
-def make_plan(scene: Scene, card: MaterialCard) -> Plan:
-    """The plan of a scene with a card; what cannot be solved is a refusal in it, never an exception."""
-    return Plan(tuple(_decisions(scene, card)), _refusal(scene))
+def make_plan(scene: Scene, card: MaterialCard, *, exact: bool = False) -> Plan:
+    """The plan of a scene with a card; what cannot be solved is a refusal in it, never an exception.
+
+    exact: turn off every omission that can be, and say of the others that they stay.
+    """
+    decisions = _decisions(scene, card)
+    return Plan(tuple(_exactly(scene, decisions) if exact else decisions), _refusal(scene))
+
+
+def on_mesh(scene: Scene) -> bool:
+    """Whether the skin under these punches can be solved on a mesh: not where one conducts."""
+    return not any(punch.conductor for punch in scene.punches)
+
+
+def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:
+    yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for",
+                   0.0)
+    for made in decisions:
+        if made.decision == _RINGS and on_mesh(scene):
+            yield Decision("exact: the skin is solved on a mesh that follows the touch", "nothing is taken from rings; "
+                           "the mesh's estimate counts in the result's own error", 0.0)
+        elif made.decision == _RINGS:
+            yield replace(made, reason=f"{made.reason}; exact does not change it, since the mesh of the skin is not "
+                          "built for a punch that conducts")
+        elif made.error_bound > 0 or made.unbounded:
+            yield replace(made, reason=f"{made.reason}; exact does not change it, since nothing that does without it "
+                          "is built")
+        else:
+            yield made
 
 
 def law_of(scene: Scene, card: MaterialCard) -> Hyperfoam:
@@ -104,24 +132,24 @@ def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, card)]
     yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
                    "may compress the foam further than its test; the result tells both strains, the cost is unknown "
-                   "and not in the bound", 0.0)
-    yield Decision("one card, not its uncertainty", "the card's own laws are taken as exact; not in the bound", 0.0)
+                   "and not in the bound", 0.0, unbounded=True)
+    yield Decision("one card, not its uncertainty", "the card's own laws are taken as exact; not in the bound", 0.0,
+                   unbounded=True)
     yield Decision("frictionless, coating of constant thickness, real currents", "fixed choices of this version; the "
-                   "bound does not hold them", 0.0)
+                   "bound does not hold them", 0.0, unbounded=True)
     yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
                    law.E_0_Pa / STEEL_E_PA)
     yield Decision("electrodes do not stiffen the rim", "they touch only what the rim touches, and the rim is far",
                    max(rim_effect(rim_gap_m(scene, p), scene.body.thickness_m) for p in scene.punches))
     yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
-                   "unknown and not in the bound", 0.0)
+                   "unknown and not in the bound", 0.0, unbounded=True)
     sharpest = min(p.fillet_m for p in scene.punches)
     yield Decision("the skin is a sheet, solved on the surface",
                    f"its thickness is {scene.skin.thickness_m / sharpest:.2f} of the punch's fillet, the shortest "
                    "length over which it changes; the cost is of second order in that",
                    (scene.skin.thickness_m / sharpest) ** 2)
-    yield Decision("the untouched skin is solved on its rim, the touch by what its rings scatter",
-                   "the strain is axisymmetric about the punch; where its estimate misses the wanted error, a mesh "
-                   "that follows the touch takes over; the estimate counts in the result's own error", 0.0)
+    yield Decision(_RINGS, "the strain is axisymmetric about the punch; where its estimate misses the wanted error, a "
+                   "mesh that follows the touch takes over; the estimate counts in the result's own error", 0.0)
     yield Decision(f"one impedance matrix serves all {scene.electrodes.count} patterns",
                    "every pattern is a linear read-out of it", 0.0)
 
@@ -150,6 +178,6 @@ def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
                    "stepped in time; instantaneous moduli at its start", 0.0)
     if np.any(law.nu != 0):
         yield Decision("shear and bulk relax alike", "the card has one Prony series; for nu other than 0 the cost is "
-                       "unknown and not in the bound", 0.0)
+                       "unknown and not in the bound", 0.0, unbounded=True)
     yield Decision("the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows "
-                   "no time", 0.0)
+                   "no time", 0.0, unbounded=True)

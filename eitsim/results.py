@@ -25,6 +25,8 @@ class Decision:
     reason: str
     # relative error of the touch signal dV that it may cost, at most; 0 where it costs none
     error_bound: float
+    # whether it leaves something out whose cost is unknown
+    unbounded: bool = False
 
 
 @dataclass(frozen=True)

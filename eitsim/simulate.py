@@ -13,7 +13,7 @@ from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
 from eitsim.holding import solve_hold
 from eitsim.mesh import default_element_m
-from eitsim.plan import law_of, make_plan
+from eitsim.plan import law_of, make_plan, on_mesh
 from eitsim.results import Moment, Plan, Readings, Result, Touch
 from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, require
@@ -28,21 +28,23 @@ BOTTOM = 0.95
 MECHANICS_SHARE, ELECTRICS_SHARE = 0.8, 0.2
 
 
-def simulate(scene: Scene, card: MaterialCard) -> Result:
+def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False) -> Result:
     """Solve a scene with a card; a refusal or a failure of a solver is the result's outcome, told in its message.
 
+    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     law = law_of(scene, card)
     skin_law = require(card, "conductivity", "the skin")
-    plan = make_plan(scene, card)
+    plan = make_plan(scene, card, exact=exact)
     if plan.refusal:
         return Result("refused", plan, message=plan.refusal, cost=_cost(wall, cpu))
     try:
-        moments = _moments(law, scene, card, skin_law) if scene.hold.time_s else ()
-        touches = (moments[-1].touch,) if moments else tuple(_touch(law, scene, punch) for punch in scene.punches)
-        readings = moments[-1].readings if moments else _readings(scene, touches, skin_law)
+        moments = _moments(law, scene, card, skin_law, exact) if scene.hold.time_s else ()
+        touches = (moments[-1].touch,) if moments else tuple(
+            _touch(law, scene, punch, exact) for punch in scene.punches)
+        readings = moments[-1].readings if moments else _readings(scene, touches, skin_law, exact)
     except NotConverged as error:
         return Result("not_converged", plan, message=str(error), residuals=error.residuals, cost=_cost(wall, cpu))
     deepest = max(touch.depth_m for touch in touches)
@@ -54,37 +56,42 @@ def simulate(scene: Scene, card: MaterialCard) -> Result:
                   cost=_cost(wall, cpu))
 
 
-def _readings(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity) -> Readings:
+def _readings(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
     return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
                  tuple(zip(scene.punches, touches, strict=True)), skin_law,
-                 signal=ELECTRICS_SHARE * scene.accuracy.signal)
+                 signal=ELECTRICS_SHARE * scene.accuracy.signal,
+                 method="mesh" if exact and on_mesh(scene) else "auto")
 
 
-def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conductivity) -> tuple[Moment, ...]:
+def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conductivity,
+             exact: bool) -> tuple[Moment, ...]:
     """A held touch with its readings; one solve serves all times where the strains stay as they were loaded."""
     (punch,) = scene.punches
-    held = _held(law, require(card, "prony", "a hold"), scene, punch)
+    held = _held(law, require(card, "prony", "a hold"), scene, punch, exact)
     if scene.hold.keeps_deformation:
-        readings = [_readings(scene, (held[0][1],), skin_law)] * len(held)
+        readings = [_readings(scene, (held[0][1],), skin_law, exact)] * len(held)
     else:
-        readings = [_readings(scene, (touch,), skin_law) for _, touch in held]
+        readings = [_readings(scene, (touch,), skin_law, exact) for _, touch in held]
     return tuple(Moment(t, touch, reading) for (t, touch), reading in zip(held, readings, strict=True))
 
 
-def _touch(law: Hyperfoam, scene: Scene, punch: Punch) -> Touch:
-    """A touch on the default mesh, and on one of half its element size where the first misses the wanted error."""
-    touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
-    if _fine_enough([touch], scene):
-        return touch
+def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool) -> Touch:
+    """A touch on the default mesh, and on one of half its element size where that misses the wanted error or is not
+    exact."""
+    if not exact:
+        touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
+        if _fine_enough([touch], scene):
+            return touch
     return solve_touch(law, scene.body, punch, strain=scene.skin.strain,
                        element_m=default_element_m(scene.body, punch) / 2)
 
 
-def _held(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch) -> list[tuple[float, Touch]]:
+def _held(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch, exact: bool) -> list[tuple[float, Touch]]:
     """A held touch as `_touch`, fine enough at the times that the scene asks for."""
-    held = solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain)
-    if _fine_enough([touch for _, touch in held[1:]], scene):
-        return held
+    if not exact:
+        held = solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain)
+        if _fine_enough([touch for _, touch in held[1:]], scene):
+            return held
     return solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain,
                       element_m=default_element_m(scene.body, punch) / 2)
 

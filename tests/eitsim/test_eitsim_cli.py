@@ -73,8 +73,11 @@ def test_a_hopeless_touch_saves_what_was_reached_with_status_3(folder: Path) -> 
     assert result["residuals"]
 
 
-def test_a_run_writes_the_fields(folder: Path) -> None:
-    done = eitsim(folder, "run", "scene.toml", "--fields", "fields.vtu")
+def test_an_exact_run_writes_the_fields(folder: Path) -> None:
+    done = eitsim(folder, "run", "scene.toml", "--exact", "--out", "result.json", "--fields", "fields.vtu")
     assert done.returncode == 0, done.stderr
     assert b'Name="displacement_m"' in (folder / "fields.vtu").read_bytes()
     assert "fields.vtu" in done.stdout
+    result = json.loads((folder / "result.json").read_text())
+    assert result["electrics_method"] == "mesh"
+    assert result["plan"][0]["decision"].startswith("exact")
