@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 
 # Steps per decade of time; a loading that takes time has twice as many.
 PER_DECADE = 4
+# A kept depth: relative difference up to which two depths are one, relative error, steps towards it, largest step in
+# the force's logarithm, and least share of the whole compliance that the foam is taken to have where it is flat.
+_SAME, _KEPT, _KEPT_STEPS, _LARGEST_STEP, _LEAST_SLOPE = 1e-6, 1e-9, 40, 0.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,10 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
 
 def relaxed(touch: Touch, share: float) -> Touch:
     """The touch with its deformation kept and every stress times share."""
-    return replace(touch, pressure_Pa=touch.pressure_Pa * share, force_N=touch.force_N * share,
+    section = touch.section
+    if section is not None:
+        section = replace(section, law=replace(section.law, mu_Pa=section.law.mu_Pa * share))
+    return replace(touch, section=section, pressure_Pa=touch.pressure_Pa * share, force_N=touch.force_N * share,
                    sigma_max_Pa=touch.sigma_max_Pa * share, sigma_ave_Pa=touch.sigma_ave_Pa * share)
 
 
@@ -148,12 +154,34 @@ def _met(model: Pressing, step: Step, before: Equilibrium | None) -> Equilibrium
     assert step.depth is not None
     if before is None:
         return at_depth([model], step.depth)[0]
-    return reached(model, step.depth, equilibrium(model, before.force, before.x))
+    if abs(step.depth - before.depth) > _SAME * step.depth:
+        return reached(model, step.depth, equilibrium(model, before.force, before.x))
+    return _kept(model, step.depth, before)
+
+
+def _kept(model: Pressing, target: float, before: Equilibrium) -> Equilibrium:
+    """The equilibrium at a depth that is the one before's: Newton's method in the logarithm of the force.
+
+    The contact's penetration, which the depth leaves out, is taken in proportion to the force: the deformation hardly
+    changes, and so the depth does not jump where points of contact come and go.
+    """
+    penetration = (float(before.x[-1]) - before.depth) / before.force
+    force, state = before.force, before
+    for _ in range(_KEPT_STEPS):
+        state = equilibrium(model, force, state.x)
+        missing = target - (float(state.x[-1]) - penetration * force)
+        if abs(missing) <= _KEPT * target:
+            return replace(state, depth=target - missing)
+        slope = max(state.by_force[-1] - penetration, _LEAST_SLOPE * state.by_force[-1])
+        force = float(force * np.exp(np.clip(missing / (slope * force), -_LARGEST_STEP, _LARGEST_STEP)))
+    raise NotConverged(f"the depth of {target:.4f} thicknesses was not kept in {_KEPT_STEPS} steps.",
+                       estimate=state.x, residuals=state.residuals)
 
 
 def _with_time_error(touch: Touch, model: Pressing, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:
-    """The touch with the change from half the steps in time added to its errors."""
+    """The touch with the change from half the steps in time added to its errors, without the section's stresses: the
+    law alone does not tell them."""
     shift = abs(rough.depth - fine.depth - fine.by_force[-1] * (rough.force - fine.force)) / fine.depth
     before, after = (surface.dipole_response(model, state.x, strain) for state in (rough, fine))
-    return replace(touch, depth_error=touch.depth_error + shift,
+    return replace(touch, section=None, depth_error=touch.depth_error + shift,
                    signal_error=touch.signal_error + abs(before / after - 1))
