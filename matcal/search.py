@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from matcal.constrained import MOST, bounded_moduli
 from matcal.curves import Curve, reached, weighted_design, weighted_stress
 from matcal.tabulated import Table, tabulate
-from matcal.varpro import Exponents, Optimum, Solve, least_moduli, minimise
+from matcal.varpro import TOLERANCE, Exponents, Optimum, Solve, least_moduli, minimise
 
 Array = NDArray[np.float64]
 
@@ -68,10 +68,12 @@ def best_law(problem: Problem, order: int, starts: int, more: Sequence[Array] = 
     return replace(held, unbounded=(free.cost, float(free.mu_Pa.sum())))
 
 
-def search(problem: Problem, order: int, starts: int, solve: Solve, more: Sequence[Array] = ()) -> Optimum:
+def search(problem: Problem, order: int, starts: int, solve: Solve, more: Sequence[Array] = (),
+           tolerance: float = TOLERANCE) -> Optimum:
     """Best of the starts, searched on the table and evaluated with the exact design."""
     table = problem.table
-    found = minimise(table.design, table.slope, table.target, order, problem.allowed, starts, solve, more)
+    found = minimise(table.design, table.slope, table.target, order, problem.allowed, starts, solve, more,
+                     tolerance)
     design, stress = weighted_design(problem.curves, found.alpha, problem.nu), weighted_stress(problem.curves)
     mu = solve(design, stress, found.alpha)
     return replace(found, mu_Pa=mu, cost=float(np.sum((design @ mu - stress) ** 2)))

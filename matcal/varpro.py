@@ -26,6 +26,8 @@ Solve = Callable[[Array, Array, Array], Array]
 
 # combinations kept while starts grow
 _BEAM = 64
+# relative step of the exponents at which a start stops
+TOLERANCE = 1e-9
 # exponents from which starts are combined
 _GRID = np.array([-12.0, -8.0, -5.0, -3.0, -1.5, -0.5, 0.3, 0.9, 2.0, 3.5, 5.0, 7.5, 11.0, 16.0, 23.0])
 
@@ -66,11 +68,12 @@ def least_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
 
 
 def minimise(design: Design, slope: Design, target: Array, order: int, allowed: Exponents, starts: int = 8,
-             solve: Solve = least_moduli, more: Sequence[Array] = ()) -> Optimum:
+             solve: Solve = least_moduli, more: Sequence[Array] = (), tolerance: float = TOLERANCE) -> Optimum:
     """Moduli and exponents with least ||target - design(alpha) mu||, from the best `starts` grid combinations.
 
     `slope` is d design/d alpha, column by column; it serves where the moduli are least squares, else differences are
-    taken. `more`: further starts (order,). Deterministic; exponents stay as `allowed`.
+    taken. `more`: further starts (order,). `tolerance`: relative step at which a start stops. Deterministic; exponents
+    stay as `allowed`.
     """
     calls = 0
 
@@ -94,8 +97,8 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
     for start in [*_starts(design, target, order, allowed, starts, solve), *more]:
         steps = np.clip(np.diff(start, prepend=0.0), lowest + 1e-6, highest - 1e-6)
         out = least_squares(residual, steps, jac=slopes,
-                            bounds=(lowest, highest), gtol=1e-14, xtol=1e-9 if free else 1e-7,
-                            ftol=1e-11 if free else 1e-8, max_nfev=200 if free else 60)
+                            bounds=(lowest, highest), gtol=1e-14, xtol=tolerance if free else 1e-7,
+                            ftol=1e-2 * tolerance if free else 1e-8, max_nfev=200 if free else 60)
         found.append((2 * float(out.cost), exponents(out.x, allowed)))
     found.sort(key=lambda pair: pair[0])
     cost, alpha = found[0]
