@@ -67,8 +67,10 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     field there by that much, twice over by the rim, for both electrodes); for "mesh" it is the change by the coarser
     mesh over 3. It does not hold what interpolation between the touch's own samples costs.
 
-    ValueError for several touches, patch electrodes, an unknown method, a conducting punch on a mesh, and where the
-    conductivity is not positive.
+    A touch that the rim changes is not axisymmetric and takes the mesh.
+
+    ValueError for several touches, patch electrodes, an unknown method, "multipole" for a touch near the rim, a
+    conducting punch on a mesh, and where the conductivity is not positive.
     """
     start = time.process_time()
     if method not in METHODS:
@@ -87,7 +89,9 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
 def _changes(sensor: _Sensor, punch: Punch, touch: Touch, signal: float, method: str) -> Iterator[_Change]:
     """Attempts in the order of their cost; the last one meets the wanted error, or none does."""
-    if method != "mesh":
+    if method == "multipole" and touch.rim is not None:
+        raise ValueError("method 'multipole' needs an axisymmetric touch; near the rim use 'mesh' or 'auto'.")
+    if method != "mesh" and touch.rim is None:
         change = _by_multipole(sensor, punch, touch, signal)
         yield change
         if method == "multipole" or change.error <= signal or punch.conductor:

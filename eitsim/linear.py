@@ -26,6 +26,14 @@ def factorise(matrix: csc_matrix) -> Solve:
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
 
 
+def factorise_definite(matrix: csc_matrix) -> Solve:
+    """As `factorise`; Indefinite is raised where a pivot is not positive."""
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    if np.any(factor.U.diagonal() <= 0):
+        raise Indefinite("a pivot of the factorisation is not positive")
+    return factor.solve
+
+
 def factorise_band(band: Array) -> Solve:
     """Cholesky factors of a symmetric matrix from its lower band (n, width + 1), column j holding rows j onwards.
 

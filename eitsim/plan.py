@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eitsim.near_rim import patch_problem
 from eitsim.results import Decision, Plan
 from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, require, with_moduli
@@ -53,8 +54,9 @@ def on_mesh(scene: Scene) -> bool:
 
 
 def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:
-    yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for",
-                   0.0)
+    if not any(near_rim(scene, punch) for punch in scene.punches):
+        yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked "
+                       "for", 0.0)
     for made in decisions:
         if made.decision == _RINGS and on_mesh(scene):
             yield Decision("exact: the skin is solved on a mesh that follows the touch", "nothing is taken from rings; "
@@ -94,16 +96,23 @@ def _refusal(scene: Scene) -> str:
 
 
 def _rim_refusal(scene: Scene, punch: Punch) -> str:
-    gap, allowed = rim_gap_m(scene, punch), _RIM_SHARE * scene.accuracy.signal
-    effect = rim_effect(gap, scene.body.thickness_m)
-    if gap > 0 and effect <= allowed:
+    if not near_rim(scene, punch):
         return ""
-    if gap <= 0:
-        return (f"the punch's edge lies {-gap * 1e3:.1f} mm beyond the rim of the disc; move it inwards by more than "
-                "that.")
+    problem = patch_problem(scene.body, punch)
+    if not problem and scene.hold.time_s:
+        problem = "a hold (time_s in [hold]) is built for touches far from the rim only"
+    gap, allowed = rim_gap_m(scene, punch), _RIM_SHARE * scene.accuracy.signal
+    if not problem or gap <= 0:
+        return problem and f"{problem}."
     return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
-            f"rim may cost {effect:.2g} of the signal, allowed is {allowed:.2g} (half of signal in [accuracy]). The "
-            f"three-dimensional rim is not built; {_mend(scene, allowed)}.")
+            f"rim may cost {rim_effect(gap, scene.body.thickness_m):.2g} of the signal, allowed is {allowed:.2g} (half "
+            f"of signal in [accuracy]). There, {problem}; {_mend(scene, allowed)}.")
+
+
+def near_rim(scene: Scene, punch: Punch) -> bool:
+    """Whether neglecting the rim may cost more of the signal than its share of the wanted error."""
+    gap = rim_gap_m(scene, punch)
+    return gap <= 0 or rim_effect(gap, scene.body.thickness_m) > _RIM_SHARE * scene.accuracy.signal
 
 
 def _mend(scene: Scene, allowed: float) -> str:
@@ -121,10 +130,7 @@ def _gap_for(effect: float, thickness_m: float) -> float:
 def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
     law = law_of(scene, card)
     for punch in scene.punches:
-        gap = rim_gap_m(scene, punch)
-        yield Decision("mechanics axisymmetric about the punch",
-                       f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses",
-                       rim_effect(gap, scene.body.thickness_m))
+        yield _rim_decision(scene, punch)
         if punch.force_N is not None:
             yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
         if not punch.conductor:
@@ -139,7 +145,7 @@ def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
                    "bound does not hold them", 0.0, unbounded=True)
     yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
                    law.E_0_Pa / STEEL_E_PA)
-    yield Decision("electrodes do not stiffen the rim", "they touch only what the rim touches, and the rim is far",
+    yield Decision("electrodes do not stiffen the rim", "what they touch is at most the rim's own effect",
                    max(rim_effect(rim_gap_m(scene, p), scene.body.thickness_m) for p in scene.punches))
     yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
                    "unknown and not in the bound", 0.0, unbounded=True)
@@ -148,10 +154,21 @@ def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
                    f"its thickness is {scene.skin.thickness_m / sharpest:.2f} of the punch's fillet, the shortest "
                    "length over which it changes; the cost is of second order in that",
                    (scene.skin.thickness_m / sharpest) ** 2)
-    yield Decision(_RINGS, "the strain is axisymmetric about the punch; where its estimate misses the wanted error, a "
-                   "mesh that follows the touch takes over; the estimate counts in the result's own error", 0.0)
+    yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the wanted "
+                   "error, a mesh that follows the touch takes over; the estimate counts in the result's own error",
+                   0.0)
     yield Decision(f"one impedance matrix serves all {scene.electrodes.count} patterns",
                    "every pattern is a linear read-out of it", 0.0)
+
+
+def _rim_decision(scene: Scene, punch: Punch) -> Decision:
+    gap = rim_gap_m(scene, punch)
+    where = f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses"
+    if near_rim(scene, punch):
+        return Decision("mechanics in three dimensions on a patch near the rim, as a correction of the axisymmetric "
+                        "touch", f"{where}; two meshes of the patch tell the error, which counts in the result's own",
+                        0.0)
+    return Decision("mechanics axisymmetric about the punch", where, rim_effect(gap, scene.body.thickness_m))
 
 
 def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:

@@ -185,7 +185,7 @@ def _gathered(model: Pressing, on_facets: Array) -> Array:
 
 def transferred(x: Array, old: Grid, new: Grid) -> Array:
     """The state x of one grid on another: the old grid's displacement at the new nodes."""
-    along_r, along_z = (_interpolation(a, b) for a, b in zip(old.lines, new.lines, strict=True))
+    along_r, along_z = (interpolation(a, b) for a, b in zip(old.lines, new.lines, strict=True))
     values = solid.nodal(old, x[:-1]).reshape(*map(len, old.lines), 2)
     moved = np.einsum("im,mnk,jn->ijk", along_r, values, along_z, optimize=True).reshape(-1, 2)
     free = new.unknown >= 0
@@ -194,7 +194,7 @@ def transferred(x: Array, old: Grid, new: Grid) -> Array:
     return np.append(out, x[-1])
 
 
-def _interpolation(nodes: Array, points: Array) -> Array:
+def interpolation(nodes: Array, points: Array) -> Array:
     """Quadratic interpolation (points, nodes) between nodes that are ends and middles of elements in turn."""
     left = np.clip((np.searchsorted(nodes[::2], points, side="right") - 1) * 2, 0, len(nodes) - 3)
     shape, _ = contact.quadratic((points - nodes[left + 1]) / (nodes[left + 2] - nodes[left]) * 2)

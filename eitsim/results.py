@@ -43,6 +43,26 @@ class Plan:
         return sum(d.error_bound for d in self.decisions)
 
 
+@dataclass(frozen=True, eq=False)
+class RimField:
+    """What the rim changes at the surface about a punch; symmetric about the line to the nearest point of the rim."""
+
+    # (n, 2) reference places about the punch's axis, m: towards the nearest point of the rim, and across, not negative
+    points_m: Array
+    # (n, 3) displacement added to the axisymmetric one, m, parts as in points_m and upwards
+    displacement_m: Array
+    # (n, 3) in-plane metric seen from the axisymmetric stretches U: xx, xy, yy of U^-1 C U^-1; 1, 0, 1 is no change
+    metric: Array
+    # (n,) factor of the stretch normal to the surface
+    normal: Array
+    # distance from the punch's axis at which the field ends, m
+    reach_m: float
+    # largest relative change of a stretch there: how far the field is from continuous
+    jump: float
+    # part of the samples left out, at the punch's edge, where the coarse mesh would turn the foam inside out
+    left_out: float
+
+
 @dataclass(frozen=True)
 class Section:
     """The foam's displacement on the half-plane through the punch's axis, on Q2 elements."""
@@ -58,7 +78,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Touch:
-    """One solved touch, axisymmetric about its punch ("Solution" of the mechanics)."""
+    """One solved touch, axisymmetric about its punch but for `rim` ("Solution" of the mechanics)."""
 
     # (n,) reference radii of surface samples from the punch axis, m, increasing from 0
     radius_m: Array
@@ -102,6 +122,8 @@ class Touch:
     cpu_s: float
     # displacement inside the foam; None where it is not kept
     section: Section | None = None
+    # what the rim changes at the surface; None where it is far. Depth and contact hold it, the arrays above do not
+    rim: RimField | None = None
 
 
 @dataclass(frozen=True)

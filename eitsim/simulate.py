@@ -13,7 +13,8 @@ from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
 from eitsim.holding import solve_hold
 from eitsim.mesh import default_element_m
-from eitsim.plan import law_of, make_plan, on_mesh
+from eitsim.near_rim import solve_near_rim
+from eitsim.plan import law_of, make_plan, near_rim, on_mesh
 from eitsim.results import Moment, Plan, Readings, Result, Touch
 from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, require
@@ -78,6 +79,8 @@ def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conduct
 def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool) -> Touch:
     """A touch on the default mesh, and on one of half its element size where that misses the wanted error or is not
     exact."""
+    if near_rim(scene, punch):
+        return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain)
     if not exact:
         touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
         if _fine_enough([touch], scene):

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, PchipInterpolator
 
-from eitsim.results import Touch
+from eitsim.results import RimField, Touch
 from eitsim.scene import STRAINS, Body, Punch, Skin
 from matcal.conductivity import Conductivity, coating_thickness, conductivity
 
@@ -48,13 +48,51 @@ def untouched_conductance(law: Conductivity, skin: Skin) -> float:
 
 
 def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> Array:
-    """Conductance tensor (..., 2, 2), S, at points (..., 2) of the reference disc, axisymmetric about the punch."""
+    """Conductance tensor (..., 2, 2), S, at points (..., 2) of the reference disc, axisymmetric about the punch but for
+    what the rim changes."""
+    if touch.rim is not None:
+        return _conductance_near_rim(points_m, punch, touch, touch.rim, skin, law)
     offset = points_m - np.array([punch.x_m, punch.y_m])
     radius = np.hypot(offset[..., 0], offset[..., 1])
     normal = np.where(radius[..., None] > 0, offset / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
     meridian, hoop = principal_conductances(law, skin, *stretches(touch, radius))
     radial = normal[..., :, None] * normal[..., None, :]
     return hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * radial
+
+
+def _conductance_near_rim(points_m: Array, punch: Punch, touch: Touch, rim: RimField, skin: Skin,
+                          law: Conductivity) -> Array:
+    """c t J_s C_s^-1 with C_s = U M U, U the axisymmetric stretches and M the metric that the rim makes of them."""
+    outwards = np.array([punch.x_m, punch.y_m]) / math.hypot(punch.x_m, punch.y_m)
+    axes = np.array([outwards, [-outwards[1], outwards[0]]])
+    local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
+    radius = np.hypot(local[..., 0], local[..., 1])
+    meridian, hoop, normal = stretches(touch, radius)
+    radial = np.where(radius[..., None] > 0, local / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
+    old = hoop[..., None, None] * np.eye(2)
+    old = old + (meridian - hoop)[..., None, None] * radial[..., :, None] * radial[..., None, :]
+    metric, factor = changes(rim, local)
+    value, vector = np.linalg.eigh(old @ metric @ old)
+    first, second = np.sqrt(np.moveaxis(value, -1, 0))
+    sheets = principal_conductances(law, skin, first, second, normal * factor)
+    vector = axes.T @ vector
+    return (vector * np.stack(sheets, axis=-1)[..., None, :]) @ np.swapaxes(vector, -1, -2)
+
+
+def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
+    """Metric (..., 2, 2) and normal factor (...) at places (..., 2) about the punch, axes as in RimField.
+
+    Linear between the samples, the nearest sample's outside them, no change beyond their reach.
+    """
+    mirrored = np.stack([local_m[..., 0], np.abs(local_m[..., 1])], axis=-1)
+    values = np.column_stack([rim.metric, rim.normal])
+    found = LinearNDInterpolator(rim.points_m, values)(mirrored)
+    outside = np.isnan(found[..., 0])
+    found[outside] = NearestNDInterpolator(rim.points_m, values)(mirrored[outside])
+    found[np.hypot(local_m[..., 0], local_m[..., 1]) > rim.reach_m] = [1, 0, 1, 1]
+    xx, xy, yy, factor = np.moveaxis(found, -1, 0)
+    xy = np.where(local_m[..., 1] < 0, -xy, xy)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2), factor
 
 
 def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:

@@ -32,7 +32,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
     (tmp_path / "bare.toml").write_text("[punch]\nforce_N = 0.5\n")
     (tmp_path / "wrong.toml").write_text("[punch]\nradius = 3\n")
-    (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 88\n")
+    (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 98\n")
     (tmp_path / "hopeless.toml").write_text("[punch]\nforce_N = 200\n")
     return tmp_path
 

@@ -39,7 +39,8 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
 
 
 @pytest.mark.parametrize(("raw", "named"), [
-    ({"punch": {"x_mm": 80}}, "rim"), ({"punch": {"x_mm": 98}}, "beyond the rim"),
+    ({"punch": {"x_mm": 80, "profile": "sphere"}}, "from the rim"),
+    ({"punch": {"x_mm": 80, "conductor": True}}, "insulated"), ({"punch": {"x_mm": 80, "depth_mm": 1}}, "force"), ({"punch": {"x_mm": 98}}, "beyond the rim"),
     ({"punch": [{"x_mm": 20}, {"x_mm": -20}]}, "2 touches"),
     ({"punch": {"friction": "stick"}}, "friction"),
     ({"electrodes": {"kind": "patch"}}, "electrodes")])
@@ -50,4 +51,7 @@ def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
 def test_more_accuracy_needs_more_distance() -> None:
     raw = {"punch": {"x_mm": 68}}
     assert make_plan(scene_from(raw), CARD).refusal == ""
-    assert "rim" in make_plan(scene_from(raw | {"accuracy": {"signal": 0.001}}), CARD).refusal
+    assert "axisymmetric about" in make_plan(scene_from(raw), CARD).decisions[0].decision
+    closer = make_plan(scene_from(raw | {"accuracy": {"signal": 0.001}}), CARD)
+    assert closer.refusal == ""
+    assert "three dimensions" in closer.decisions[0].decision

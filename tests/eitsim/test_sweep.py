@@ -54,10 +54,10 @@ def test_a_lost_part_is_made_again(card: Path, tmp_path: Path) -> None:
 
 
 def test_failures_are_rows(card: Path, tmp_path: Path) -> None:
-    raw = RAW | {"punch": {"x_mm": {"choice": [20.0, 85.0]}, "y_mm": 0.0, "force_N": [0.2, 0.4]}}
+    raw = RAW | {"punch": {"x_mm": {"choice": [20.0, 95.0]}, "y_mm": 0.0, "force_N": [0.2, 0.4]}}
     account(design_from(raw, 6), card, tmp_path / "a")
     table = read_dataset(tmp_path / "a").table
-    refused = table[table["x_mm"] == 85.0]
+    refused = table[table["x_mm"] == 95.0]
     assert set(refused["outcome"]) == {"refused"}
     assert refused["message"].str.contains("rim").all()
     assert set(table.loc[table["x_mm"] == 20.0, "outcome"]) == {"ok"}
