@@ -22,7 +22,7 @@ from eitsim.linear import Solve, bordered, factorise_definite
 from eitsim.newton import Minimum, System, minimise
 from eitsim.patch_base import Base
 from eitsim.patch_mesh import Fineness, Outline, patch_mesh
-from eitsim.punch import Tool
+from eitsim.punch import Tool, distance
 from matcal import hyperfoam
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
@@ -209,19 +209,12 @@ def _gather(out: Array, numbers: Indices, values: Array) -> None:
 
 
 def penetration(tool: Tool, position: Array, depth: float) -> tuple[Array, Array, Array]:
-    """Distance (...) inside a rounded cylinder, negative outside, its gradient (..., 3) and Hessian (..., 3, 3)."""
+    """Distance (...) inside the punch, negative outside, its gradient (..., 3) and Hessian (..., 3, 3)."""
     radius, cosine, sine = patch_base.polar(position)
-    height = position[..., 2] + depth
-    dx, dy = radius - (tool.radius - tool.fillet), tool.fillet - height
-    corner, away = (dx > 0) & (dy > 0), np.hypot(dx, dy)
-    wall = ~corner & (dy <= 0) & (tool.radius - radius < height)
-    gap = np.where(corner, tool.fillet - away, np.where(wall, tool.radius - radius, height))
-    length = np.where(away > 0, away, 1.0)
-    across = np.where(corner, -dx / length, np.where(wall, -1.0, 0.0))
-    up = np.where(corner, dy / length, np.where(wall, 0.0, 1.0))
+    gap, across, up, curvature, _ = distance(tool, radius, position[..., 2] + depth)
     along = np.stack([up * cosine, up * sine, -across], axis=-1)
     around = np.stack([-sine, cosine, np.zeros_like(sine)], axis=-1)
-    bend = -np.where(corner, 1 / length, 0.0), across / np.where(radius > 0, radius, 1.0)
+    bend = -curvature, across / np.where(radius > 0, radius, 1.0)
     first, second = (b[..., None, None] * t[..., :, None] * t[..., None, :]
                      for b, t in zip(bend, (along, around), strict=True))
     return gap, np.stack([across * cosine, across * sine, up], axis=-1), first + second

@@ -82,17 +82,16 @@ def quadratic(t: Array) -> tuple[Array, Array]:
             np.column_stack([t - 0.5, -2 * t, t + 0.5]))
 
 
-def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touching:
-    """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0.
+def distance(tool: Tool, r: Array, y: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    """Depth inside the punch (...), negative outside, its normal (r, y) and curvature, and whether the wall is nearest.
 
-    The penetration is the distance to the nearest of rounded tip, face, rounded edge and side wall. With f the fillet,
+    The depth is that to the nearest of rounded tip, face, rounded edge and side wall. With f the fillet,
     c = radius - f, b the slope and y the height over the lowest point: f minus the distance to (0, f) and
     to (c, f + c tan b), within the angles that tip and edge subtend there; y cos b - r sin b + f (1 - cos b) at the
     face; radius - r at the wall; deep inside the nearer of face and wall.
     """
-    r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
     sine, cosine = np.sin(tool.slope), np.cos(tool.slope)
-    y, inner = z + depth, tool.radius - tool.fillet
+    inner = tool.radius - tool.fillet
     dx, dy = r - inner, tool.fillet + inner * sine / cosine - y
     edge = (dx * cosine > dy * sine) & (dy > 0)
     tip = r * cosine < (tool.fillet - y) * sine
@@ -104,8 +103,18 @@ def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touch
     length = np.where(away > 0, away, 1.0)
     n_r = np.where(rounded, -dx / length, np.where(wall, -1.0, -sine))
     n_z = np.where(rounded, dy / length, np.where(wall, 0.0, cosine))
+    return gap, n_r, n_z, np.where(rounded, 1 / length, 0.0), wall
+
+
+def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touching:
+    """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0.
+
+    See `distance`.
+    """
+    r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
+    gap, n_r, n_z, bend, wall = distance(tool, r, z + depth)
     tangent = np.stack([n_z, -n_r], axis=-1)
-    curvature = -tangent[..., :, None] * tangent[..., None, :] * np.where(rounded, 1 / length, 0.0)[..., None, None]
+    curvature = -tangent[..., :, None] * tangent[..., None, :] * bend[..., None, None]
     return Touching(np.maximum(gap, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)
 
 
