@@ -43,21 +43,22 @@ _DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP = 1e-9, 40, 0.5
 
 
 def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None, strain: str = "normal",
-                penalty: float | None = None) -> Touch:
+                penalty: float | None = None, order: int = 2) -> Touch:
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
 
     element_m: element size at the punch's edge, m, by default mesh.default_element_m; strain: the skin's driving
     strain for which signal_error is told; penalty: contact stiffness, mu_0 over mesh.feature_m, by default
-    PENALTY, for a cone CONE_PENALTY. ValueError for what is not built (friction), NotConverged where no equilibrium is
-    found.
+    PENALTY, for a cone CONE_PENALTY; order: of the elements, one of mesh.ELEMENTS. ValueError for
+    what is not built (friction), NotConverged where no equilibrium is found.
     """
     if punch.force_N is not None:
-        return solve_path(law, body, punch, [punch.force_N], element_m=element_m, strain=strain, penalty=penalty)[0]
+        return solve_path(law, body, punch, [punch.force_N], element_m=element_m, strain=strain, penalty=penalty,
+                          order=order)[0]
     if punch.depth_m is None or not 0 < punch.depth_m < body.thickness_m:
         raise ValueError(f"the punch's depth_m must lie between 0 and the thickness of {body.thickness_m} m where "
                          f"force_N is None, got {punch.depth_m}.")
     started = time.process_time()
-    levels = pressings(law, body, punch, element_m, penalty)
+    levels = pressings(law, body, punch, element_m, penalty, order)
     return touch_of(law, body, levels, at_depth(levels, punch.depth_m / body.thickness_m), strain, started)
 
 
@@ -71,12 +72,12 @@ def solve_state(law: Hyperfoam, body: Body, punch: Punch, force_N: float, *, str
 
 
 def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
-               strain: str = "normal", penalty: float | None = None) -> list[Touch]:
+               strain: str = "normal", penalty: float | None = None, order: int = 2) -> list[Touch]:
     """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch."""
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the foam), got {list(forces_N)}.")
     started = time.process_time()
-    levels = pressings(law, body, punch, element_m, penalty)
+    levels = pressings(law, body, punch, element_m, penalty, order)
     touches, states = [], None
     for force in forces_N:
         states = under_force(levels, force / force_unit(law, body), states[0] if states else None)
@@ -91,7 +92,7 @@ def force_unit(law: Hyperfoam, body: Body) -> float:
 
 
 def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
-              penalty: float | None) -> list[Pressing]:
+              penalty: float | None, order: int = 2) -> list[Pressing]:
     """Pressings from coarse to fine, halving; the coarsest with at least twice the default element size."""
     if punch.profile not in PROFILES:
         raise ValueError(f"profile in [punch]: '{punch.profile}' is unknown; known: {', '.join(PROFILES)}.")
@@ -108,7 +109,7 @@ def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < 1.5 * default:
         sizes.insert(0, 2 * sizes[0])
-    return [pressing(law, body, punch, size, penalty) for size in sizes]
+    return [pressing(law, body, punch, size, penalty, order) for size in sizes]
 
 
 def under_force(levels: list[Pressing], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,45 +11,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim import solid
-from eitsim.punch import quadratic
+from eitsim.mesh import lagrange
 from eitsim.results import Section, Touch
 from matcal.ellipticity import strongly_elliptic
 from matcal.hyperfoam import kirchhoff
 
 Array = NDArray[np.float64]
 
-# Place, in thirds of an element and each direction, of its nodes: corners counter-clockwise, middles of the edges from
-# the first corner on, centre: the order of VTK's biquadratic quadrilateral.
-_PLACE = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)])
+# By order of the elements, the cell's name and the places of its nodes among order + 1 in each direction: corners
+# counter-clockwise, middles of the edges from the first on, centre, as in VTK.
+_CELLS = {1: ("quad", np.array([(0, 0), (1, 0), (1, 1), (0, 1)])),
+          2: ("quad9", np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]))}
 
 
 def write_vtu(touch: Touch, path: Path | str) -> None:
-    """Write the fields of a touch as a VTU file, point data on biquadratic cells of the undeformed (r, z) section.
+    """Write the fields of a touch as a VTU file, point data on the elements of the undeformed (r, z) section.
 
     Points are (r, z, 0), m; names end in units, and what has none has no unit. "Warp By Vector" with displacement_m
-    shows the deformed foam. ValueError where the touch has no section.
+    shows the deformed foam. ValueError where the touch has no section, or a rim that the section does not know.
     """
     fields: dict[str, Any]
     points, fields = section_fields(touch)
-    cells = np.arange(len(points)).reshape(-1, 9)
-    meshio.Mesh(points, [("quad9", cells)], point_data=fields).write(path, file_format="vtu")
+    cell, place = _CELLS[_order(_section(touch))]
+    cells = np.arange(len(points)).reshape(-1, len(place))
+    meshio.Mesh(points, [(cell, cells)], point_data=fields).write(path, file_format="vtu")
 
 
 def section_fields(touch: Touch) -> tuple[Array, dict[str, Array]]:
-    """Points (9 elements, 3), m, and point fields, each element with its own nine nodes: nothing is averaged.
+    """Points (n elements, 3), m, and point fields, each element with its own n = 4 or 9 nodes: nothing is averaged.
 
-    Tensors (9 elements, 9) are row by row in the order r, z, hoop. Green-Lagrange strain is (F'F - 1)/2, nominal strain
+    Tensors (n elements, 9) are row by row in the order r, z, hoop. Green-Lagrange strain is (F'F - 1)/2, nominal strain
     V - 1 with V^2 = FF'; Kirchhoff stress is J times Cauchy's. A node at which the gradient turns the foam inside out
     takes the gradient of its element's centre; taken_from_centre tells where. elliptic is 1 where the law is strongly
     elliptic. contact_pressure_Pa, facet averages on the deformed surface, is 0 below the top.
     """
-    if touch.section is None:
-        raise ValueError("this touch keeps no fields inside the foam; solve it with eitsim.axisymmetric.")
-    section = touch.section
-    strain = _gradient(section)
+    section = _section(touch)
+    order = _order(section)
+    strain = _gradient(section, 2 / order * _CELLS[order][1] - 1)
     fine = solid.admissible(strain)
-    centre = np.flatnonzero(np.all(_PLACE == 1, axis=1))
-    strain = np.where(fine[..., None], strain, strain[:, centre]).reshape(-1, 5)
+    strain = np.where(fine[..., None], strain, _gradient(section, np.zeros((1, 2)))).reshape(-1, 5)
     flat = section.elements.ravel()
     moved, place = section.displacement_m[flat], section.nodes_m[flat]
     none = np.zeros(len(flat))
@@ -60,18 +61,34 @@ def section_fields(touch: Touch) -> tuple[Array, dict[str, Array]]:
     return np.column_stack([place, none]), fields
 
 
-def _gradient(section: Section) -> Array:
-    """F - 1 (elements, 9, 5), parts rr, rz, zr, zz and hoop, at the nodes of every element; u_r,r at the axis."""
+def _section(touch: Touch) -> Section:
+    if touch.rim is not None:
+        raise ValueError("the fields inside the foam are kept without the rim's effect, which this touch has; write "
+                         "those of a touch far from the rim.")
+    if touch.section is None:
+        raise ValueError("this touch keeps no fields inside the foam; solve it with eitsim.axisymmetric.")
+    return touch.section
+
+
+def _order(section: Section) -> int:
+    return math.isqrt(section.elements.shape[1]) - 1
+
+
+def _gradient(section: Section, at: Array) -> Array:
+    """F - 1 (elements, points, 5), parts rr, rz, zr, zz and hoop, at points (points, 2) in [-1, 1] of every element;
+    u_r,r for the hoop at the axis."""
     place, moved = section.nodes_m[section.elements], section.displacement_m[section.elements]
-    shape, slope = quadratic(np.array([-1.0, 0.0, 1.0]))
-    at_r, at_z = _PLACE.T
-    by_r = slope[at_r[:, None], at_r] * shape[at_z[:, None], at_z]
-    by_z = shape[at_r[:, None], at_r] * slope[at_z[:, None], at_z]
+    order = _order(section)
+    node_r, node_z = _CELLS[order][1].T
+    (shape_r, slope_r), (shape_z, slope_z) = (lagrange(order, t) for t in at.T)
+    shape = shape_r[:, node_r] * shape_z[:, node_z]
+    by_r, by_z = slope_r[:, node_r] * shape_z[:, node_z], shape_r[:, node_r] * slope_z[:, node_z]
     half = (place[:, 2] - place[:, 0]) / 2
     along_r = np.einsum("na,eai->eni", by_r, moved) / half[:, None, :1]
     along_z = np.einsum("na,eai->eni", by_z, moved) / half[:, None, 1:]
-    axis = place[..., 0] == 0
-    hoop = np.where(axis, along_r[..., 0], moved[..., 0] / np.where(axis, 1.0, place[..., 0]))
+    radius, outwards = place[..., 0] @ shape.T, moved[..., 0] @ shape.T
+    axis = radius == 0
+    hoop = np.where(axis, along_r[..., 0], outwards / np.where(axis, 1.0, radius))
     return np.stack([along_r[..., 0], along_z[..., 0], along_r[..., 1], along_z[..., 1], hoop], axis=-1)
 
 

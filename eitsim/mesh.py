@@ -1,4 +1,4 @@
-"""Tensor Q2 mesh of the foam's meridian half-plane, numbered for a narrow band."""
+"""Tensor mesh of the foam's meridian half-plane, biquadratic or bilinear, numbered for a narrow band."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, ElementQuad2, MeshQuad
+from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
 
 from eitsim.scene import Body, Punch
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Corners, middles of edges and centre among an element's nodes column after column.
-_AROUND = [0, 6, 8, 2, 3, 7, 5, 1, 4]
-# Gauss points per element and direction.
-_POINTS = 3
+# Elements by their order; each has order + 1 Gauss points per direction.
+ELEMENTS = {1: ElementQuad1, 2: ElementQuad2}
+# Corners, middles of edges and centre among an element's nodes column after column, by order.
+_AROUND = {1: [0, 2, 3, 1], 2: [0, 6, 8, 2, 3, 7, 5, 1, 4]}
 # Sizes in feature lengths, where a feature is the fillet radius or, if less, a twentieth of the thickness: the default
 # element at the edge of the punch, and the distances over which elements double from there, inwards, outwards and
 # downwards. Inwards they stay fine longer, since the foam under the fillet comes from there.
@@ -32,20 +32,25 @@ _WIDEST, _WIDEST_UNDER_CONE = 0.08, 0.03
 
 @dataclass(frozen=True)
 class Grid:
-    """A Q2 mesh of the (r, z) half-plane with its quadrature; lengths in any one unit."""
+    """A mesh of the (r, z) half-plane with its quadrature, p the elements' order; lengths in any one unit."""
 
     # (nodes, 2) reference position (r, z), column after column, upwards in each
     nodes: Array
-    # (elements, 9) node numbers
+    # (elements, (p + 1)^2) node numbers
     elements: Indices
     # (nodes, 2) number of the unknown of (u_r, u_z); -1 where the displacement is zero
     unknown: Indices
-    # (elements, points, 9, 3) N_,r, N_,z and N/r of each shape function; the last is 0 in plane strain
+    # (elements, points, (p + 1)^2, 3) N_,r, N_,z and N/r of each shape function; the last is 0 in plane strain
     gradient: Array
     # (elements, points) quadrature weight, 2 pi r included unless plane strain
     weight: Array
-    # (facets, 3) nodes of the top facets from the axis outwards: inner, middle, outer
+    # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, from the axis outwards
     top: Indices
+
+    @property
+    def order(self) -> int:
+        """Order of the elements."""
+        return self.top.shape[1] - 1
 
     @property
     def lines(self) -> tuple[Array, Array]:
@@ -55,8 +60,8 @@ class Grid:
 
     @property
     def counter_clockwise(self) -> Indices:
-        """Nodes (elements, 9): corners counter-clockwise, middles of the edges from the first corner on, centre."""
-        return np.sort(self.elements, axis=1)[:, _AROUND]
+        """Nodes (elements, (p + 1)^2): corners counter-clockwise, middles of the edges from the first on, centre."""
+        return np.sort(self.elements, axis=1)[:, _AROUND[self.order]]
 
     @property
     def unknowns(self) -> int:
@@ -80,12 +85,12 @@ def default_element_m(body: Body, punch: Punch) -> float:
     return _ELEMENT * feature_m(body, punch)
 
 
-def foam_grid(body: Body, punch: Punch, element_m: float) -> Grid:
+def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Grid:
     """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0.
 
     Lines lie at the edge of the punch and where its fillet starts. element_m is the element size there, m; elements
-    widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness and
-    the punch is smaller than the disc.
+    widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness, the
+    punch is smaller than the disc and the elements' order is one of ELEMENTS.
     """
     unit = body.thickness_m
     if not 0 < element_m < unit:
@@ -110,17 +115,21 @@ def foam_grid(body: Body, punch: Punch, element_m: float) -> Grid:
 
     stops = sorted({0.0, start, edge, rim})
     r = np.concatenate([[0.0], *(spread(a, b, width) for a, b in itertools.pairwise(stops))])
-    return tensor_grid(r, np.concatenate([[-1.0], spread(-1.0, 0.0, height)]))
+    return tensor_grid(r, np.concatenate([[-1.0], spread(-1.0, 0.0, height)]), order=order)
 
 
-def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False) -> Grid:
-    """Grid on lines r and z: bottom fixed and u_r = 0 at r = 0, or everything free; axisymmetric or plane strain."""
-    mesh = MeshQuad.init_tensor(r, z)
-    basis = Basis(mesh, ElementQuad2(), intorder=2 * _POINTS - 1)
-    order = np.lexsort(np.round(basis.doflocs[::-1], 12))
-    number = np.empty_like(order)
-    number[order] = np.arange(order.size)
-    nodes = np.ascontiguousarray(basis.doflocs.T[order])
+def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, order: int = 2) -> Grid:
+    """Grid on lines r and z: bottom fixed and u_r = 0 at r = 0, or everything free; axisymmetric or plane strain.
+
+    ValueError unless the elements' order is one of ELEMENTS.
+    """
+    if order not in ELEMENTS:
+        raise ValueError(f"elements of order {order} are not built; known: {', '.join(map(str, ELEMENTS))}.")
+    basis = Basis(MeshQuad.init_tensor(r, z), ELEMENTS[order](), intorder=2 * order + 1)
+    sequence = np.lexsort(np.round(basis.doflocs[::-1], 12))
+    number = np.empty_like(sequence)
+    number[sequence] = np.arange(sequence.size)
+    nodes = np.ascontiguousarray(basis.doflocs.T[sequence])
     fixed = np.zeros(nodes.shape, dtype=bool)
     if not free:
         fixed |= (nodes[:, 1] == z[0])[:, None]
@@ -128,18 +137,25 @@ def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False) 
     unknown = np.where(fixed, -1, np.cumsum(~fixed.ravel()).reshape(nodes.shape) - 1)
     gradient, weight = _quadrature(basis, plane)
     surface = np.flatnonzero(nodes[:, 1] == z[-1])
-    top = np.column_stack([surface[:-1:2], surface[1::2], surface[2::2]])
+    top = surface[np.arange(0, surface.size - 1, order)[:, None] + np.arange(order + 1)]
     return Grid(nodes, number[basis.element_dofs.T], unknown, gradient, weight, top)
 
 
 def _quadrature(basis: Basis, plane: bool) -> tuple[Array, Array]:
     radius = np.asarray(basis.global_coordinates())[0]
-    gradient = np.zeros((*radius.shape, 9, 3))
+    gradient = np.zeros((*radius.shape, len(basis.basis), 3))
     for k, (shape,) in enumerate(basis.basis):
         gradient[:, :, k, :2] = np.moveaxis(np.asarray(shape.grad), 0, -1)
         if not plane:
             gradient[:, :, k, 2] = np.asarray(shape) / radius
     return gradient, basis.dx * (1.0 if plane else 2 * np.pi * radius)
+
+
+def lagrange(order: int, t: Array) -> tuple[Array, Array]:
+    """Shape functions (points, order + 1) of as many equally spaced nodes in [-1, 1] and their derivatives at t."""
+    weights = np.linalg.inv(np.vander(np.linspace(-1, 1, order + 1), increasing=True))
+    power = np.arange(order + 1)
+    return t[:, None] ** power @ weights, power * t[:, None] ** np.maximum(power - 1, 0) @ weights
 
 
 def spread(start: float, stop: float, width: Callable[[Array], Array]) -> Array:

@@ -59,8 +59,8 @@ def surface(base: Base, points: Array) -> Array:
     """Current positions (..., 3) of points (..., 3) of the surface."""
     grid = base.model.grid
     radius, cosine, sine = polar(points)
-    top = np.append(grid.top[:, :2].ravel(), grid.top[-1, 2])
-    place = interpolation(grid.lines[0], radius.ravel()) @ positions(base.model, base.state.x)[top]
+    top = np.append(grid.top[:, :-1].ravel(), grid.top[-1, -1])
+    place = interpolation(grid.lines[0], radius.ravel(), grid.order) @ positions(base.model, base.state.x)[top]
     across, up = np.moveaxis(place.reshape(*radius.shape, 2), -1, 0)
     return np.stack([across * cosine, across * sine, up], axis=-1)
 

@@ -15,7 +15,7 @@ from scipy.optimize import root_scalar
 from eitsim import punch as contact
 from eitsim import solid
 from eitsim.linear import Solve, bordered, factorise_band
-from eitsim.mesh import Grid, default_element_m, feature_m, foam_grid
+from eitsim.mesh import Grid, default_element_m, feature_m, foam_grid, lagrange
 from eitsim.newton import System, minimise
 from eitsim.punch import Facets, Tool, Touching
 from eitsim.scene import Body, Punch, slope_rad
@@ -64,9 +64,9 @@ class Equilibrium:
     residuals: tuple[float, ...]
 
 
-def pressing(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float) -> Pressing:
+def pressing(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float, order: int = 2) -> Pressing:
     """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over mesh.feature_m."""
-    grid, unit = foam_grid(body, punch, element_m), body.thickness_m
+    grid, unit = foam_grid(body, punch, element_m, order), body.thickness_m
     stiffness = penalty * unit / feature_m(body, punch)
     tool = Tool(punch.diameter_m / 2 / unit, punch.fillet_m / unit, stiffness, slope_rad(punch))
     return Pressing(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, tool,
@@ -171,11 +171,11 @@ def _contact_gradient(model: Pressing, at: Touching) -> tuple[Array, float]:
 
 
 def _facet_unknowns(model: Pressing) -> NDArray[np.int64]:
-    return model.grid.unknown[model.facets.nodes].reshape(-1, 6)
+    return model.grid.unknown[model.facets.nodes].reshape(len(model.facets.nodes), -1)
 
 
 def _gathered(model: Pressing, on_facets: Array) -> Array:
-    """Sum (facets, 3, 2) into the unknowns."""
+    """Sum (facets, p + 1, 2) into the unknowns."""
     unknown = _facet_unknowns(model)
     free = unknown >= 0
     out = np.zeros(model.grid.unknowns)
@@ -185,7 +185,7 @@ def _gathered(model: Pressing, on_facets: Array) -> Array:
 
 def transferred(x: Array, old: Grid, new: Grid) -> Array:
     """The state x of one grid on another: the old grid's displacement at the new nodes."""
-    along_r, along_z = (interpolation(a, b) for a, b in zip(old.lines, new.lines, strict=True))
+    along_r, along_z = (interpolation(a, b, old.order) for a, b in zip(old.lines, new.lines, strict=True))
     values = solid.nodal(old, x[:-1]).reshape(*map(len, old.lines), 2)
     moved = np.einsum("im,mnk,jn->ijk", along_r, values, along_z, optimize=True).reshape(-1, 2)
     free = new.unknown >= 0
@@ -194,10 +194,11 @@ def transferred(x: Array, old: Grid, new: Grid) -> Array:
     return np.append(out, x[-1])
 
 
-def interpolation(nodes: Array, points: Array) -> Array:
-    """Quadratic interpolation (points, nodes) between nodes that are ends and middles of elements in turn."""
-    left = np.clip((np.searchsorted(nodes[::2], points, side="right") - 1) * 2, 0, len(nodes) - 3)
-    shape, _ = contact.quadratic((points - nodes[left + 1]) / (nodes[left + 2] - nodes[left]) * 2)
+def interpolation(nodes: Array, points: Array, order: int) -> Array:
+    """Interpolation (points, nodes) of that order between the nodes of a line of elements."""
+    left = np.clip((np.searchsorted(nodes[::order], points, side="right") - 1) * order, 0, len(nodes) - 1 - order)
+    first, last = nodes[left], nodes[left + order]
+    shape, _ = lagrange(order, (2 * points - first - last) / (last - first))
     out = np.zeros((len(points), len(nodes)))
-    out[np.arange(len(points))[:, None], left[:, None] + np.arange(3)] = shape
+    out[np.arange(len(points))[:, None], left[:, None] + np.arange(order + 1)] = shape
     return out

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mesh import Grid
+from eitsim.mesh import Grid, lagrange
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,13 +34,13 @@ class Tool:
 
 @dataclass(frozen=True)
 class Facets:
-    """Quadratic top facets with Gauss points."""
+    """Top facets of order p with Gauss points."""
 
-    # (facets, 3) nodes: inner, middle, outer
+    # (facets, p + 1) nodes from the inner to the outer end
     nodes: Indices
-    # (points, 3) shape functions
+    # (points, p + 1) shape functions
     shape: Array
-    # (facets, points, 3) their derivatives by the reference radius
+    # (facets, points, p + 1) their derivatives by the reference radius
     slope: Array
     # (facets, points) reference radius
     radius: Array
@@ -68,18 +68,12 @@ def top_facets(grid: Grid, reach: float = np.inf, points: int = POINTS) -> Facet
 
 
 def facets_at(grid: Grid, nodes: Indices, t: Array, weight: Array) -> Facets:
-    """Facets of these nodes (facets, 3) with points t in [-1, 1] and their weights (points,)."""
-    shape, by_t = quadratic(t)
+    """Facets of these nodes (facets, p + 1) with points t in [-1, 1] and their weights (points,)."""
+    shape, by_t = lagrange(grid.order, t)
     ends = grid.nodes[nodes, 0]
-    half = (ends[:, 2] - ends[:, 0])[:, None] / 2
+    half = (ends[:, -1] - ends[:, 0])[:, None] / 2
     radius = ends @ shape.T
     return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * radius * half * weight)
-
-
-def quadratic(t: Array) -> tuple[Array, Array]:
-    """Shape functions (points, 3) of the nodes -1, 0, 1 and their derivatives at t."""
-    return (np.column_stack([t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2]),
-            np.column_stack([t - 0.5, -2 * t, t + 0.5]))
 
 
 def distance(tool: Tool, r: Array, y: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
@@ -124,13 +118,14 @@ def energy(tool: Tool, facets: Facets, at: Touching) -> float:
 
 
 def forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Array, float]:
-    """Derivatives of the energy by the facets' node positions (facets, 3, 2) and by the depth (the reaction)."""
+    """Derivatives of the energy by the facets' node positions (facets, p + 1, 2) and by the depth (the reaction)."""
     push = tool.stiffness * facets.weight * at.gap
     return np.einsum("fp,pa,fpi->fai", push, facets.shape, at.normal), float(np.sum(push * at.normal[..., 1]))
 
 
 def stiffness(tool: Tool, facets: Facets, at: Touching, share: float = 1.0) -> tuple[Array, Array, float]:
-    """Second derivatives of the energy: facet blocks (facets, 3, 2, 3, 2), border (facets, 3, 2), corner.
+    """Second derivatives of the energy: facet blocks (facets, p + 1, 2, p + 1, 2), border
+    (facets, p + 1, 2), corner.
 
     The part with the punch's curvature, which is never positive, is scaled by share.
     """

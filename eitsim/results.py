@@ -65,11 +65,11 @@ class RimField:
 
 @dataclass(frozen=True)
 class Section:
-    """The foam's displacement on the half-plane through the punch's axis, on Q2 elements."""
+    """The foam's displacement on the half-plane through the punch's axis, on its elements."""
 
     # (nodes, 2) reference position (r, z), m, z = 0 at the top
     nodes_m: Array
-    # (elements, 9) nodes: corners counter-clockwise, middles of edges, centre
+    # (elements, 4 or 9) nodes: corners counter-clockwise, and for order 2 middles of edges, centre
     elements: NDArray[np.int64]
     # (nodes, 2) displacement (u_r, u_z), m
     displacement_m: Array

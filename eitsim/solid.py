@@ -51,7 +51,7 @@ def deformation(grid: Grid, u: Array) -> Array:
     """F - 1 (elements, points, 5), parts rr, rz, zr, zz and hoop, of the unknown displacements u."""
     moved = nodal(grid, u)[grid.elements]
     elements, points = grid.weight.shape
-    gradient = np.moveaxis(grid.gradient, 3, 2).reshape(elements, 3 * points, 9)
+    gradient = np.moveaxis(grid.gradient, 3, 2).reshape(elements, 3 * points, -1)
     slope = (gradient @ moved).reshape(elements, points, 3, 2)
     return np.stack([slope[..., 0, 0], slope[..., 1, 0], slope[..., 0, 1], slope[..., 1, 1], slope[..., 2, 0]], -1)
 
@@ -213,15 +213,16 @@ def assemble(shape, elements, unknown, force, tangent, gradient, band):
 
     B maps node a's (u_r, u_z) to the parts (rr, rz, zr, zz, hoop) of F through N_,r, N_,z and N/r in shape.
     """
-    local = np.empty((18, 18))
-    load = np.empty(18)
+    nodes = shape.shape[2]
+    local = np.empty((2 * nodes, 2 * nodes))
+    load = np.empty(2 * nodes)
     row = np.empty((2, 5))
     for e in range(elements.shape[0]):
         local[:] = 0.0
         load[:] = 0.0
         for q in range(shape.shape[1]):
             p, c = force[e, q], tangent[e, q]
-            for a in range(9):
+            for a in range(nodes):
                 r, z, h = shape[e, q, a, 0], shape[e, q, a, 1], shape[e, q, a, 2]
                 load[2 * a] += r * p[0] + z * p[1] + h * p[4]
                 load[2 * a + 1] += r * p[2] + z * p[3]
@@ -233,7 +234,7 @@ def assemble(shape, elements, unknown, force, tangent, gradient, band):
                     for i in range(2):
                         local[2 * a + i, 2 * b] += row[i, 0] * r + row[i, 1] * z + row[i, 4] * h
                         local[2 * a + i, 2 * b + 1] += row[i, 2] * r + row[i, 3] * z
-        for a in range(18):
+        for a in range(2 * nodes):
             i = unknown[elements[e, a // 2], a % 2]
             if i < 0:
                 continue

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from eitsim import punch as contact
 from eitsim.dipole import dipole
+from eitsim.mesh import lagrange
 from eitsim.pressing import Pressing, positions, touching
 from eitsim.punch import Facets
 from eitsim.skin import driving_strain
@@ -54,12 +55,12 @@ class Contact:
 def stretch(model: Pressing, x: Array, facets: Facets) -> Stretch:
     """Deformation at the points of facets, from the displacement's gradient at the surface."""
     where = positions(model, x)
-    rows = model.grid.lines[1][-3:]
-    height = (rows[2] - rows[0]) / 2
+    order, rows = model.grid.order, model.grid.lines[1]
+    by_height = lagrange(order, np.ones(1))[1][0] * 2 / (rows[-1] - rows[-1 - order])
     position = facets.shape @ where[facets.nodes]
     along = facets.slope @ where[facets.nodes]
-    up = (1.5 * where[facets.nodes] - 2 * where[facets.nodes - 1] + 0.5 * where[facets.nodes - 2]) / height
-    up = facets.shape @ up
+    columns = where[facets.nodes[..., None] + np.arange(-order, 1)]
+    up = facets.shape @ np.einsum("k,faki->fai", by_height, columns)
     meridian = np.hypot(along[..., 0], along[..., 1])
     on_axis = facets.radius == 0
     hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, facets.radius))
@@ -93,7 +94,8 @@ def contact_of(model: Pressing, x: Array) -> Contact:
     projected = fine.weight * field.widening * (touched & ~at.wall)
     wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
     radius = float(fine.radius[touched].max())
-    return Contact(pressure, model.grid.nodes[facets.nodes[:, 1], 0], radius, float(projected.sum()), float(wall.sum()))
+    middle = model.grid.nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
+    return Contact(pressure, middle, radius, float(projected.sum()), float(wall.sum()))
 
 
 def dipole_response(model: Pressing, x: Array, strain: str) -> float:

@@ -11,7 +11,7 @@ import pytest
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.fields import section_fields, write_vtu
-from eitsim.results import Section
+from eitsim.results import RimField, Section
 from eitsim.scene import Body, Punch
 from matcal.hyperfoam import Hyperfoam, kirchhoff
 
@@ -107,6 +107,22 @@ def test_a_homogeneous_field_is_exact():
     assert np.allclose(fields["nominal_strain"].reshape(-1, 3, 3), np.diag([0.2, -0.3, 0.2]))
     assert np.allclose(fields["volume_ratio"], 1.2 * 0.7 * 1.2)
     assert not fields["taken_from_centre"].any()
+
+
+def test_bilinear_elements_are_written_as_such(tmp_path):
+    touch = solve_touch(LAW, Body(), Punch(force_N=FORCE_N), element_m=0.12e-3, order=1)
+    write_vtu(touch, tmp_path / "fields.vtu")
+    read = meshio.read(tmp_path / "fields.vtu")
+    assert read.cells[0].type == "quad"
+    at = read.points.reshape(-1, 4, 3)
+    assert np.sum((at[:, 1, 0] - at[:, 0, 0]) * (at[:, 3, 1] - at[:, 0, 1])) == pytest.approx(0.1 * 0.01)
+    assert read.point_data["displacement_m"][:, 1].min() == pytest.approx(-touch.depth_m, rel=0.02)
+
+
+def test_a_touch_with_a_rim_is_refused(solved, tmp_path):
+    rim = RimField(np.zeros((1, 2)), np.zeros((1, 3)), np.array([[1.0, 0.0, 1.0]]), np.ones(1), 0.03, 0.0, 0.0)
+    with pytest.raises(ValueError, match="without the rim's effect"):
+        write_vtu(replace(solved, rim=rim), tmp_path / "fields.vtu")
 
 
 def test_ellipticity_is_told_where_it_is_lost():

@@ -16,11 +16,12 @@ LAWS = {"Table 1": TABLE_1, "nu = 0.3": Hyperfoam([8e3], [6.0], [0.3]),
         "mixed nu": Hyperfoam([8e3, 3e3], [2.0, -1.5], [0.0, 0.2])}
 
 
+@pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("strain", [-0.8, -0.4, 0.0, 1e-9, 0.5])
-def test_one_element_in_uniaxial_compression_is_the_closed_form(name, strain):
+def test_one_element_in_uniaxial_compression_is_the_closed_form(name, strain, order):
     law = LAWS[name]
-    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), free=True)
+    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), free=True, order=order)
     axial, lateral, _ = np.exp(log_stretches(law, "uniaxial", np.array([strain]))[0])
     force = forces(law, grid, np.array([lateral - 1, 0.0, 0.0, axial - 1]))
     top, side = grid.nodes[:, 1] == 1.3, grid.nodes[:, 0] == 0.7
@@ -134,8 +135,9 @@ def test_damping_removes_negative_curvature_and_nothing_else():
     assert np.array_equal(solid.damped(stiff, 1.0), stiff)
 
 
-def test_the_compiled_assembly_equals_its_numpy_twin():
-    grid = foam_grid(Body(), Punch(), 1e-3)
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_compiled_assembly_equals_its_numpy_twin(order):
+    grid = foam_grid(Body(), Punch(), 1e-3, order)
     rng = np.random.default_rng(0)
     force = rng.standard_normal((*grid.weight.shape, 5))
     tangent = rng.standard_normal((*grid.weight.shape, 5, 5))
@@ -143,7 +145,7 @@ def test_the_compiled_assembly_equals_its_numpy_twin():
     gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
     solid.assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)
 
-    parts = np.zeros((*grid.weight.shape, 9, 2, 5))
+    parts = np.zeros((*grid.gradient.shape[:-1], 2, 5))
     parts[..., 0, [0, 1, 4]] = grid.gradient
     parts[..., 1, [2, 3]] = grid.gradient[..., :2]
     loads = np.einsum("eqaik,eqk->eai", parts, force)
@@ -154,6 +156,11 @@ def test_the_compiled_assembly_equals_its_numpy_twin():
     np.add.at(matrix, (number[:, :, :, None, None], number[:, None, None]), blocks)
     assert np.allclose(gradient, twin[:-1], rtol=0, atol=1e-12 * np.abs(twin).max())
     assert np.allclose(full(band), matrix[:-1, :-1], rtol=0, atol=1e-12 * np.abs(matrix).max())
+
+
+def test_orders_that_are_not_built_are_refused():
+    with pytest.raises(ValueError, match="order 3 are not built; known: 1, 2"):
+        foam_grid(Body(), Punch(), 1e-3, 3)
 
 
 def full(band):
