@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +59,16 @@ def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, l
     meridian, hoop = principal_conductances(law, skin, *stretches(touch, radius))
     radial = normal[..., :, None] * normal[..., None, :]
     return hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * radial
+
+
+def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]], skin: Skin,
+                        law: Conductivity) -> Array:
+    """Conductance tensor (..., 2, 2), S, at points (..., 2) under one touch or several, whose changes add up."""
+    rest = untouched_conductance(law, skin) * np.eye(2)
+    first, *others = (sheet_conductance(points_m, punch, touch, skin, law) for punch, touch in touches)
+    for other in others:
+        first = first + (other - rest)
+    return first
 
 
 def _conductance_near_rim(points_m: Array, punch: Punch, touch: Touch, rim: RimField, skin: Skin,

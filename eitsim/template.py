@@ -40,7 +40,7 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     if gap <= 0:
         raise ValueError(f"the contact reaches {-gap * 1e3:.1f} mm beyond the rim of the disc; move the punch inwards.")
     angles, electrode = rim_angles(body, electrodes, level)
-    inner = _centred_radii(punch, touch, gap, level)
+    inner = centred_radii(punch, touch, gap, level)
     blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * electrodes.width_m / level)
     radii = np.concatenate([inner, inner[-1] + blend * (body.radius_m - inner[-1])])
     shift = np.concatenate([np.ones(len(inner)), 1 - blend])
@@ -90,8 +90,9 @@ def _topology(rings: int, sectors: int) -> tuple[Indices, Indices]:
     return np.column_stack(cells), np.column_stack([rim[:-1:2], rim[2::2], rim[1::2]])
 
 
-def _centred_radii(punch: Punch, touch: Touch, gap: float, level: int) -> Array:
-    """Radii from 0 over the lines of the contact to the last ring that is centred on the punch."""
+def centred_radii(punch: Punch, touch: Touch, gap: float, level: int) -> Array:
+    """Radii, m, from 0 over the lines of the contact to the last ring that is centred on the punch, part of the way
+    `gap`, m, from the contact."""
     edge, same = punch.diameter_m / 2, _SAME_LINE * punch.fillet_m
     marks = [edge - punch.fillet_m, edge, touch.contact_radius_m]
     marks = [m for i, m in enumerate(marks) if m > same and all(abs(m - other) > same for other in marks[:i])]

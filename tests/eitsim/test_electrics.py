@@ -156,8 +156,6 @@ def test_a_conducting_punch_shunts_like_a_metal_disc_and_a_poor_contact_like_non
 
 def test_what_is_not_built_is_refused():
     touch = synthetic()
-    with pytest.raises(ValueError, match="2 touches"):
-        solve(Body(), SKIN, Electrodes(), Drive(), ((Punch(), touch), (Punch(0.04), touch)), LAW)
     with pytest.raises(ValueError, match="known: auto, multipole, mesh"):
         readings(Punch(), touch, method="born")
     with pytest.raises(ValueError, match="multipole"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import iv, ivp
 
-from eitsim.multipole import impedance_change, scattering
+from eitsim.multipole import Scatterer, impedance_change, scattering
 from eitsim.results import Touch
 from eitsim.rim import solve_rim
 from eitsim.scene import Body, Electrodes, Punch, Skin
@@ -51,7 +51,7 @@ def test_a_concentric_disc_changes_the_impedance_as_in_the_closed_form():
     tau = scattering(Punch(), rings(0.4), Skin(), LAW, REACH, 12, 1)
     electrodes = Electrodes(contact_impedance_Ohm_m=1e6, width_m=1e-3)
     rim = solve_rim(Body(), electrodes, SHEET)
-    change = impedance_change(rim, Body(), electrodes, SHEET, Punch(), REACH, tau, 160)
+    change = impedance_change(rim, Body(), electrodes, SHEET, [Scatterer(0j, REACH, tau)], 160)
     share = tau * (REACH / 0.1) ** (2 * ORDERS)
     half = 0.5e-3 / 0.1
     mode = 2 * share / (1 - share) * np.sinc(ORDERS * half / np.pi) ** 2 / (np.pi * SHEET * ORDERS)

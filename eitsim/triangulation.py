@@ -1,0 +1,209 @@
+"""A mesh that follows several touches: curved triangles in rings about each punch, a graded triangulation between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, KDTree
+
+from eitsim.cem import SkinMesh
+from eitsim.multipole import place
+from eitsim.results import Touch
+from eitsim.scene import Body, Electrodes, Punch
+from eitsim.template import centred_radii, rim_angles
+from matcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+# Triangles around a circle, on level 1, at least; growth of the triangles per unit of distance, and their largest size
+# in disc radii.
+_SECTORS, _GROWTH, _LARGEST = 32, 0.3, 0.15
+# Least distance of the other points from circles and rim, in sizes, and how often they are moved to their neighbours'
+# mean.
+_CLOSEST, _SMOOTHINGS = 0.6, 3
+
+
+@dataclass(frozen=True)
+class _Circle:
+    """Rings about a punch."""
+
+    # (2,) axis, m
+    centre_m: Array
+    # (rings + 1,) radii from 0, m
+    radii_m: Array
+    sectors: int
+
+    @property
+    def radius_m(self) -> float:
+        return float(self.radii_m[-1])
+
+    @property
+    def size_m(self) -> float:
+        """Length of the triangles outside."""
+        return 2 * np.pi * self.radius_m / self.sectors
+
+
+def triangulation(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, Touch], ...],
+                  level: int = 1) -> SkinMesh:
+    """P2 mesh of the disc with circles at the punches' edges, the starts of their fillets and the ends of contact.
+
+    A level halves all sizes. ValueError where punches overlap or overhang the rim.
+    """
+    circles = [_circle(punch, touch, gap, level) for (punch, touch), gap in zip(touches, _gaps(body, touches),
+                                                                               strict=True)]
+    angles, electrode = rim_angles(body, electrodes, 2 * level)
+    rim = body.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
+    parts = [_rings(circle) for circle in circles]
+    ends = np.cumsum([0, *(len(nodes) for nodes, _ in parts)])
+    outlines = [end - circle.sectors + np.arange(circle.sectors) for circle, end in zip(circles, ends[1:], strict=True)]
+    outline = np.concatenate([*outlines, ends[-1] + np.arange(len(rim))])
+    corners = np.vstack([*(nodes for nodes, _ in parts), rim])
+    fill, between = _between(body, circles, corners[outline], rim, level)
+    numbers = np.concatenate([outline, len(corners) + np.arange(len(fill))])
+    corners = np.vstack([corners, fill])
+    cells = np.vstack([*(cells + start for (_, cells), start in zip(parts, ends, strict=False)), numbers[between]])
+    return _quadratic(circles, ends, corners, cells, electrode, electrodes.count)
+
+
+def _gaps(body: Body, touches: tuple[tuple[Punch, Touch], ...]) -> Array:
+    """Distance from each contact to the rim or to the middle of the way to another contact, m."""
+    radius = np.array([max(punch.diameter_m / 2, touch.contact_radius_m) for punch, touch in touches])
+    centre = np.array([place(punch) for punch, _ in touches])
+    apart = np.abs(np.subtract.outer(centre, centre)) - np.add.outer(radius, radius)
+    np.fill_diagonal(apart, np.inf)
+    to_rim = body.radius_m - np.abs(centre) - radius
+    if to_rim.min() <= 0:
+        raise ValueError(f"the contact reaches {-to_rim.min() * 1e3:.1f} mm beyond the rim of the disc; move the punch "
+                         "inwards.")
+    if apart.min() <= 0:
+        raise ValueError(f"two punches or their contacts overlap by {-apart.min() * 1e3:.1f} mm; move them apart.")
+    return np.minimum(to_rim, apart.min(axis=1) / 2)
+
+
+def _circle(punch: Punch, touch: Touch, gap: float, level: int) -> _Circle:
+    radii = centred_radii(punch, touch, gap, level)
+    around = 2 * np.pi * radii[-1] / (radii[-1] - radii[-2])
+    return _Circle(np.array([punch.x_m, punch.y_m]), radii, max(_SECTORS * level, int(np.ceil(around))))
+
+
+def _rings(circle: _Circle) -> tuple[Array, Indices]:
+    """Corners, the axis first, the outermost ring last, and triangles (n, 3)."""
+    count, rings = circle.sectors, len(circle.radii_m) - 1
+    angle = 2 * np.pi * np.arange(count) / count
+    spoke = np.column_stack([np.cos(angle), np.sin(angle)])
+    corners = (circle.radii_m[1:, None, None] * spoke).reshape(-1, 2)
+    number = 1 + np.arange(rings * count).reshape(rings, count)
+    after = np.roll(number, -1, axis=1)
+    fan = np.column_stack([np.zeros(count, dtype=int), number[0], after[0]])
+    inner, outer, outer_after, inner_after = (a.ravel() for a in (number[:-1], number[1:], after[1:], after[:-1]))
+    cells = [fan, np.column_stack([inner, outer, outer_after]), np.column_stack([inner, outer_after, inner_after])]
+    return circle.centre_m + np.vstack([np.zeros((1, 2)), corners]), np.vstack(cells)
+
+
+def _between(body: Body, circles: list[_Circle], outline: Array, rim: Array, level: int) -> tuple[Array, Indices]:
+    """Points between circles and rim, and triangles of the outline's points and these."""
+    spacing = np.linalg.norm(rim - np.roll(rim, 1, axis=0), axis=1)
+    along = KDTree(rim)
+
+    def size(points: Array) -> Array:
+        reach, nearest = along.query(points)
+        out = np.minimum(spacing[nearest] + _GROWTH * reach, _LARGEST * body.radius_m / level)
+        for circle in circles:
+            away = np.linalg.norm(points - circle.centre_m, axis=1) - circle.radius_m
+            out = np.minimum(out, circle.size_m + _GROWTH * np.maximum(away, 0))
+        return out
+
+    fill = _leaves(body, circles, size)
+    fill = fill[KDTree(outline).query(fill)[0] > _CLOSEST * size(fill)]
+    for _ in range(_SMOOTHINGS):
+        cells = _kept(circles, outline, fill)
+        fill = _smoothed(fill, np.vstack([outline, fill]), cells)
+    cells = _kept(circles, outline, fill)
+    _check_outline(circles, len(rim), cells)
+    return fill, cells
+
+
+def _leaves(body: Body, circles: list[_Circle], size: Callable[[Array], Array]) -> Array:
+    """Middles (n, 2) of the squares of a quadtree that are no larger than the size there, outside the circles."""
+    side = 2 * body.radius_m
+    found, squares = [], np.zeros((1, 2))
+    while len(squares):
+        large = side > size(squares)
+        found.append(squares[~large])
+        side /= 2
+        quarter = side / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        squares = (squares[large, None] + quarter).reshape(-1, 2)
+    points = np.vstack(found)
+    free = np.linalg.norm(points, axis=1) < body.radius_m
+    for circle in circles:
+        free &= np.linalg.norm(points - circle.centre_m, axis=1) > circle.radius_m
+    return points[free]
+
+
+def _kept(circles: list[_Circle], outline: Array, fill: Array) -> Indices:
+    """Delaunay triangles outside the circles; the outline's points are the circles' in their order, then the rim's."""
+    points = np.vstack([outline, fill])
+    cells = Delaunay(points).simplices
+    middle = points[cells].mean(axis=1)
+    outside = np.ones(len(cells), dtype=bool)
+    for circle in circles:
+        away = np.linalg.norm(middle - circle.centre_m, axis=1)
+        outside &= away > circle.radius_m * np.cos(np.pi / circle.sectors)
+    return cells[outside]
+
+
+def _smoothed(fill: Array, points: Array, cells: Indices) -> Array:
+    """Points moved to the mean of their neighbours."""
+    one, other = np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]).T
+    count = np.bincount(one, minlength=len(points)) + np.bincount(other, minlength=len(points))
+    mean = [(np.bincount(one, points[other, i], len(points)) + np.bincount(other, points[one, i], len(points)))
+            / np.maximum(count, 1) for i in (0, 1)]
+    return np.column_stack(mean)[len(points) - len(fill):]
+
+
+def _check_outline(circles: list[_Circle], on_rim: int, cells: Indices) -> None:
+    """NotConverged where a circle or the rim is not made of edges of one triangle each."""
+    start, wanted = 0, []
+    for count in [*(circle.sectors for circle in circles), on_rim]:
+        loop = start + np.arange(count)
+        wanted.append(np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1))
+        start += count
+    edges, seen = np.unique(_edges(cells), axis=0, return_counts=True)
+    single = edges[seen == 1]
+    if not np.array_equal(single, np.unique(np.vstack(wanted), axis=0)):
+        raise NotConverged("no mesh of the skin between these touches was found; move them apart or ask for a larger "
+                           "signal in [accuracy].")
+
+
+def _edges(cells: Indices) -> Indices:
+    """Edges (3 cells, 2) of triangles, lower number first: those from corner 0 to 1, then 1 to 2, then 0 to 2."""
+    return np.sort(np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [0, 2]]]), axis=1)
+
+
+def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Indices, electrode: Indices,
+               count: int) -> SkinMesh:
+    """Middle nodes on every edge, in polar coordinates about its circle or, along the rim, about the disc."""
+    edges, number = np.unique(_edges(cells), axis=0, return_inverse=True)
+    middle = corners[edges].mean(axis=1)
+    for circle, start, end in zip(circles, ends, ends[1:], strict=False):
+        inside = (edges[:, 0] > start) & (edges[:, 1] < end)
+        middle[inside] = _turned(corners[edges[inside]], circle.centre_m)
+    rim = ends[-1] + np.arange(len(electrode))
+    line = np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1)
+    along = np.searchsorted(edges @ [len(corners), 1], line @ [len(corners), 1])
+    middle[along] = _turned(corners[line], np.zeros(2))
+    under = np.flatnonzero(electrode >= 0)
+    quadratic = np.column_stack([cells, len(corners) + number.reshape(3, -1).T])
+    arcs = np.column_stack([rim, np.roll(rim, -1), len(corners) + along])
+    return SkinMesh(np.vstack([corners, middle]), quadratic, arcs[under], electrode[under], count, "P2")
+
+
+def _turned(ends: Array, centre: Array) -> Array:
+    """Points half-way in radius and angle about a centre, of edges (n, 2, 2)."""
+    first, last = ((ends[:, i] - centre) @ np.array([1, 1j]) for i in (0, 1))
+    middle = (np.abs(first) + np.abs(last)) / 2 * np.exp(1j * (np.angle(first) + np.angle(last / first) / 2))
+    return centre + np.column_stack([middle.real, middle.imag])
