@@ -18,6 +18,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from skfem import Basis, ElementHex2, FacetBasis, MeshHex2
 
 from eitsim import patch_base, solid3d
+from eitsim import punch as contact
 from eitsim.linear import Solve, bordered, factorise_definite
 from eitsim.newton import Minimum, System, minimise
 from eitsim.patch_base import Base
@@ -151,7 +152,7 @@ def _facing(base: Base, basis: FacetBasis, unknown: Indices, pattern: csc_matrix
     gap, normal, _ = penetration(tool, position, float(base.state.x[-1]))
     gap, numbers = np.maximum(gap, 0.0), _on(unknown, basis)
     return Facing(values_of(basis), basis.dx, nodes_of(basis), numbers, _places(numbers, pattern), position,
-                  tool.stiffness * gap, normal, gap)
+                  contact.pressure(tool, gap), normal, gap)
 
 
 def _traction(base: Base, basis: FacetBasis, unknown: Indices) -> Array:

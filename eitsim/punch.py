@@ -26,10 +26,12 @@ class Tool:
     radius: float
     # radius of the fillet
     fillet: float
-    # penalty: nominal pressure over penetration
+    # penalty: nominal pressure over a small penetration
     stiffness: float
     # angle between the face and the horizontal, rad; 0 for a flat face
     slope: float = 0.0
+    # penetration at which the pressure is twice what the penalty alone gives; beyond, it grows with the third power
+    firm: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -112,14 +114,34 @@ def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touch
     return Touching(np.maximum(gap, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)
 
 
+def pressure(tool: Tool, gap: Array) -> Array:
+    """Nominal pressure k g (1 + (g/f)^2) at penetrations g (...), not negative; k the stiffness, f the firm gap."""
+    return tool.stiffness * gap * (1 + (gap / tool.firm) ** 2)
+
+
+def pressure_slope(tool: Tool, gap: Array) -> Array:
+    """Derivative of `pressure` by the penetration (...); 0 where there is none."""
+    return tool.stiffness * (gap > 0) * (1 + 3 * (gap / tool.firm) ** 2)
+
+
 def energy(tool: Tool, facets: Facets, at: Touching) -> float:
-    """Penalty energy k g^2/2 over the reference surface."""
-    return float(tool.stiffness / 2 * np.sum(facets.weight * at.gap**2))
+    """Penalty energy over the reference surface: the integral of the pressure over the penetration."""
+    return float(tool.stiffness / 2 * np.sum(facets.weight * at.gap**2 * (1 + (at.gap / tool.firm) ** 2 / 2)))
 
 
 def forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Array, float]:
     """Derivatives of the energy by the facets' node positions (facets, p + 1, 2) and by the depth (the reaction)."""
-    push = tool.stiffness * facets.weight * at.gap
+    return _pushed(facets, at, pressure(tool, at.gap))
+
+
+def complementary_forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Array, float]:
+    """As `forces`, of the complementary energy: pressure times penetration less the energy."""
+    return _pushed(facets, at, pressure_slope(tool, at.gap) * at.gap)
+
+
+def _pushed(facets: Facets, at: Touching, by_gap: Array) -> tuple[Array, float]:
+    """Derivatives of an integral over the surface from its integrand's by the penetration (facets, points)."""
+    push = facets.weight * by_gap
     return np.einsum("fp,pa,fpi->fai", push, facets.shape, at.normal), float(np.sum(push * at.normal[..., 1]))
 
 
@@ -129,8 +151,8 @@ def stiffness(tool: Tool, facets: Facets, at: Touching, share: float = 1.0) -> t
 
     The part with the punch's curvature, which is never positive, is scaled by share.
     """
-    push = tool.stiffness * facets.weight * (at.gap > 0)
-    bend = push * at.gap * share
+    push = facets.weight * pressure_slope(tool, at.gap)
+    bend = facets.weight * pressure(tool, at.gap) * share
     point = push[..., None, None] * at.normal[..., :, None] * at.normal[..., None, :]
     point = point + bend[..., None, None] * at.curvature
     blocks = np.einsum("fpij,pa,pb->faibj", point, facets.shape, facets.shape)

@@ -86,7 +86,7 @@ def contact_of(model: Pressing, x: Array) -> Contact:
     """Pressures and areas of the contact at x."""
     facets = model.facets
     at, field = touching(model, x), stretch(model, x, facets)
-    push = (facets.weight * model.tool.stiffness * at.gap).sum(axis=1)
+    push = (facets.weight * contact.pressure(model.tool, at.gap)).sum(axis=1)
     pressure = push / (facets.weight * field.meridian * field.hoop).sum(axis=1)
     fine = contact.facets_at(model.grid, facets.nodes, *np.polynomial.legendre.leggauss(_FINE))
     at, field = touching(model, x, fine), stretch(model, x, fine)

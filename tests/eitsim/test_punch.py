@@ -11,7 +11,7 @@ from eitsim.punch import Tool
 from eitsim.scene import Body, Punch
 
 TOOLS = {"flat": Tool(0.7, 0.05, 1e4), "sphere": Tool(0.7, 0.7, 1e4), "cone": Tool(0.7, 0.05, 1e4, 0.2),
-         "steep cone": Tool(0.7, 0.1, 1e4, 0.9)}
+         "steep cone": Tool(0.7, 0.1, 1e4, 0.9), "firm": Tool(0.7, 0.05, 1e4, firm=0.02)}
 
 
 def core(tool):
@@ -81,6 +81,18 @@ def test_forces_and_stiffness_equal_differences(name):
     reaction = np.sum(border * direction[facets.nodes]) + corner * more
     differences = (force(step) - force(-step)) / (2 * step)
     assert np.allclose(np.append(change.ravel(), reaction), differences, atol=1e-5 * np.abs(differences).max())
+
+
+def test_the_complementary_energy_is_the_integral_of_the_penetration_over_the_pressure():
+    tool, gaps = TOOLS["firm"], np.linspace(0, 0.05, 2001)
+    pressures = contact.pressure(tool, gaps)
+    work = np.trapezoid(pressures, gaps)
+    stored = contact.Facets(np.zeros((1, 1), int), np.eye(1), np.zeros(1), np.zeros(1), np.ones((1, 1)))
+    at = contact.Touching(gaps[-1:, None], np.array([[[0.0, 1.0]]]), np.zeros((1, 1, 2, 2)), np.zeros((1, 1), bool))
+    assert contact.energy(tool, stored, at) == pytest.approx(work, rel=1e-5)
+    by_gap = gaps * np.gradient(pressures, gaps)
+    assert np.trapezoid(by_gap, gaps) == pytest.approx(pressures[-1] * gaps[-1] - work, rel=1e-4)
+    assert contact.complementary_forces(tool, stored, at)[1] == pytest.approx(by_gap[-1], rel=1e-2)
 
 
 def test_side_wall_is_told_from_the_face():
