@@ -1,10 +1,10 @@
 """Axisymmetric touches: a frictionless rounded punch, flat, spherical or conical, pressed into foam about its own axis.
 
-Every touch is solved from rest on a mesh of twice the element size and carried over to the mesh that is asked for.
-The difference of the two is the error estimate, but at least a floor that was measured on Table 1, 8 to 20 mm and
-0.05 to 3 N, against meshes of a third of the default element size: there the default size leaves at most 0.05 % in
-depth and 0.31 % in the dipole response of a skin driven by the normal strain. The largest pressure, a facet's average,
-has no estimate: it was at most 4 % low from 0.3 N on and up to 17 % below, where it peaks within two facets.
+Every touch is solved from rest on a coarse mesh and carried over to finer ones, up to the mesh that is asked for.
+The difference of the two finest is the error estimate, but at least a floor that was measured on Table 1, 8 to 20 mm
+and 0.05 to 3 N, against meshes of a third of the default element size: there the default size leaves at most 0.05 %
+in depth and 0.31 % in the dipole response of a skin driven by the normal strain. The largest pressure, a facet's
+average, has no estimate: it was at most 4 % low from 0.3 N on and up to 17 % below, where it peaks within two facets.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim import solid, surface
+from eitsim.approach import carried_over, from_rest, near
 from eitsim.mesh import default_element_m
-from eitsim.pressing import Equilibrium, Pressing, at_rest, equilibrium, fraction_non_elliptic, pressing, transferred
+from eitsim.pressing import Equilibrium, Pressing, equilibrium, fraction_non_elliptic, pressing
 from eitsim.results import Section, Touch
 from eitsim.scene import PROFILES, Body, Punch
 from matcal.errors import NotConverged
@@ -36,8 +37,8 @@ CONE_PENALTY = 5250.0
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
 # Least element size, in default sizes: about 5 GB.
 _FINEST = 1 / 8
-# How often the force is halved for a start where Newton's method fails from rest.
-_HALVINGS = 5
+# Least size of the coarsest level's elements, in default sizes: there a start from rest is cheapest.
+_COARSEST = 3.0
 # A prescribed depth: relative error at which it is reached, steps towards it, and the largest in the force's logarithm.
 _DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP = 1e-9, 40, 0.5
 
@@ -93,7 +94,7 @@ def force_unit(law: Hyperfoam, body: Body) -> float:
 
 def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
               penalty: float | None, order: int = 2) -> list[Pressing]:
-    """Pressings from coarse to fine, halving; the coarsest with at least twice the default element size."""
+    """Pressings from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes."""
     if punch.profile not in PROFILES:
         raise ValueError(f"profile in [punch]: '{punch.profile}' is unknown; known: {', '.join(PROFILES)}.")
     if punch.friction != "none":
@@ -107,35 +108,17 @@ def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
     if not _FINEST * default <= sizes[0] < body.thickness_m / 2:
         raise ValueError(f"element_m must lie between {_FINEST * default:.3g} m (finer ones exceed the memory) and "
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
-    while len(sizes) < 2 or sizes[0] < 1.5 * default:
+    while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
     return [pressing(law, body, punch, size, penalty, order) for size in sizes]
 
 
 def under_force(levels: list[Pressing], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
     """Equilibria on all levels under a force, from the coarsest level's one before or from rest."""
-    states = [equilibrium(levels[0], force, before.x) if before else from_rest(levels[0], force)]
+    states = [near(levels[0], before, force) if before else from_rest(levels[0], force)]
     for coarse, fine in itertools.pairwise(levels):
-        states.append(_carried_over(coarse, states[-1], fine))
+        states.append(carried_over(coarse, states[-1], fine))
     return states
-
-
-def _carried_over(coarse: Pressing, state: Equilibrium, fine: Pressing) -> Equilibrium:
-    """The equilibrium on the finer level; from rest where the coarse state is not admissible or fails there."""
-    try:
-        return equilibrium(fine, state.force, transferred(state.x, coarse.grid, fine.grid))
-    except NotConverged:
-        return from_rest(fine, state.force)
-
-
-def from_rest(model: Pressing, force: float, halvings: int = _HALVINGS) -> Equilibrium:
-    """The equilibrium under a force, from rest, or by way of half the force where that fails."""
-    try:
-        return equilibrium(model, force, at_rest(model, force))
-    except NotConverged:
-        if halvings == 0:
-            raise
-    return equilibrium(model, force, from_rest(model, force / 2, halvings - 1).x)
 
 
 def at_depth(levels: list[Pressing], depth: float) -> list[Equilibrium]:
@@ -144,7 +127,7 @@ def at_depth(levels: list[Pressing], depth: float) -> list[Equilibrium]:
     guess = np.pi * levels[0].tool.radius**2 * depth
     states = [reached(levels[0], depth, from_rest(levels[0], guess))]
     for coarse, fine in itertools.pairwise(levels):
-        states.append(reached(fine, depth, _carried_over(coarse, states[-1], fine)))
+        states.append(reached(fine, depth, carried_over(coarse, states[-1], fine)))
     return states
 
 

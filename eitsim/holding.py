@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim import surface
-from eitsim.axisymmetric import at_depth, force_unit, from_rest, pressings, reached, touch_of, under_force
+from eitsim.approach import from_rest, near
+from eitsim.axisymmetric import at_depth, force_unit, pressings, reached, touch_of, under_force
 from eitsim.pressing import Equilibrium, Pressing, equilibrium
 from eitsim.results import Touch
 from eitsim.scene import Body, Hold, Punch
@@ -150,7 +151,7 @@ def stepped_through(model: Pressing, series: Prony, memory: Memory, state: Equil
 def _met(model: Pressing, step: Step, before: Equilibrium | None) -> Equilibrium:
     """The equilibrium at the end of a step, from the one before or from rest."""
     if step.force is not None:
-        return equilibrium(model, step.force, before.x) if before else from_rest(model, step.force)
+        return near(model, before, step.force) if before else from_rest(model, step.force)
     assert step.depth is not None
     if before is None:
         return at_depth([model], step.depth)[0]

@@ -100,14 +100,14 @@ def touching(model: Pressing, x: Array, facets: Facets | None = None) -> Touchin
     return contact.touching(model.tool, facets or model.facets, positions(model, x), x[-1])
 
 
-def equilibrium(model: Pressing, force: float, start: Array) -> Equilibrium:
-    """Minimise foam energy + contact energy - force depth from start.
+def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100) -> Equilibrium:
+    """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations.
 
     NotConverged carries the last x, the residuals, and the physical state it got stuck in.
     """
     try:
         found = minimise(lambda x: energy(model, force, x), lambda x, share: system(model, force, x, share), start,
-                         scale=force)
+                         scale=force, limit=limit)
     except NotConverged as error:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
                            residuals=error.residuals) from None

@@ -1,0 +1,88 @@
+"""Ways to the equilibrium under a force: at once from rest or from a neighbour, from a coarser mesh, or in steps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.pressing import Equilibrium, Pressing, at_rest, energy, equilibrium, transferred
+from matcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# Where the force cannot be reached at once: part of it at which the steps start, and how often that is divided again.
+_FIRST, _STARTS = 1 / 8, 4
+# Steps in the logarithm of the force: first, least, and growth after one that succeeds.
+_STEP, _LEAST_STEP, _GROWTH = 0.7, 0.02, 1.5
+# Iterations of a step.
+_ITERATIONS = 60
+# Shares of a coarser mesh's state that are tried on a finer one: where the foam is squeezed flat, the whole of it may
+# turn the foam inside out between the points at which the coarse mesh held it.
+_SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
+
+
+def from_rest(model: Pressing, force: float) -> Equilibrium:
+    """The equilibrium under a force, from rest; in steps from a part of it where that fails. NotConverged as in_steps.
+    """
+    try:
+        return equilibrium(model, force, at_rest(model, force))
+    except NotConverged as error:
+        failed = error
+    for k in range(1, _STARTS + 1):
+        part = force * _FIRST**k
+        try:
+            start = equilibrium(model, part, at_rest(model, part))
+        except NotConverged:
+            continue
+        return in_steps(model, start, force)
+    failed.load_fraction = 0.0
+    raise failed
+
+
+def near(model: Pressing, before: Equilibrium, force: float) -> Equilibrium:
+    """The equilibrium under a force, from that under another; in steps where that fails. NotConverged as in_steps."""
+    try:
+        return equilibrium(model, force, before.x)
+    except NotConverged:
+        return in_steps(model, before, force)
+
+
+def carried_over(coarse: Pressing, state: Equilibrium, fine: Pressing) -> Equilibrium:
+    """The equilibrium of a coarse mesh on a finer one; from rest where it cannot start there."""
+    x = transferred(state.x, coarse.grid, fine.grid)
+    for share in _SHARES:
+        if np.isfinite(energy(fine, state.force, share * x)):
+            try:
+                return equilibrium(fine, state.force, share * x)
+            except NotConverged:
+                break
+    return from_rest(fine, state.force)
+
+
+def in_steps(model: Pressing, start: Equilibrium, force: float) -> Equilibrium:
+    """The equilibrium under a force from that under another, in steps of the force's logarithm that adapt.
+
+    NotConverged carries the last equilibrium, the residuals of the step that failed and, as load_fraction, the
+    part of the force that was reached.
+    """
+    state, step, sign = start, _STEP, 1 if force > start.force else -1
+    while state.force != force:
+        left = abs(np.log(force / state.force))
+        target = force if left <= step else float(state.force * np.exp(sign * step))
+        try:
+            state, step = _next(model, state, target), _GROWTH * step
+        except NotConverged as error:
+            step = min(step, left) / 3
+            if step < _LEAST_STEP:
+                share = state.force / force
+                raise NotConverged(f"{error} The last equilibrium held {share:.1%} of the force, {state.depth:.3f} "
+                                   "thicknesses deep.", estimate=state.x, residuals=error.residuals,
+                                   load_fraction=share) from None
+    return state
+
+
+def _next(model: Pressing, state: Equilibrium, force: float) -> Equilibrium:
+    """The equilibrium under a near force, along the tangent where that is admissible."""
+    ahead = state.x + state.by_force * (force - state.force)
+    start = ahead if np.isfinite(energy(model, force, ahead)) else state.x
+    return equilibrium(model, force, start, limit=_ITERATIONS)

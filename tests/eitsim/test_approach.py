@@ -1,0 +1,62 @@
+"""Ways to an equilibrium: one end from every start, squeezed states carried to finer meshes, failures that tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eitsim.approach import carried_over, from_rest, in_steps, near
+from eitsim.axisymmetric import PENALTY, solve_touch
+from eitsim.pressing import at_rest, energy, equilibrium, pressing, transferred
+from eitsim.scene import Body, Punch
+from matcal.errors import NotConverged
+from matcal.hyperfoam import Hyperfoam
+
+TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
+SOFT = Hyperfoam([9530.0], [8.0], [0.0])
+# a near-confluent law of three terms, as fits of measured foams give it
+FOAM = Hyperfoam([2143569.5, -5145106.0, 3123996.7], [-0.31441489, 0.01299211, 0.3403991], [0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return pressing(TABLE_1, Body(), Punch(), 0.24e-3, PENALTY)
+
+
+def test_steps_up_and_down_end_where_one_solve_ends(coarse):
+    ends = [from_rest(coarse, force) for force in (0.2, 2.0)]
+    assert in_steps(coarse, ends[0], 2.0).depth == pytest.approx(ends[1].depth, rel=1e-8)
+    assert in_steps(coarse, ends[1], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-8)
+    assert near(coarse, ends[0], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-10)
+
+
+def test_a_state_squeezed_flat_is_carried_to_a_finer_mesh():
+    """The coarse state itself turns the fine mesh inside out; no path from rest is needed all the same."""
+    punch, force = Punch(diameter_m=0.0164), 9.88
+    levels = [pressing(SOFT, Body(), punch, size, PENALTY) for size in (0.24e-3, 0.12e-3)]
+    state = from_rest(levels[0], force)
+    assert not np.isfinite(energy(levels[1], force, transferred(state.x, levels[0].grid, levels[1].grid)))
+    fine = carried_over(levels[0], state, levels[1])
+    assert len(fine.residuals) < 35
+    assert fine.depth == pytest.approx(state.depth, rel=5e-3)
+    assert fine.depth == pytest.approx(equilibrium(levels[1], force, at_rest(levels[1], force)).depth, rel=1e-8)
+
+
+@pytest.mark.parametrize("law", [TABLE_1, SOFT, FOAM])
+def test_hard_touches_are_reached(law):
+    """A mean pressure of five mu_0 flattens most of the thickness."""
+    punch = Punch(diameter_m=0.012, force_N=1.3 * law.mu_0_Pa * np.pi * 0.012**2)
+    touch = solve_touch(law, Body(), punch, element_m=0.12e-3)
+    assert 0.7 < touch.depth_m / 0.01 < 1
+    assert touch.residuals[-1] < 1e-10
+
+
+def test_a_failure_tells_what_was_reached():
+    model = pressing(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
+    with pytest.raises(NotConverged, match="of the force") as caught:
+        from_rest(model, 1e4)
+    reached = caught.value.load_fraction
+    assert reached is not None
+    assert 0 < reached < 1
+    assert np.isfinite(energy(model, reached * 1e4, caught.value.estimate))
+    assert len(caught.value.residuals) > 0
