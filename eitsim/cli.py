@@ -1,9 +1,10 @@
-"""Command line of `eitsim`: plan, run, sweep, report."""
+"""Command line of `eitsim`: plan, run, sweep, report, cache."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -49,6 +50,8 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
 def run_scene(scene: SceneFile, card: CardOption = None,
               exact: Annotated[bool, typer.Option("--exact", help="Turn off what the plan leaves out where that is "
                                                   "built; the plan tells what stays.")] = False,
+              reuse: Annotated[bool, typer.Option("--reuse", help="Take the touch from a stored load path of its "
+                                                  "punch; the first one solves and keeps it.")] = False,
               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
               fields: Annotated[Path | None, typer.Option(
                   help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
@@ -69,8 +72,12 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
     if fields is not None and any(near_rim(parsed, punch) for punch in parsed.punches):
         raise ValueError("--fields is built for touches far from the rim only; leave it out or move the punch inwards.")
+    if reuse and (exact or fields is not None):
+        raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
     path = _card_path(scene, parsed, card)
-    result, document = _solve(parsed, path, exact)
+    result, document, note = _solve(parsed, path, exact, reuse)
+    if note:
+        print(note, file=sys.stderr)
     if result.outcome == "refused":
         raise ValueError(f"{scene}: {result.message}")
     if out is not None:
@@ -92,15 +99,18 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
 
 
-def _solve(scene: Scene, card_path: Path, exact: bool) -> tuple[Result, dict[str, Any]]:
+def _solve(scene: Scene, card_path: Path, exact: bool, reuse: bool) -> tuple[Result, dict[str, Any], str]:
+    """The result, its document, and a note on the load path where one was asked for."""
     from eitsim.provenance import card_identity, versions
+    from eitsim.reuse import scene_shape, table_for
     from eitsim.simulate import as_json, simulate
 
     card: MaterialCard = read_card(card_path)
-    result = simulate(scene, card, exact=exact)
+    table, note = table_for(scene_shape(scene, card)) if reuse else (None, "")
+    result = simulate(scene, card, exact=exact, table=table)
     document = {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card, card_path),
                 "versions": versions()} | as_json(result, scene, card)
-    return result, document
+    return result, document, note and f"load path: {note}"
 
 
 @app.command()
@@ -108,6 +118,9 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
           card: Annotated[Path, typer.Option(help="Material card.")],
           out: Annotated[Path, typer.Option(help="Folder of the data set; an unfinished one is continued.")],
           scenes: Annotated[int | None, typer.Option(help="Number of scenes, over the design's own.")] = None,
+          reuse: Annotated[bool | None, typer.Option("--reuse/--no-reuse", help="Take touches from a table of load "
+                                                     "paths; by default where that repays its cost.")] = None,
+          exact: Annotated[bool, typer.Option("--exact", help="Solve every row as `run --exact` does.")] = False,
           workers: Annotated[int, typer.Option(help="Processes.")] = os.cpu_count() or 1) -> None:
     """Solve many scenes into Parquet parts; started again on the same folder, it goes on where it was.
 
@@ -123,7 +136,7 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     begun = time.perf_counter()
     account = None
     with counter(plan_of_rows.scenes, "scenes") as advance:
-        for step in steps(plan_of_rows, card, out, workers=workers):
+        for step in steps(plan_of_rows, card, out, workers=workers, reuse=reuse, exact=exact):
             if isinstance(step, Account):
                 account = step
             else:
@@ -133,8 +146,27 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
         counts = ", ".join(f"{n} {name}" for name, n in sorted(account.outcomes.items()))
         print(f"{out}: {account.solved} scenes finished in {spent:.1f} s on {workers} worker(s), {account.kept} were "
               f"there; outcomes: {counts}.")
+        print(account.method)
         for name, message in sorted(account.reasons.items()):
             print(f"first \"{name}\": {message}")
+
+
+@app.command()
+def cache(clear: Annotated[bool, typer.Option("--clear", help="Remove the stored tables.")] = False) -> None:
+    """List the stored tables of load paths, the last used first.
+
+    Example: eitsim cache --clear
+    """
+    from eitsim import cache as stored
+
+    entries = stored.entries()
+    if clear:
+        print(f"{stored.folder()}: removed {stored.clear()} tables, {sum(e.size_bytes for e in entries) / 1e6:.1f} MB")
+        return
+    print(f"{stored.folder()}: {len(entries)} tables, {sum(e.size_bytes for e in entries) / 1e6:.1f} MB")
+    for entry in entries:
+        used = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.used_s))
+        print(f"{entry.path.stem[:12]}  {entry.size_bytes / 1e6:.1f} MB  last used {used}")
 
 
 @app.command()

@@ -71,6 +71,14 @@ def scene_at(design: Design, index: int) -> Scene:
     return scene_from(_drawn(design, _uniforms(design, index)))
 
 
+def drawn_keys(design: Design) -> list[tuple[str, str]]:
+    """(table, key) of every scalar that is drawn, in a fixed order; of several touches once for each."""
+    tables = _completed(design.tables)
+    names = {id(part): name for name, value in tables.items()
+             for part in (value if isinstance(value, list) else [value])}
+    return [(names[id(table)], key) for table, key, _ in _variables(tables)]
+
+
 def _uniforms(design: Design, index: int) -> NDArray[np.float64]:
     """Numbers of [0, 1), one a free variable of the design, for one row."""
     count = sum(1 for _ in _variables(_completed(design.tables)))

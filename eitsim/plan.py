@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,12 +39,13 @@ def rim_gap_m(scene: Scene, punch: Punch) -> float:
     return scene.body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
 
 
-def make_plan(scene: Scene, card: MaterialCard, *, exact: bool = False) -> Plan:
+def make_plan(scene: Scene, card: MaterialCard, *, exact: bool = False, reused: Sequence[Decision | None] = ()) -> Plan:
     """The plan of a scene with a card; what cannot be solved is a refusal in it, never an exception.
 
-    exact: turn off every omission that can be, and say of the others that they stay.
+    exact: turn off every omission that can be, and say of the others that they stay; reused: for each punch what a
+    stored load path may cost, None where it is solved afresh.
     """
-    decisions = _decisions(scene, card)
+    decisions = _decisions(scene, card, reused or [None] * len(scene.punches))
     return Plan(tuple(_exactly(scene, decisions) if exact else decisions), _refusal(scene))
 
 
@@ -127,11 +128,13 @@ def _gap_for(effect: float, thickness_m: float) -> float:
     return float(gaps[np.argmax(effects <= effect)] * thickness_m) if effects[-1] <= effect else math.inf
 
 
-def _decisions(scene: Scene, card: MaterialCard) -> Iterator[Decision]:
+def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | None]) -> Iterator[Decision]:
     law = law_of(scene, card)
-    for punch in scene.punches:
+    for punch, stored in zip(scene.punches, reused, strict=True):
         yield _rim_decision(scene, punch)
-        if punch.force_N is not None:
+        if stored is not None:
+            yield stored
+        elif punch.force_N is not None:
             yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
         if not punch.conductor:
             yield Decision("no conduction through the punch", "conductor is false in [punch]", 0.0)

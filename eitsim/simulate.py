@@ -16,7 +16,9 @@ from eitsim.mesh import default_element_m
 from eitsim.near_rim import solve_near_rim
 from eitsim.plan import law_of, make_plan, near_rim, on_mesh
 from eitsim.results import Moment, Plan, Readings, Result, Touch
+from eitsim.reuse import decision, served
 from eitsim.scene import Punch, Scene
+from eitsim.table import Table
 from matcal.card import MaterialCard, require
 from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
@@ -29,22 +31,27 @@ BOTTOM = 0.95
 MECHANICS_SHARE, ELECTRICS_SHARE = 0.8, 0.2
 
 
-def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False) -> Result:
+def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Table | None = None) -> Result:
     """Solve a scene with a card; a refusal or a failure of a solver is the result's outcome, told in its message.
 
-    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells.
+    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells; table: load
+    paths that serve the touches they hold to the wanted error (reuse.served), never with exact.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     law = law_of(scene, card)
     skin_law = require(card, "conductivity", "the skin")
-    plan = make_plan(scene, card, exact=exact)
+    stored = [touch if touch is not None and _fine_enough([touch], scene) else None
+              for touch in served(None if exact else table, law, scene)]
+    plan = make_plan(scene, card, exact=exact, reused=[
+        decision(table, scene.body.thickness_m) if table is not None and touch is not None else None
+        for touch in stored])
     if plan.refusal:
         return Result("refused", plan, message=plan.refusal, cost=_cost(wall, cpu))
     try:
         moments = _moments(law, scene, card, skin_law, exact) if scene.hold.time_s else ()
         touches = (moments[-1].touch,) if moments else tuple(
-            _touch(law, scene, punch, exact) for punch in scene.punches)
+            kept or _touch(law, scene, punch, exact) for punch, kept in zip(scene.punches, stored, strict=True))
         readings = moments[-1].readings if moments else _readings(scene, touches, skin_law, exact)
     except NotConverged as error:
         return Result("not_converged", plan, message=str(error), residuals=error.residuals, cost=_cost(wall, cpu))

@@ -6,10 +6,11 @@ import fcntl
 import multiprocessing
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,12 @@ from eitsim.drive import read_electrodes
 from eitsim.plan import law_of
 from eitsim.provenance import card_identity, versions
 from eitsim.results import Result
+from eitsim.reuse import design_shape, repays, table_for
 from eitsim.scene import Scene
 from eitsim.simulate import mechanical, simulate
+from eitsim.table import Table
 from matcal.card import MaterialCard, read_card, require
-from matcal.errors import TestFileError
+from matcal.errors import NotConverged, TestFileError
 
 CHUNK = 8
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -42,31 +45,75 @@ class Account:
     solved: int
     # rows that stood there before
     kept: int
+    # how touches were solved, in words
+    method: str
 
 
-def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1) -> Iterator[int | Account]:
+def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1, reuse: bool | None = None,
+          exact: bool = False) -> Iterator[int | Account]:
     """Solve every scene of `design` that `folder` lacks; yields the rows done after each part, then the Account.
 
-    Rows depend on the design and the card only, not on the order or the number of workers. ValueError where the
-    folder belongs to another design or card, or another sweep is writing to it.
+    reuse: whether touches come from a table of load paths, by default where that repays its cost; exact: every row as
+    simulate(exact=True), without a table. A folder keeps to what it was started with. Rows depend on the design, the
+    card and these two only, not on the order or the number of workers. ValueError where the folder belongs to another
+    design or card or was started otherwise, where reuse is asked for and the design has no use for a table, or where
+    another sweep is writing to it.
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}.")
+    if exact and reuse:
+        raise ValueError("exact solves every touch afresh; leave out reuse.")
     card = read_card(card_path)
     _check_card(card, design)
     folder.mkdir(parents=True, exist_ok=True)
     with _sole_writer(folder):
-        _start_or_continue(folder, design, card, card_path)
+        method = _start_or_continue(folder, design, card, card_path, _wanted(design, card, reuse, exact), reuse)
         kept = dataset.finished_scenes(folder)
         missing = [i for i in range(design.scenes) if i not in kept]
         done = len(kept & set(range(design.scenes)))
-        for rows in _solved(design, card, missing, workers):
-            dataset.write_part(folder, rows)
-            done += len(rows)
-            yield done
+        chunks = [missing[i:i + CHUNK] for i in range(0, len(missing), CHUNK)]
+        with _processes(workers if method["reuse"] or len(chunks) > 1 else 1) as pool:
+            paths, note = _table(design, card, pool) if method["reuse"] and missing else (None, "")
+            for rows in _solved(partial(solve_rows, design, card, exact=method["exact"], table=paths), chunks, pool):
+                dataset.write_part(folder, rows)
+                done += len(rows)
+                yield done
     table = dataset.read_dataset(folder).table
     failed = table[table["outcome"] != "ok"].groupby("outcome")["message"].first()
-    yield Account(dict(Counter(table["outcome"])), {str(k): str(v) for k, v in failed.items()}, len(missing), len(kept))
+    yield Account(dict(Counter(table["outcome"])), {str(k): str(v) for k, v in failed.items()}, len(missing), len(kept),
+                  _told(method, paths, note))
+
+
+def _wanted(design: Design, card: MaterialCard, reuse: bool | None, exact: bool) -> dict[str, Any]:
+    """How a new folder's touches are to be solved, and why."""
+    if exact or reuse is False:
+        return {"exact": exact, "reuse": False, "reason": "as asked for"}
+    try:
+        repaid = repays(design, design_shape(design, card))
+    except ValueError as error:
+        if reuse:
+            raise
+        return {"exact": False, "reuse": False, "reason": str(error)}
+    return {"exact": False, "reuse": bool(reuse or repaid), "reason": "as asked for" if reuse else
+            "a table of load paths repays its cost" if repaid else
+            "a table of load paths costs more than so few touches (--reuse makes one)"}
+
+
+def _table(design: Design, card: MaterialCard, pool: ProcessPoolExecutor | None) -> tuple[Table | None, str]:
+    """The table of a design and a note; none where its paths are not found."""
+    try:
+        return table_for(design_shape(design, card), map if pool is None else pool.map)
+    except NotConverged as error:
+        return None, f"no table: {error}"
+
+
+def _told(method: Mapping[str, Any], table: Table | None, note: str) -> str:
+    if table is None:
+        how = "exactly" if method["exact"] else "afresh"
+        return f"every touch solved {how}: {note or method['reason']}"
+    error = table.error
+    return (f"touches from a table of {len(table.shape.solved)} load paths, at most {error.depth:.1e} off in depth and "
+            f"{error.signal:.1e} in signal; those near the rim or beyond it afresh" + (f"; {note}" if note else ""))
 
 
 def _check_card(card: MaterialCard, design: Design) -> None:
@@ -86,19 +133,28 @@ def _sole_writer(folder: Path) -> Iterator[None]:
         yield
 
 
-def _start_or_continue(folder: Path, design: Design, card: MaterialCard, card_path: Path) -> None:
-    manifest = {"design": asdict(design), "card": card_identity(card, card_path), "versions": versions()}
+def _start_or_continue(folder: Path, design: Design, card: MaterialCard, card_path: Path, method: Mapping[str, Any],
+                       reuse: bool | None) -> Mapping[str, Any]:
+    """Write the manifest or check the one that stands there; returns how its touches are solved."""
+    manifest = {"design": asdict(design), "card": card_identity(card, card_path), "versions": versions(),
+                "method": method}
     if not (folder / dataset.MANIFEST).exists():
         if dataset.parts(folder):
             raise TestFileError(folder, f"it holds Parquet parts but no {dataset.MANIFEST}. Choose an empty folder.")
         dataset.write_manifest(folder, manifest)
-        return
-    old = dataset.read_manifest(folder)
+        return method
+    old = {"method": {"exact": False, "reuse": False, "reason": "the folder was started so"},
+           **dataset.read_manifest(folder)}
     if old["card"]["sha256"] != manifest["card"]["sha256"]:
         raise ValueError(f"{folder} was made with the card '{old['card']['name']}' ({old['card']['sha256'][:12]}), not "
                          f"with this one ({manifest['card']['sha256'][:12]}). Choose another folder for this card.")
     _check_same_design(folder, old["design"], manifest["design"])
+    for key, wanted in (("exact", method["exact"]), ("reuse", reuse)):
+        if wanted not in (None, old["method"][key]):
+            raise ValueError(f"{folder} was started with {key} = {old['method'][key]}, here {wanted}. Keep to that, or "
+                             "choose another folder.")
     dataset.write_manifest(folder, {**old, "design": manifest["design"], "schema": dataset.SCHEMA})
+    return old["method"]
 
 
 def _check_same_design(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
@@ -114,36 +170,44 @@ def _check_same_design(folder: Path, old: Mapping[str, Any], new: Mapping[str, A
                          "may grow.")
 
 
-def _solved(design: Design, card: MaterialCard, missing: list[int], workers: int) -> Iterator[list[dict[str, Any]]]:
-    chunks = [missing[i:i + CHUNK] for i in range(0, len(missing), CHUNK)]
-    if workers == 1 or len(chunks) < 2:
-        for chunk in chunks:
-            yield solve_rows(design, card, chunk)
+@contextmanager
+def _processes(workers: int) -> Iterator[ProcessPoolExecutor | None]:
+    """Worker processes; None where this one does the work."""
+    if workers == 1:
+        yield None
         return
     for name in THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        futures = [pool.submit(solve_rows, design, card, chunk) for chunk in chunks]
         try:
-            for future in as_completed(futures):
-                yield future.result()
+            yield pool
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def solve_rows(design: Design, card: MaterialCard, indices: list[int]) -> list[dict[str, Any]]:
-    """Rows of these scenes; a scene that fails is a row with its outcome."""
+def _solved(solve: Callable[[list[int]], list[dict[str, Any]]], chunks: list[list[int]],
+            pool: ProcessPoolExecutor | None) -> Iterator[list[dict[str, Any]]]:
+    if pool is None:
+        yield from map(solve, chunks)
+        return
+    for future in as_completed([pool.submit(solve, chunk) for chunk in chunks]):
+        yield future.result()
+
+
+def solve_rows(design: Design, card: MaterialCard, indices: list[int], *, exact: bool = False,
+               table: Table | None = None) -> list[dict[str, Any]]:
+    """Rows of these scenes, solved as by `simulate`; a scene that fails is a row with its outcome."""
     first = scene_at(design, 0)
     blank = _blank(read_electrodes(first.drive, first.electrodes.count).size)
-    return [blank | {"scene": index} | _row(design, card, index) for index in indices]
+    return [blank | {"scene": index} | _row(design, card, index, exact, table) for index in indices]
 
 
-def _row(design: Design, card: MaterialCard, index: int) -> dict[str, Any]:
+def _row(design: Design, card: MaterialCard, index: int, exact: bool, table: Table | None) -> dict[str, Any]:
     keys: dict[str, Any] = {}
     try:
         scene = scene_at(design, index)
         keys = _touch_keys(scene)
-        result = simulate(scene, card)
+        result = simulate(scene, card, exact=exact, table=table)
     except ValueError as error:
         return keys | {"outcome": "refused", "message": str(error)}
     return keys | {"outcome": result.outcome, "message": result.message} | _values(result)

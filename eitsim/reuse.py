@@ -1,0 +1,116 @@
+"""Which table of load paths serves a scene or a design, when it is worth its cost, and what a touch from it is said
+to cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from eitsim import cache
+from eitsim.design import Design, drawn_keys, scene_at
+from eitsim.path import Deviation
+from eitsim.plan import law_of, near_rim
+from eitsim.results import Decision, Touch
+from eitsim.scene import Punch, Scene
+from eitsim.table import Shape, Table, shape_of, touch_from
+from eitsim.tabulate import DEPTHS, Run, build
+from matcal.card import MaterialCard
+from matcal.hyperfoam import Hyperfoam
+
+# Touches from which on a table repays its cost, for each of its diameters.
+REPAYS = 60
+# Most diameters that are each solved; a choice of more is served as a range.
+_MOST = 9
+# Part of the wanted signal error that a table's own may use up.
+_SHARE = 0.25
+# Drawn keys that one table serves, whatever their values.
+_SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch", "depth_mm"), ("punch", "conductor"),
+           ("punch", "contact_impedance_Ohm_m2"), ("punch", "diameter_mm"), ("skin", "thickness_um"),
+           ("accuracy", "signal")}
+_APART = ("electrodes", "drive")
+
+
+def table_for(shape: Shape, run: Run = map) -> tuple[Table, str]:
+    """The table of a shape, from the cache or solved and put there, and a note where the cache cannot be used."""
+    key = cache.key_of({"shape": asdict(shape), "depths": DEPTHS})
+    arrays, note = cache.kept(key, lambda: _arrays(build(shape, run, DEPTHS)))
+    error = Deviation(*arrays["error"].tolist())
+    return Table(shape, arrays["depths"], arrays["radius"], arrays["values"], arrays["slopes"],
+                 arrays["told"], error, int(arrays["checks"]), float(arrays["cpu_s"])), note
+
+
+def _arrays(table: Table) -> dict[str, Any]:
+    error = np.array([table.error.depth, table.error.signal, table.error.strain])
+    return {"depths": table.depths, "radius": table.radius, "values": table.values, "slopes": table.slopes,
+            "told": table.told, "error": error, "checks": np.array(table.checks), "cpu_s": np.array(table.cpu_s)}
+
+
+def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
+    """The shape that serves every force on a scene's punch; ValueError where load paths are not reused."""
+    return _shape(scene, card, sorted({punch.diameter_m for punch in scene.punches}), False)
+
+
+def design_shape(design: Design, card: MaterialCard) -> Shape:
+    """The shape that serves every row of a design, whatever their number; ValueError where none does."""
+    for table, key in drawn_keys(design):
+        if table not in _APART and (table, key) not in _SERVED:
+            raise ValueError(f"{key} in [{table}] is drawn, and a table of load paths holds one value of it.")
+    punches = design.tables.get("punch", {})
+    found = [_diameters(p) for p in (punches if isinstance(punches, list) else [punches])]
+    diameters = sorted({d for values, _ in found for d in values})
+    spans = any(spans for _, spans in found) or len(diameters) > _MOST
+    if spans and diameters[0] == diameters[-1]:
+        diameters, spans = diameters[:1], False
+    return _shape(scene_at(design, 0), card, diameters if not spans else [diameters[0], diameters[-1]], spans)
+
+
+def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
+    """Diameters, m, of a punch of a design: all, or the ends of their range."""
+    given = punch.get("diameter_mm", Punch().diameter_m * 1e3)
+    if isinstance(given, list):
+        return [float(d) / 1e3 for d in given], True
+    if not isinstance(given, Mapping):
+        return [float(given) / 1e3], False
+    if "choice" not in given:
+        raise ValueError("diameter_mm in [punch] is drawn from a distribution without ends, and a table of load paths "
+                         "needs a range.")
+    return [float(d) / 1e3 for d in given["choice"]], False
+
+
+def _shape(scene: Scene, card: MaterialCard, diameters_m: list[float], spans: bool) -> Shape:
+    strain, law = scene.skin.strain, law_of(scene, card)
+    if scene.hold.time_s:
+        raise ValueError("a hold is solved in time, not along a load path.")
+    if any(punch.friction != "none" for punch in scene.punches):
+        raise ValueError("load paths are kept for punches without friction only.")
+    shapes = {shape_of(law, scene.body, punch, strain, diameters_m, spans=spans) for punch in scene.punches}
+    if len(shapes) > 1:
+        raise ValueError("the punches differ in more than their diameters, and a table of load paths serves one kind.")
+    return shapes.pop()
+
+
+def repays(design: Design, shape: Shape) -> bool:
+    """Whether solving a design's touches afresh costs more than the table."""
+    return design.scenes * len(scene_at(design, 0).punches) >= REPAYS * len(shape.solved)
+
+
+def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
+    """The touches of a scene that a table holds to the wanted error; None for each that is to be solved afresh."""
+    if table is None or scene.hold.time_s or table.error.signal > _SHARE * scene.accuracy.signal:
+        return (None,) * len(scene.punches)
+    return tuple(None if near_rim(scene, punch) else touch_from(table, law, scene.body, punch, scene.skin.strain)
+                 for punch in scene.punches)
+
+
+def decision(table: Table, thickness_m: float) -> Decision:
+    """What a touch from a table may cost, as measured when it was made."""
+    error = table.error
+    ends = [f"{d * thickness_m * 1e3:g}" for d in table.shape.diameters]
+    where = f"{ends[0]} to {ends[-1]} mm" if table.shape.spans else f"{', '.join(ends)} mm"
+    return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
+                    f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
+                    f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "
+                    f"{error.strain:.1e} in L2", max(error.depth, error.signal))

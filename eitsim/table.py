@@ -1,0 +1,225 @@
+"""A table of touches over force and diameter, without units: load paths at a few diameters and polynomials between.
+
+At equal depth the surface about the punch's edge is nearly the same for every diameter, so that radii are carried over
+from one punch to another with the edge and the start of the fillet in place, and few diameters suffice.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.axisymmetric import force_unit
+from eitsim.path import FIELDS, NUMBERS, TOLD, Deviation, depth_at, hermite
+from eitsim.results import Touch
+from eitsim.scene import Body, Punch
+from matcal.hyperfoam import Hyperfoam
+
+Array = NDArray[np.float64]
+
+# Distances from the fillet's start inwards and from the edge outwards over which radii are spaced evenly, then in
+# proportion to the distance; over the thickness.
+_INWARDS, _OUTWARDS = 0.06, 0.03
+# Digits to which moduli and lengths count.
+_DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a table is made for: lengths over the thickness, moduli over mu_0."""
+
+    mu: tuple[float, ...]
+    alpha: tuple[float, ...]
+    nu: tuple[float, ...]
+    # radius of the disc
+    disc: float
+    profile: str
+    fillet: float
+    half_angle_rad: float
+    # the skin's driving strain, for which errors of signals are told
+    strain: str
+    # increasing diameters: the ends of a range, or all there are
+    diameters: tuple[float, ...]
+    # whether every diameter between the ends is served
+    spans: bool
+
+    @property
+    def solved(self) -> tuple[float, ...]:
+        """Diameters whose paths are solved: of a range, Chebyshev points of the logarithm with the ends."""
+        if not self.spans:
+            return self.diameters
+        low, high = np.log(self.diameters)
+        count = 2 + int(np.ceil(3 * (high - low)))
+        points = (low + high) / 2 - (high - low) / 2 * np.cos(np.pi * np.arange(count) / (count - 1))
+        return tuple(np.exp(points).tolist())
+
+    @property
+    def base(self) -> float:
+        """The middle one of the solved diameters, whose mesh gives the radii and whose path the depths."""
+        return self.solved[len(self.solved) // 2]
+
+    @property
+    def held_out(self) -> tuple[float, ...]:
+        """Diameters at which the table is checked: of a range, in the first and in a middle gap of those solved."""
+        solved = self.solved
+        if not self.spans:
+            return tuple(sorted({solved[0], solved[-1]}))
+        middle = len(solved) // 2
+        return tuple(float(np.sqrt(solved[i] * solved[i + 1])) for i in sorted({0, middle}))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Touches of a shape over force and diameter."""
+
+    shape: Shape
+    # (k,) depths, before the correction for penetration
+    depths: Array
+    # (r,) reference radii about the middle one of the solved diameters
+    radius: Array
+    # (diameters, k, 6 r + 6) FIELDS and NUMBERS, and their derivatives by the depth
+    values: Array
+    slopes: Array
+    # (diameters, k, 3) TOLD
+    told: Array
+    # largest deviation from touches solved afresh at held-out depths and diameters
+    error: Deviation
+    # how many those were
+    checks: int
+    # CPU time that it took, s
+    cpu_s: float
+
+
+def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m: Iterable[float] = (), *,
+             spans: bool = False) -> Shape:
+    """The shape of a touch, for its own diameter or for others; all moduli times a factor have the same shape."""
+    unit = body.thickness_m
+    fillet = punch.diameter_m / 2 if punch.profile == "sphere" else punch.fillet_m
+    return Shape(
+        mu=_rounded(law.mu_Pa / law.mu_0_Pa), alpha=_rounded(law.alpha), nu=_rounded(law.nu),
+        disc=_rounded([body.radius_m / unit])[0], profile=punch.profile,
+        fillet=0.0 if punch.profile == "sphere" else _rounded([fillet / unit])[0],
+        half_angle_rad=_rounded([punch.half_angle_rad])[0] if punch.profile == "cone" else 0.0, strain=strain,
+        diameters=_rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]]), spans=spans)
+
+
+def _rounded(values: Iterable[float]) -> tuple[float, ...]:
+    return tuple(float(f"{value:.{_DIGITS}g}") for value in values)
+
+
+def carried_over(shape: Shape, radius: Array, old: float, new: float) -> Array:
+    """Reference radii about one diameter at the corresponding places about another."""
+    if old == new:
+        return radius
+    outer = [old / 2, new / 2]
+    inner = [r - (r if shape.profile == "sphere" else shape.fillet) for r in outer]
+    inside = inner[1] - _stretched(inner[0] - np.minimum(radius, inner[0]), inner[0], inner[1], _INWARDS)
+    share = (np.clip(radius, inner[0], outer[0]) - inner[0]) / (outer[0] - inner[0])
+    under = inner[1] + share * (outer[1] - inner[1])
+    outside = outer[1] + _stretched(np.maximum(radius - outer[0], 0), shape.disc - outer[0], shape.disc - outer[1],
+                                    _OUTWARDS)
+    return np.where(radius < inner[0], np.maximum(inside, 0.0), np.where(radius <= outer[0], under, outside))
+
+
+def _stretched(distance: Array, old: float, new: float, scale: float) -> Array:
+    """Distances on (0, old) at the same parts of (0, new), on a scale that is linear up to `scale`, then logarithmic.
+    """
+    if old == 0:
+        return distance
+    return scale * np.expm1(np.log1p(distance / scale) * np.log1p(new / scale) / np.log1p(old / scale))
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A touch without units, from a table."""
+
+    # depth, corrected for penetration
+    depth: float
+    # (6, r) FIELDS at the table's radii, carried over to the diameter
+    fields: Array
+    # NUMBERS and TOLD by name
+    number: Mapping[str, float]
+
+
+def state(table: Table, diameter: float, *, mean_pressure: float | None = None,
+          depth: float | None = None) -> State | None:
+    """The touch under a mean pressure, or at a corrected depth; None where the table does not reach."""
+    weight = _weights(table.shape, diameter)
+    if weight is None:
+        return None
+    size = len(FIELDS) * len(table.radius)
+    level, target = np.tensordot(weight, table.values[:, :, size], 1), mean_pressure
+    if target is None:
+        level, target = table.depths * np.tensordot(weight, table.values[:, :, size + 1], 1), depth
+    if target is None or not level[0] <= target <= level[-1]:
+        return None
+    i = int(np.clip(np.searchsorted(level, target) - 1, 0, len(level) - 2))
+    ends = table.depths[i:i + 2]
+    values, slopes = (np.tensordot(weight, part[:, i:i + 2], 1) for part in (table.values, table.slopes))
+    cubic = values[:, size], slopes[:, size]
+    if mean_pressure is None:
+        share = values[:, size + 1]
+        cubic = ends * share, share + ends * slopes[:, size + 1]
+    at = depth_at(ends, *cubic, target)
+    found = hermite(ends, values, slopes, at)
+    part = (at - ends[0]) / (ends[1] - ends[0])
+    told = _neighbours(table.shape, diameter) @ table.told[:, i:i + 2].transpose(1, 0, 2)
+    numbers = [*found[size:].tolist(), *((1 - part) * told[0] + part * told[1]).tolist()]
+    return State(at * float(found[size + 1]), found[:size].reshape(len(FIELDS), -1),
+                 dict(zip((*NUMBERS, *TOLD), numbers, strict=True)))
+
+
+def _weights(shape: Shape, diameter: float) -> Array | None:
+    """Lagrange's weights of the solved diameters in its logarithm; None where it is not served."""
+    solved = np.array(shape.solved)
+    near: Array = np.where(np.abs(solved / diameter - 1) < 1e-9, 1.0, 0.0)
+    if near.any():
+        return near
+    if not shape.spans or not solved[0] < diameter < solved[-1]:
+        return None
+    x, at = np.log(solved), np.log(diameter)
+    apart = x[:, None] - x + np.eye(len(x))
+    return np.array([float(np.prod(np.delete((at - x) / apart[j], j))) for j in range(len(x))])
+
+
+def _neighbours(shape: Shape, diameter: float) -> Array:
+    """Linear weights of the two solved diameters about one, in its logarithm."""
+    return np.array([np.interp(np.log(diameter), np.log(shape.solved), one) for one in np.eye(len(shape.solved))])
+
+
+def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: str) -> Touch | None:
+    """The touch under the punch's force or at its depth; None where the table does not hold it."""
+    shape, unit = table.shape, body.thickness_m
+    own = shape_of(law, body, punch, strain)
+    if punch.friction != "none" or replace(own, diameters=shape.diameters, spans=shape.spans) != shape:
+        return None
+    started = time.process_time()
+    diameter = own.diameters[0]
+    face = np.pi * diameter**2 / 4
+    if punch.force_N is None:
+        assert punch.depth_m is not None
+        found = state(table, diameter, depth=punch.depth_m / unit)
+    else:
+        found = state(table, diameter, mean_pressure=punch.force_N / force_unit(law, body) / face)
+    if found is None:
+        return None
+    value, field = found.number, dict(zip(FIELDS, found.fields, strict=True))
+    radius = carried_over(shape, table.radius, shape.base, diameter)
+    end = diameter / 2 + value["contact_end"]
+    force_N = punch.force_N if punch.force_N is not None else value["mean_pressure"] * face * force_unit(law, body)
+    area_m2 = value["contact_area"] * face * unit**2
+    return Touch(
+        radius_m=radius * unit, u_r_m=field["u_r"] * unit, u_z_m=field["u_z"] * unit,
+        stretch_meridian=field["stretch_meridian"], stretch_hoop=field["stretch_hoop"],
+        stretch_normal=field["stretch_normal"],
+        pressure_Pa=np.where(radius <= end, np.maximum(field["pressure"], 0.0), 0.0) * law.mu_0_Pa,
+        contact_radius_m=end * unit, force_N=force_N, depth_m=found.depth * unit,
+        sigma_max_Pa=value["sigma_max"] * law.mu_0_Pa, sigma_ave_Pa=force_N / area_m2, contact_area_m2=area_m2,
+        wall_contact_m2=max(value["wall_contact"], 0.0) * np.pi * diameter * unit**2,
+        depth_error=float(np.exp(value["log_depth_error"])), signal_error=float(np.exp(value["log_signal_error"])),
+        fraction_non_elliptic=value["fraction_non_elliptic"], iterations=0, residuals=(),
+        cpu_s=time.process_time() - started)

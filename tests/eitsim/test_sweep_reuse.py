@@ -1,0 +1,80 @@
+"""Sweeps from a table of load paths: the same rows on any number of workers, told in the manifest, kept to, exact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from eitsim import cache, reuse
+from eitsim.dataset import read_dataset, read_manifest
+from eitsim.design import design_from
+from eitsim.sweep import Account, sweep
+from matcal.card import MaterialCard, write_card
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+
+RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.22, 0.3]},
+       "accuracy": {"signal": 0.05}}
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
+
+
+@pytest.fixture
+def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(reuse, "DEPTHS", (0.055, 0.07, 0.09))
+    write_card(MaterialCard("Table 1", FOAM, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4))), tmp_path / "card.json")
+    return tmp_path / "card.json"
+
+
+def account(card: Path, folder: Path, scenes: int, **options) -> Account:
+    *_, last = sweep(design_from(RAW, scenes), card, folder, **options)
+    assert isinstance(last, Account)
+    return last
+
+
+def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp_path: Path) -> None:
+    first = account(card, tmp_path / "a", 9, reuse=True)
+    assert "a table of 1 load paths" in first.method
+    assert cache.clear() == 1
+    account(card, tmp_path / "b", 9, reuse=True, workers=2)
+    account(card, tmp_path / "c", 9, reuse=True)
+    a, b, c = (read_dataset(tmp_path / name).table.drop(columns="cpu_s") for name in "abc")
+    pd.testing.assert_frame_equal(a, b)
+    pd.testing.assert_frame_equal(a, c)
+    fresh = account(card, tmp_path / "d", 2)
+    assert "so few touches" in fresh.method
+    d = read_dataset(tmp_path / "d").table
+    apart = (a["delta_max_mm"].head(2) / d["delta_max_mm"] - 1).abs()
+    assert (apart > 0).all()
+    assert (apart < 1e-3).all()
+
+
+def test_a_folder_keeps_to_its_method(card: Path, tmp_path: Path) -> None:
+    account(card, tmp_path / "a", 1, reuse=False)
+    assert read_manifest(tmp_path / "a")["method"] == {"exact": False, "reuse": False, "reason": "as asked for"}
+    with pytest.raises(ValueError, match="started with reuse = False"):
+        account(card, tmp_path / "a", 2, reuse=True)
+    with pytest.raises(ValueError, match="started with exact = False"):
+        account(card, tmp_path / "a", 2, exact=True)
+    with pytest.raises(ValueError, match="exact solves every touch afresh"):
+        account(card, tmp_path / "b", 2, exact=True, reuse=True)
+    assert account(card, tmp_path / "a", 2).kept == 1
+
+
+def test_exact_rows_are_told(card: Path, tmp_path: Path) -> None:
+    assert "every touch solved exactly" in account(card, tmp_path / "a", 1, exact=True).method
+    assert read_manifest(tmp_path / "a")["method"]["exact"] is True
+    row = read_dataset(tmp_path / "a").table.iloc[0]
+    account(card, tmp_path / "b", 1)
+    usual = read_dataset(tmp_path / "b").table.iloc[0]
+    assert row["depth_error"] < usual["depth_error"]
+
+
+def test_paths_that_are_not_found_leave_every_touch_afresh(card: Path, tmp_path: Path,
+                                                           monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reuse, "DEPTHS", (0.07,))
+    done = account(card, tmp_path / "a", 1, reuse=True)
+    assert "no table" in done.method
+    assert dict(done.outcomes) == {"ok": 1}
