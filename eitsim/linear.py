@@ -60,3 +60,27 @@ def bordered(solve: Solve, border: Array, corner: float) -> Solve:
         return np.append(first - column * last, last)
 
     return both
+
+
+def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance: float, limit: int = 1000) -> Array:
+    """Solution of A x = b, A symmetric positive definite given by its product with vectors.
+
+    Stops where r' P r, r the residual and P the preconditioner, is tolerance^2 of what it was, or after `limit`
+    products, with the best x so far. Indefinite is raised where A is not positive along a direction.
+    """
+    x, r = np.zeros_like(b), b
+    z = precondition(r)
+    p, now = z, float(r @ z)
+    first = now
+    for _ in range(limit):
+        if now <= tolerance**2 * first:
+            break
+        ap = product(p)
+        curvature = float(p @ ap)
+        if curvature <= 0:
+            raise Indefinite("a direction of conjugate gradients has negative curvature")
+        x, r = x + now / curvature * p, r - now / curvature * ap
+        z = precondition(r)
+        before, now = now, float(r @ z)
+        p = z + now / before * p
+    return x

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eitsim.near_rim import patch_problem
+from eitsim.near_rim import rim_problem
 from eitsim.results import Decision, Plan
 from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, require, with_moduli
@@ -99,7 +99,7 @@ def _refusal(scene: Scene) -> str:
 def _rim_refusal(scene: Scene, punch: Punch) -> str:
     if not near_rim(scene, punch):
         return ""
-    problem = patch_problem(scene.body, punch)
+    problem = rim_problem(scene.body, punch)
     if not problem and scene.hold.time_s:
         problem = "a hold (time_s in [hold]) is built for touches far from the rim only"
     gap, allowed = rim_gap_m(scene, punch), _RIM_SHARE * scene.accuracy.signal
@@ -168,9 +168,9 @@ def _rim_decision(scene: Scene, punch: Punch) -> Decision:
     gap = rim_gap_m(scene, punch)
     where = f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses"
     if near_rim(scene, punch):
-        return Decision("mechanics in three dimensions on a patch near the rim, as a correction of the axisymmetric "
-                        "touch", f"{where}; two meshes of the patch tell the error, which counts in the result's own",
-                        0.0)
+        return Decision("mechanics in three dimensions near the rim, as a change of the axisymmetric touch",
+                        f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
+                        "own", 0.0)
     return Decision("mechanics axisymmetric about the punch", where, rim_effect(gap, scene.body.thickness_m))
 
 

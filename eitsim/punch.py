@@ -124,9 +124,14 @@ def pressure_slope(tool: Tool, gap: Array) -> Array:
     return tool.stiffness * (gap > 0) * (1 + 3 * (gap / tool.firm) ** 2)
 
 
+def stored(tool: Tool, gap: Array) -> Array:
+    """Energy per reference area at penetrations g (...): the integral of `pressure` from 0."""
+    return tool.stiffness / 2 * gap**2 * (1 + (gap / tool.firm) ** 2 / 2)
+
+
 def energy(tool: Tool, facets: Facets, at: Touching) -> float:
-    """Penalty energy over the reference surface: the integral of the pressure over the penetration."""
-    return float(tool.stiffness / 2 * np.sum(facets.weight * at.gap**2 * (1 + (at.gap / tool.firm) ** 2 / 2)))
+    """Penalty energy over the reference surface."""
+    return float(np.sum(facets.weight * stored(tool, at.gap)))
 
 
 def forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Array, float]:

@@ -45,22 +45,26 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class RimField:
-    """What the rim changes at the surface about a punch; symmetric about the line to the nearest point of the rim."""
+    """What the rim changes at the surface about a punch; symmetric about the line to the nearest point of the rim.
 
-    # (n, 2) reference places about the punch's axis, m: towards the nearest point of the rim, and across, not negative
-    points_m: Array
-    # (n, 3) displacement added to the axisymmetric one, m, parts as in points_m and upwards
+    Samples lie on circles about the punch's axis, as far as these lie inside the disc. Axes: towards the nearest point
+    of the rim, across, and upwards. Nothing is changed beyond the last circle.
+    """
+
+    # (n,) reference radii of the circles, m, increasing
+    radius_m: Array
+    # (k,) places on a circle: 0 on the line to the nearest point of the rim, or on the rim where it cuts the circle, 1
+    # half a turn from that line, in proportion to the angle
+    share: Array
+    # (n, k, 3) displacement added to the axisymmetric one, m
     displacement_m: Array
-    # (n, 3) in-plane metric seen from the axisymmetric stretches U: xx, xy, yy of U^-1 C U^-1; 1, 0, 1 is no change
+    # (n, k, 3) in-plane metric seen from the axisymmetric stretches U: xx, xy, yy of U^-1 C U^-1; 1, 0, 1 is no change
     metric: Array
-    # (n,) factor of the stretch normal to the surface
+    # (n, k) factor of the stretch normal to the surface
     normal: Array
-    # distance from the punch's axis at which the field ends, m
-    reach_m: float
-    # largest relative change of a stretch there: how far the field is from continuous
-    jump: float
-    # part of the samples left out, at the punch's edge, where the coarse mesh would turn the foam inside out
-    left_out: float
+    # radius of the disc, and distance of the punch's axis from its centre, m
+    disc_m: float
+    offset_m: float
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, PchipInterpolator
+from scipy.interpolate import PchipInterpolator, RectBivariateSpline
 
+from eitsim.circles import Outline
 from eitsim.results import RimField, Touch
 from eitsim.scene import STRAINS, Body, Punch, Skin
 from matcal.conductivity import Conductivity, coating_thickness, conductivity
@@ -93,15 +94,17 @@ def _conductance_near_rim(points_m: Array, punch: Punch, touch: Touch, rim: RimF
 def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
     """Metric (..., 2, 2) and normal factor (...) at places (..., 2) about the punch, axes as in RimField.
 
-    Linear between the samples, the nearest sample's outside them, no change beyond their reach.
+    Linear in the radius and cubic in the angle between the samples; no change beyond the last circle.
     """
-    mirrored = np.stack([local_m[..., 0], np.abs(local_m[..., 1])], axis=-1)
-    values = np.column_stack([rim.metric, rim.normal])
-    found = LinearNDInterpolator(rim.points_m, values)(mirrored)
-    outside = np.isnan(found[..., 0])
-    found[outside] = NearestNDInterpolator(rim.points_m, values)(mirrored[outside])
-    found[np.hypot(local_m[..., 0], local_m[..., 1]) > rim.reach_m] = [1, 0, 1, 1]
-    xx, xy, yy, factor = np.moveaxis(found, -1, 0)
+    radius = np.hypot(local_m[..., 0], local_m[..., 1])
+    start = Outline(rim.disc_m, rim.offset_m).start(radius)
+    angle = np.arctan2(np.abs(local_m[..., 1]), local_m[..., 0])
+    share = np.clip((angle - start) / np.maximum(np.pi - start, np.finfo(float).tiny), 0.0, 1.0)
+    at = np.clip(radius, rim.radius_m[0], rim.radius_m[-1])
+    parts = [*np.moveaxis(rim.metric, -1, 0), rim.normal]
+    found = [RectBivariateSpline(rim.radius_m, rim.share, part, kx=1, ky=3).ev(at, share) for part in parts]
+    xx, xy, yy, factor = (np.where(radius > rim.radius_m[-1], none, value)
+                          for value, none in zip(found, (1.0, 0.0, 1.0, 1.0), strict=True))
     xy = np.where(local_m[..., 1] < 0, -xy, xy)
     return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2), factor
 

@@ -39,7 +39,7 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
 
 
 @pytest.mark.parametrize(("raw", "named"), [
-    ({"punch": {"x_mm": 80, "profile": "sphere"}}, "from the rim"),
+    ({"punch": {"x_mm": 80, "conductor": True}}, "from the rim"),
     ({"punch": {"x_mm": 80, "conductor": True}}, "insulated"),
     ({"punch": {"x_mm": 80, "depth_mm": 1}}, "force"), ({"punch": {"x_mm": 98}}, "beyond the rim"),
     ({"punch": [{"x_mm": 20}, {"x_mm": -20}]}, "2 touches"),
