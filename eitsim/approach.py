@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 _FIRST, _STARTS = 1 / 8, 4
 # Steps in the logarithm of the force: first, least, and growth after one that succeeds.
 _STEP, _LEAST_STEP, _GROWTH = 0.7, 0.02, 1.5
+# Depth over thickness from which a touch counts as bottomed out.
+BOTTOM = 0.95
 # Iterations of a step.
 _ITERATIONS = 60
 # Shares of a coarser mesh's state that are tried on a finer one: where the foam is squeezed flat, the whole of it may
@@ -59,11 +61,15 @@ def carried_over(coarse: Pressing, state: Equilibrium, fine: Pressing) -> Equili
     return from_rest(fine, state.force)
 
 
+class BottomedOut(NotConverged):
+    """No equilibrium under the force was found, and less of it already squeezes the foam flat."""
+
+
 def in_steps(model: Pressing, start: Equilibrium, force: float) -> Equilibrium:
     """The equilibrium under a force from that under another, in steps of the force's logarithm that adapt.
 
     NotConverged carries the last equilibrium, the residuals of the step that failed and, as load_fraction, the
-    part of the force that was reached.
+    part of the force that was reached; it is BottomedOut where that is deeper than BOTTOM already.
     """
     state, step, sign = start, _STEP, 1 if force > start.force else -1
     while state.force != force:
@@ -74,11 +80,16 @@ def in_steps(model: Pressing, start: Equilibrium, force: float) -> Equilibrium:
         except NotConverged as error:
             step = min(step, left) / 3
             if step < _LEAST_STEP:
-                share = state.force / force
-                raise NotConverged(f"{error} The last equilibrium held {share:.1%} of the force, {state.depth:.3f} "
-                                   "thicknesses deep.", estimate=state.x, residuals=error.residuals,
-                                   load_fraction=share) from None
+                raise _short_of(state, force, error) from None
     return state
+
+
+def _short_of(state: Equilibrium, force: float, error: NotConverged) -> NotConverged:
+    """What is raised where the steps end at a state before the force."""
+    share = state.force / force
+    last = f"The last equilibrium held {share:.1%} of the force, {state.depth:.3f} thicknesses deep."
+    kind, text = (BottomedOut, last) if share < 1 and state.depth > BOTTOM else (NotConverged, f"{error} {last}")
+    return kind(text, estimate=state.x, residuals=error.residuals, load_fraction=share)
 
 
 def _next(model: Pressing, state: Equilibrium, force: float) -> Equilibrium:

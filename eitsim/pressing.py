@@ -30,6 +30,8 @@ _REACH = 1.0
 # Penetration, mesh.feature_m, at which the contact is twice as stiff as its penalty: ten times the largest in common
 # touches, so that it stays small where the foam is squeezed flat.
 _FIRM = 0.05
+# Firm gaps that the punch may stand below the foam's bottom.
+_THROUGH = 10.0
 # Largest penetration, in fillet radii, that the penalty contact is trusted with.
 _DEEPEST = 0.5
 # Depth, thicknesses, from which bottoming out is the likely cause of a failure.
@@ -139,14 +141,33 @@ def _state(model: Pressing, x: Array) -> str:
 
 def fraction_non_elliptic(model: Pressing, x: Array) -> float:
     """Fraction of the quadrature points at which the law is not strongly elliptic."""
+    return float(1 - np.mean(_elliptic(model, x)))
+
+
+def non_elliptic_place(model: Pressing, x: Array) -> Array | None:
+    """Least and largest reference radius and depth below the surface (2, 2) of those points; None without any."""
+    lost = ~_elliptic(model, x)
+    if not lost.any():
+        return None
+    shape_over_radius = model.grid.gradient[lost.nonzero()][..., 2]
+    nodes = model.grid.nodes[model.grid.elements[lost.nonzero()[0]]]
+    radius = 1 / shape_over_radius.sum(axis=-1)
+    below = -radius * np.sum(shape_over_radius * nodes[..., 1], axis=-1)
+    return np.array([[radius.min(), radius.max()], [below.min(), below.max()]])
+
+
+def _elliptic(model: Pressing, x: Array) -> NDArray[np.bool_]:
+    """Where (elements, points) the law is strongly elliptic."""
     strain = solid.deformation(model.grid, x[:-1])
     inside = solid.admissible(strain)
-    fine = strongly_elliptic(model.law, solid.log_stretches(np.where(inside[..., None], strain, 0.0)))
-    return float(1 - np.mean(fine & inside))
+    return inside & strongly_elliptic(model.law, solid.log_stretches(np.where(inside[..., None], strain, 0.0)))
 
 
 def energy(model: Pressing, force: float, x: Array) -> float:
-    """Foam energy + contact energy - force depth at x; infinite where the foam is turned inside out."""
+    """Foam energy + contact energy - force depth at x; infinite where the foam is turned inside out, or the punch is
+    below the foam's fixed bottom by more than the contact may yield."""
+    if x[-1] > 1 + _THROUGH * model.tool.firm:
+        return np.inf
     stored = solid.energy(model.law, model.grid, x[:-1], model.prestress)
     return stored + contact.energy(model.tool, model.facets, touching(model, x)) - force * float(x[-1])
 

@@ -104,7 +104,7 @@ class Touch:
     force_N: float
     # depth of the punch face below the undeformed surface, penalty effect corrected, m
     depth_m: float
-    # largest facet-averaged contact pressure, Pa
+    # largest contact pressure, force over current area, average over a facet of the mesh, Pa
     sigma_max_Pa: float
     # force over contact area, Pa
     sigma_ave_Pa: float
@@ -124,6 +124,13 @@ class Touch:
     residuals: tuple[float, ...]
     # CPU time spent, s
     cpu_s: float
+    # estimated relative error of sigma_max_Pa; None where it is not estimated
+    sigma_max_error: float | None = None
+    # estimated relative error of contact_area_m2; None where it is not estimated
+    contact_area_error: float | None = None
+    # (2, 2) least and largest reference radius, and depth below the untouched surface, m, where strong ellipticity is
+    # lost; None where it is kept
+    non_elliptic_m: Array | None = None
     # displacement inside the foam; None where it is not kept
     section: Section | None = None
     # what the rim changes at the surface; None where it is far. Depth and contact hold it, the arrays above do not
@@ -181,6 +188,8 @@ class Result:
     message: str = ""
     # relative residuals of a solver that did not converge; empty otherwise
     residuals: tuple[float, ...] = ()
+    # part of the force or depth that such a solver reached; None otherwise, or where it is not told
+    load_fraction: float | None = None
     # relative errors: "signal" (dV, everything) and "depth"
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # "cpu_s", "wall_s", "peak_MB"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.approach import BOTTOM, BottomedOut
 from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
 from eitsim.holding import solve_hold
@@ -25,8 +26,6 @@ from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
 
-# Depth over thickness from which a touch counts as bottomed out.
-BOTTOM = 0.95
 # Parts of the wanted signal error that the mechanics and the electrics may use up.
 MECHANICS_SHARE, ELECTRICS_SHARE = 0.8, 0.2
 
@@ -54,7 +53,8 @@ def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Ta
             kept or _touch(law, scene, punch, exact) for punch, kept in zip(scene.punches, stored, strict=True))
         readings = moments[-1].readings if moments else _readings(scene, touches, skin_law, exact)
     except NotConverged as error:
-        return Result("not_converged", plan, message=str(error), residuals=error.residuals, cost=_cost(wall, cpu))
+        return Result("bottomed_out" if isinstance(error, BottomedOut) else "not_converged", plan, message=str(error),
+                      residuals=error.residuals, load_fraction=error.load_fraction, cost=_cost(wall, cpu))
     deepest = max(touch.depth_m for touch in touches)
     outcome, message = "ok", ""
     if deepest > BOTTOM * scene.body.thickness_m:
@@ -112,9 +112,16 @@ def _fine_enough(touches: list[Touch], scene: Scene) -> bool:
 
 
 def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
-    """Relative errors: the signal's is the sum of mechanics, electrics and what the plan left out."""
-    return {"signal": max(t.signal_error for t in touches) + readings.signal_error + plan.error_bound,
-            "depth": max(t.depth_error for t in touches) + plan.error_bound}
+    """Relative errors "signal" and "depth", and "sigma_max" and "A_c" where every touch tells them: the signal's is the
+    sum of mechanics, electrics and what the plan left out."""
+    mechanics = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
+                 "depth": max(t.depth_error for t in touches)}
+    for key, told in {"sigma_max": [t.sigma_max_error for t in touches],
+                      "A_c": [t.contact_area_error for t in touches]}.items():
+        known = [error for error in told if error is not None]
+        if len(known) == len(told):
+            mechanics[key] = max(known)
+    return {key: value + plan.error_bound for key, value in mechanics.items()}
 
 
 def _cost(wall: float, cpu: float) -> dict[str, float]:
@@ -131,6 +138,8 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
         "cost": dict(result.cost)}
     if result.residuals:
         out["residuals"] = list(result.residuals)
+    if result.load_fraction is not None:
+        out["load_fraction"] = result.load_fraction
     if result.readings is None:
         return out
     blocks = [mechanical(touch) for touch in result.touches]
@@ -141,6 +150,7 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
         "error_estimate": dict(result.error_estimate), "electrics_method": result.readings.method,
         "stability": {"elliptic": all(t.fraction_non_elliptic == 0 for t in result.touches),
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
+                      "non_elliptic_mm": [non_elliptic_mm(touch) for touch in result.touches],
                       "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
                       **fitted_ranges(result, card)},
         "profile": [profile(touch, scene) for touch in result.touches]} | (
@@ -151,6 +161,14 @@ def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:
     """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
     return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": moment.readings.touched_V.tolist(),
             "error_estimate": errors(plan, (moment.touch,), moment.readings)}
+
+
+def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:
+    """Where strong ellipticity is lost: least and largest reference radius and depth below the untouched surface."""
+    if touch.non_elliptic_m is None:
+        return None
+    radius, below = (1e3 * touch.non_elliptic_m).tolist()
+    return {"radius_mm": radius, "below_mm": below}
 
 
 def fitted_ranges(result: Result, card: MaterialCard) -> dict[str, Any]:

@@ -5,14 +5,27 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eitsim.approach import carried_over, from_rest, in_steps, near
+from eitsim import solid
+from eitsim.approach import BOTTOM, BottomedOut, carried_over, from_rest, in_steps, near
 from eitsim.axisymmetric import PENALTY, solve_touch
-from eitsim.pressing import at_rest, energy, equilibrium, pressing, transferred
-from eitsim.scene import Body, Punch
+from eitsim.pressing import (
+    at_rest,
+    energy,
+    equilibrium,
+    fraction_non_elliptic,
+    non_elliptic_place,
+    pressing,
+    transferred,
+)
+from eitsim.scene import Body, Punch, scene_from
+from eitsim.simulate import as_json, simulate
+from matcal.card import MaterialCard
+from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
+CARD = MaterialCard("Table 1", TABLE_1, None, Conductivity(30.0, [-2, 2, -1], (0.0, 0.4)))
 SOFT = Hyperfoam([9530.0], [8.0], [0.0])
 # a near-confluent law of three terms, as fits of measured foams give it
 FOAM = Hyperfoam([2143569.5, -5145106.0, 3123996.7], [-0.31441489, 0.01299211, 0.3403991], [0.0, 0.0, 0.0])
@@ -53,10 +66,55 @@ def test_hard_touches_are_reached(law):
 
 def test_a_failure_tells_what_was_reached():
     model = pressing(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
+    start = from_rest(model, 0.1)
     with pytest.raises(NotConverged, match="of the force") as caught:
-        from_rest(model, 1e4)
+        in_steps(model, start, 1e5)
     reached = caught.value.load_fraction
     assert reached is not None
     assert 0 < reached < 1
-    assert np.isfinite(energy(model, reached * 1e4, caught.value.estimate))
+    assert np.isfinite(energy(model, reached * 1e5, caught.value.estimate))
     assert len(caught.value.residuals) > 0
+
+
+def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
+    model = pressing(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
+    with pytest.raises(BottomedOut, match="of the force") as caught:
+        from_rest(model, 1e5)
+    assert caught.value.estimate[-1] > BOTTOM
+
+    def solved(*args, **keys):
+        raise caught.value
+
+    monkeypatch.setattr("eitsim.simulate.solve_touch", solved)
+    scene = scene_from({})
+    result = simulate(scene, CARD)
+    assert result.outcome == "bottomed_out"
+    assert result.readings is None
+    assert as_json(result, scene, CARD)["load_fraction"] == caught.value.load_fraction
+
+
+def test_where_ellipticity_is_lost_is_told(coarse):
+    """Table 1 loses it in equibiaxial compression by 0.6, here of the foam within 0.8 of the axis and 0.5 deep."""
+    nodes = coarse.grid.nodes
+    squeezed = np.where((nodes[:, 0] < 0.8) & (nodes[:, 1] > -0.5), -0.6, 0.0)
+    x = np.zeros(coarse.grid.unknowns + 1)
+    free = coarse.grid.unknown[:, 0] >= 0
+    x[coarse.grid.unknown[free, 0]] = (squeezed * nodes[:, 0])[free]
+    assert np.all(solid.admissible(solid.deformation(coarse.grid, x[:-1])[nodes[coarse.grid.elements, 0].max(1) < 0.8]))
+    place = non_elliptic_place(coarse, x)
+    assert place is not None
+    assert place[0, 0] < 0.05
+    assert place[1, 0] < 0.01
+    assert 0.3 < place[1, 1] < 0.7
+    assert fraction_non_elliptic(coarse, x) > 0
+    assert non_elliptic_place(coarse, np.zeros_like(x)) is None
+
+
+@pytest.mark.parametrize(("diameter_mm", "force_N"), [(10, 2.0), (14, 1.0), (14, 0.1)])
+def test_error_estimates_cover_largest_pressure_and_area(diameter_mm, force_N):
+    punch = Punch(diameter_m=diameter_mm * 1e-3, force_N=force_N)
+    coarse, fine = (solve_touch(TABLE_1, Body(), punch, element_m=h) for h in (0.06e-3, 0.03e-3))
+    for told, exact, estimate in ((coarse.sigma_max_Pa, fine.sigma_max_Pa, coarse.sigma_max_error),
+                                  (coarse.contact_area_m2, fine.contact_area_m2, coarse.contact_area_error)):
+        assert estimate is not None
+        assert abs(told / exact - 1) < estimate
