@@ -80,7 +80,7 @@ def solved(k: int, name: str, scene: Scene) -> dict[str, object]:
 
 def solve_missing(path: Path, last: int, where: str, friction: str, seconds: float) -> None:
     """Append the scenes before `last`, of that place and friction, that the table lacks."""
-    done = set(pd.read_csv(path)["scene"]) if path.exists() else set()
+    done = set(table_of(path)["scene"]) if path.exists() else set()
     begun, fresh = time.perf_counter(), not path.exists()
     with path.open("a", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
@@ -96,6 +96,11 @@ def solve_missing(path: Path, last: int, where: str, friction: str, seconds: flo
             row = solved(k, name, scene)
             writer.writerow({key: f"{cell:.6g}" if isinstance(cell, float) else cell for key, cell in row.items()})
             file.flush()
+
+
+def table_of(path: Path) -> pd.DataFrame:
+    """The scenes solved so far."""
+    return pd.read_csv(path, dtype={"message": str}).fillna({"message": ""})
 
 
 def summary(table: pd.DataFrame) -> str:
@@ -126,7 +131,7 @@ def main() -> None:
     given = options.parse_args()
     given.out.parent.mkdir(exist_ok=True)
     solve_missing(given.out, given.last, given.where, given.friction, given.seconds)
-    print(summary(pd.read_csv(given.out, dtype={"message": str}).fillna({"message": ""})))
+    print(summary(table_of(given.out)))
 
 
 if __name__ == "__main__":
