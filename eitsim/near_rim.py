@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 
 from eitsim.axisymmetric import force_unit, pressings, solve_touch, under_force
 from eitsim.circles import Circles, Outline, harmonics_at
-from eitsim.clipped_disc import ClippedDisc, amplitudes, clipped_disc
+from eitsim.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
 from eitsim.clipped_solution import fraction_non_elliptic, solve, touching
 from eitsim.fourier import Points, gradients
 from eitsim.mesh import default_element_m, lagrange
-from eitsim.newton import Minimum
-from eitsim.pressing import Pressing
+from eitsim.pressing import Pressing, interpolation
 from eitsim.punch import pressure
 from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch
-from eitsim.skin import changes
+from eitsim.skin import changes, driving_strain, stretches
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
@@ -34,6 +33,10 @@ Array = NDArray[np.float64]
 _BEYOND = 5.0
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, _ANGLES = 3, 25
+# Least error of the added depth, relative: what two finenesses may happen to share.
+_LEAST_ERROR = 0.02
+# Conductivity of the nominal skin by which two fields are compared is exp(_SENSITIVITY strain).
+_SENSITIVITY = -2.0
 # How often the force is halved for a start where the solution is not found from the axisymmetric state.
 _HALVINGS = 3
 # Where the parts xx, xy, yy of a metric stand.
@@ -72,6 +75,15 @@ class Change:
     residuals: tuple[float, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    disc: ClippedDisc
+    model: Pressing
+    # (unknowns + 1,) what the rim adds
+    x: Array
+    residuals: tuple[float, ...]
+
+
 def rim_problem(body: Body, punch: Punch) -> str:
     """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
     gap = body.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
@@ -90,18 +102,20 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "n
     """
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
-    return corrected(solve_touch(law, body, punch, strain=strain), law, body, punch)
+    return corrected(solve_touch(law, body, punch, strain=strain), law, body, punch, strain=strain)
 
 
-def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Fineness = COARSE,
-              fine: Fineness = FINE) -> Touch:
+def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal",
+              coarse: Fineness = COARSE, fine: Fineness = FINE) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference tells the error; NotConverged where
     no equilibrium is found."""
     started = time.process_time()
-    rough, change = (rim_change(law, body, punch, fineness) for fineness in (coarse, fine))
-    depth_error = abs(change.depth_m - rough.depth_m) / (touch.depth_m + change.depth_m)
-    touch = replace(changed(touch, change), depth_error=touch.depth_error + depth_error,
-                    signal_error=touch.signal_error + field_difference(touch, rough.field, change.field))
+    before = _found(law, body, punch, coarse)
+    rough = _change_of(before, body)
+    change = _change_of(_found(law, body, punch, fine, before), body)
+    apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m))
+    touch = replace(changed(touch, change), depth_error=touch.depth_error + apart / (touch.depth_m + change.depth_m),
+                    signal_error=touch.signal_error + signal_difference(touch, rough.field, change.field, strain))
     return replace(touch, iterations=touch.iterations + len(rough.residuals) + len(change.residuals),
                    residuals=touch.residuals + rough.residuals + change.residuals,
                    cpu_s=touch.cpu_s + time.process_time() - started)
@@ -122,28 +136,52 @@ def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness = FI
     Radii and angles of the field depend on the body, the punch's size and shape and the fineness alone, so that fields
     of several forces and places on the disc interpolate point by point. NotConverged where no equilibrium is found.
     """
+    return _change_of(_found(law, body, punch, fineness), body)
+
+
+def _change_of(solution: _Solution, body: Body) -> Change:
+    disc, x, unit = solution.disc, solution.x, body.thickness_m
+    pressed, area, wall = _contact_ratios(disc, x)
+    return Change(_surface_field(disc, solution.model, x, unit), float(x[-1]) * unit, pressed, area, wall,
+                  fraction_non_elliptic(disc, x), solution.residuals)
+
+
+def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before: _Solution | None = None) -> _Solution:
+    """The solution from the axisymmetric state, or from one on another mesh; else by way of half the force."""
     if punch.force_N is None:
         raise ValueError(f"force_N must be given, got depth_m = {punch.depth_m}.")
     unit = body.thickness_m
     model = pressings(law, body, punch, fineness.element * default_element_m(body, punch), None)[-1]
     outline = Outline(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
-    disc, found = _found(model, punch.force_N / force_unit(law, body), outline, fineness, _HALVINGS)
-    pressed, area, wall = _contact_ratios(disc, found.x)
-    return Change(_surface_field(disc, model, found.x, unit), float(found.x[-1]) * unit, pressed, area, wall,
-                  fraction_non_elliptic(disc, found.x), found.residuals)
+    return _under(model, punch.force_N / force_unit(law, body), outline, fineness, before, _HALVINGS)
 
 
-def _found(model: Pressing, force: float, outline: Outline, fineness: Fineness,
-           halvings: int) -> tuple[ClippedDisc, Minimum]:
-    """The solution from the axisymmetric state, or by way of what the rim adds under half the force."""
+def _under(model: Pressing, force: float, outline: Outline, fineness: Fineness, before: _Solution | None,
+           halvings: int) -> _Solution:
     (state,) = under_force([model], force)
     disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + _BEYOND)
-    try:
-        return disc, solve(disc)
-    except NotConverged:
-        if halvings == 0:
-            raise
-    return disc, solve(disc, _found(model, force / 2, outline, fineness, halvings - 1)[1].x)
+    for start in (None if before is None else _carried_over(before, disc, model), None):
+        try:
+            found = solve(disc, start)
+            return _Solution(disc, model, found.x, found.residuals)
+        except NotConverged:
+            if halvings == 0:
+                raise
+    half = _under(model, force / 2, outline, fineness, None, halvings - 1)
+    found = solve(disc, half.x)
+    return _Solution(disc, model, found.x, half.residuals + found.residuals)
+
+
+def _carried_over(before: _Solution, disc: ClippedDisc, model: Pressing) -> Array:
+    """A solution's unknowns on another disc: what the rim adds at the new nodes, in as many harmonics as both have."""
+    old, count = before.disc, min(len(before.disc.fixed), len(disc.fixed))
+    along_r = interpolation(old.columns, disc.columns, old.order)
+    along_r[disc.columns > old.columns[-1]] = 0.0
+    along_z = interpolation(before.model.grid.lines[1], model.grid.lines[1], old.order)
+    added = amplitudes(old, before.x[:-1])[..., :count].reshape(len(old.columns), -1, 3 * count)
+    out = np.zeros(disc.base.shape)
+    out[..., :count] = np.einsum("im,mnk,jn->ijk", along_r, added, along_z, optimize=True).reshape(-1, 3, count)
+    return np.append(unknowns_of(disc, out), before.x[-1])
 
 
 def _surface_field(disc: ClippedDisc, model: Pressing, x: Array, unit: float) -> RimField:
@@ -229,18 +267,25 @@ def _contact_ratios(disc: ClippedDisc, x: Array) -> tuple[float, float, float]:
     return largest(at.gap) / largest(before.gap), face / old_face, wall / old_wall if old_wall > 0 else 1.0
 
 
-def field_difference(touch: Touch, rough: RimField, field: RimField) -> float:
-    """Difference of the stretches of two fields, integral of its magnitude over the disc, over that of the axisymmetric
-    strains."""
+def signal_difference(touch: Touch, rough: RimField, field: RimField, strain: str) -> float:
+    """Relative difference of what two fields change of the conductance of a nominal skin, integrals over the disc of
+    the tensors that the change of a voltage is made of to first order."""
     disc = Outline(field.disc_m, field.offset_m)
     start = disc.start(field.radius_m)[:, None]
     angle = start + (np.pi - start) * field.share
-    points = field.radius_m[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    metric, normal = changes(rough, points)
-    finer = field.metric[..., [0, 1, 1, 2]].reshape(metric.shape)
-    apart = np.abs(finer - metric).sum(axis=(-2, -1)) / 2 + np.abs(field.normal - normal)
-    part = 1 - start[:, 0] / np.pi
-    stretch = np.stack([np.interp(field.radius_m, touch.radius_m, s) for s in (
-        touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal)])
-    ring = np.gradient(field.radius_m) * field.radius_m
-    return float((apart.mean(axis=1) * part * ring).sum() / (np.abs(stretch - 1).sum(axis=0) * ring).sum())
+    outwards = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    radius = np.broadcast_to(field.radius_m[:, None], angle.shape)
+    meridian, hoop, normal = stretches(touch, radius)
+    old = hoop[..., None, None] * np.eye(2)
+    old = old + (meridian - hoop)[..., None, None] * outwards[..., :, None] * outwards[..., None, :]
+    weight = (np.gradient(field.radius_m) * field.radius_m)[:, None] * (1 - start / np.pi)
+    totals = []
+    for one in (rough, field):
+        metric, factor = changes(one, radius[..., None] * outwards)
+        metric = old @ metric @ old
+        stretch = np.sqrt(np.moveaxis(np.linalg.eigvalsh(metric), -1, 0))
+        driving = driving_strain(strain, stretch[0], stretch[1], normal * factor)
+        sheet = np.exp(_SENSITIVITY * driving) * stretch[0] * stretch[1]
+        change = sheet[..., None, None] * np.linalg.inv(metric) - np.eye(2)
+        totals.append(np.array([(weight * change[..., k, k]).mean(axis=1).sum() for k in range(2)]))
+    return float(np.linalg.norm(totals[1] - totals[0]) / np.linalg.norm(totals[1]))
