@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -12,7 +13,7 @@ from eitsim.cem import gradients, potentials, quadrature_points
 from eitsim.multipole import ring_share
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch, Skin
-from eitsim.skin import sheet_conductance
+from eitsim.skin import sheet_conductance, touched_conductance
 from eitsim.template import rim_angles, ring_mesh
 from matcal.conductivity import Conductivity
 
@@ -54,6 +55,24 @@ def first_order_change(body: Body, electrodes: Electrodes, conductance_S: float,
     left = 1 - ring_share(radius, reach_m)
     far = (left > 0) & (radius < touch.radius_m[-1])
     change = sheet_conductance(field.points_m[far], punch, touch, skin, law) - conductance_S * np.eye(2)
-    change *= (left * field.area_m2)[far, None, None]
-    gradient = field.gradient[far]
-    return -np.tensordot(gradient, change @ gradient, axes=([0, 1], [0, 1]))
+    return _first_order(field, far, change * left[far, None, None])
+
+
+def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: float,
+                           touches: Sequence[tuple[Punch, Touch]], skin: Skin, law: Conductivity) -> Array:
+    """Change (count, count), Ohm, of the impedance matrix, to first order, by what touches make of the conductance
+    together beyond the sum of what each makes alone, outside their contacts; 0 for one touch."""
+    field = _untouched(body, electrodes, conductance_S)
+    outside = np.ones(len(field.points_m), dtype=bool)
+    for punch, touch in touches:
+        away = np.hypot(field.points_m[:, 0] - punch.x_m, field.points_m[:, 1] - punch.y_m)
+        outside &= away > touch.contact_radius_m
+    points = field.points_m[outside]
+    alone = [sheet_conductance(points, punch, touch, skin, law) for punch, touch in touches]
+    rest = (len(touches) - 1) * conductance_S * np.eye(2)
+    return _first_order(field, outside, touched_conductance(points, touches, skin, law) - np.sum(alone, axis=0) + rest)
+
+
+def _first_order(field: _Untouched, at: NDArray[np.bool_], change: Array) -> Array:
+    gradient = field.gradient[at]
+    return -np.tensordot(gradient, change * field.area_m2[at, None, None] @ gradient, axes=([0, 1], [0, 1]))

@@ -70,6 +70,8 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     parsed = read_scene(scene)
     if fields is not None and parsed.hold.time_s:
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
+    if fields is not None and len(parsed.punches) > 1:
+        raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
     if fields is not None and any(near_rim(parsed, punch) for punch in parsed.punches):
         raise ValueError("--fields is built for touches far from the rim only; leave it out or move the punch inwards.")
     if reuse and (exact or fields is not None):
@@ -220,10 +222,13 @@ def _print_result(result: Result, document: dict[str, Any], out: Path | None) ->
     if result.readings is not None:
         table = Table("quantity", "value", title=f"touch: {result.outcome}")
         for key in ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2"):
-            table.add_row(key, f"{document[key]:.5g}" if isinstance(document[key], float) else str(document[key]))
+            values = document[key] if isinstance(document[key], list) else [document[key]]
+            table.add_row(key, ", ".join(f"{value:.5g}" for value in values))
         table.add_row("largest |dV|, mV", f"{abs(result.readings.signal_V).max() * 1e3:.4g}")
         for key, value in result.error_estimate.items():
             table.add_row(f"numerical error of {key}", f"{value:.2%}")
+        for key, value in result.interaction.items():
+            table.add_row(f"of it at most by neighbours, {key}", f"{value:.2%}")
         _add_ranges(table, document["stability"])
         table.add_row("CPU, s", f"{result.cost['cpu_s']:.2f}")
         Console().print(table)

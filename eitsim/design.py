@@ -62,7 +62,8 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     if sampler not in SAMPLERS:
         raise ValueError(f"sampler '{sampler}' is unknown; known: {', '.join(SAMPLERS)}.")
     design = Design(count, seed, sampler, {key: value for key, value in raw.items() if key in scene_keys()})
-    scene_at(design, 0)
+    if (touches := len(scene_at(design, 0).punches)) > 1:
+        raise ValueError(f"{touches} touches are given; a row of a data set holds one. Give one [punch].")
     return design
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.beyond import first_order_change
+from eitsim.beyond import change_where_they_meet, first_order_change
 from eitsim.cem import SkinMesh, impedance, quadrature_points, sparsity
 from eitsim.drive import read_out
 from eitsim.multipole import Scatterer, impedance_change, place, reaches, room, scattering
@@ -68,16 +68,16 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
     The untouched skin is solved on its rim alone (`solve_rim`, once a sensor). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
-    largest circle about it that fits in the disc; the strain beyond counts to first order. "mesh" takes dV from two
-    solutions on one mesh that follows the touches. "auto" takes the first where it meets `signal`, else the better of
-    both. Where several touches change the conductance of one place, the changes add up.
+    largest circle about it that fits in the disc; the strain beyond, and what strains make of the conductance where
+    they add up, count to first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto"
+    takes the first where it meets `signal`, else the better of both.
 
     signal_error adds, for "multipole", the change by half as many rings over 3 (second order), by three quarters of
     the harmonics, the first-order part times four times the scattering of the first harmonic (the touch turns the
-    field there by that much, twice over by the rim, for both electrodes), and half the largest relative change of
-    conductance that one touch makes at another's contact (measured: a fifth of it, at gaps of 2 to 25 mm); for "mesh"
-    it is the change by the coarser mesh over 3. It does not hold what interpolation between the touch's own samples
-    costs.
+    field there by that much, twice over by the rim, for both electrodes), half the largest relative change of
+    conductance that one touch makes at another's contact, and a quarter of what they make together where they meet
+    (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less); for "mesh" it is the change by the coarser
+    mesh over 3. It does not hold what interpolation between the touch's own samples costs.
 
     A touch that the rim changes is not axisymmetric and takes the mesh.
 
@@ -125,12 +125,15 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
         coarse, fine, used = fine, _scattered(sensor, touches, circles, rooms, parts), parts
     beyond = sum(first_order_change(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
                                     sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
+    meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
+                                     sensor.law)
     first = max(abs(s.scattered[0]) for s in _scatterers(sensor, touches, rooms, used, 1))
     error = _difference(sensor, fine, coarse) / 3
     error += _difference(sensor, fine, _scattered(sensor, touches, circles, rooms, used, 3 * ORDERS // 4,
                                                   3 * HARMONICS // 4))
     error += 4 * first * _difference(sensor, fine + beyond, fine)
-    return _Change(fine + beyond, error + _overlap(sensor, touches) / 2, 2 * ORDERS * len(touches), "multipole")
+    error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
+    return _Change(fine + beyond + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
 def _scattered(sensor: _Sensor, touches: Touches, circles: Sequence[float], rooms: Sequence[float], parts: int,

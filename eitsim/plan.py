@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -9,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.near_rim import rim_problem
+from eitsim.neighbours import edge_gap_m, expected, gap_for
 from eitsim.results import Decision, Plan
 from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, require, with_moduli
@@ -19,8 +21,8 @@ from matcal.hyperfoam import Hyperfoam
 # sticking punch on a disc of 10 x 100 mm; beyond the last point it decays with the last two points' rate.
 _GAP = np.array([0.05, 0.2, 0.5, 0.8, 1.2, 1.5, 2.0])
 _RIM_EFFECT = np.array([0.095, 0.095, 0.095, 0.08, 0.05, 0.033, 0.012])
-# Part of the wanted signal error that neglecting the rim may use up.
-_RIM_SHARE = 0.5
+# Parts of the wanted signal error that neglecting the rim and solving touches apart may use up.
+_RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
 STEEL_E_PA = 210e9
 _RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
 
@@ -85,9 +87,32 @@ def law_of(scene: Scene, card: MaterialCard) -> Hyperfoam:
 
 def _refusal(scene: Scene) -> str:
     """Why the scene cannot be solved yet, with the nearest thing that can; empty where it can."""
-    if len(scene.punches) != 1:
-        return f"{len(scene.punches)} touches are asked for; only one touch a scene is built. Give one [punch]."
-    (punch,) = scene.punches
+    problems = [_punch_refusal(scene, punch) for punch in scene.punches]
+    if len(problems) == 1:
+        return problems[0]
+    named = [f"touch {i}: {problem}" for i, problem in enumerate(problems, 1) if problem]
+    return named[0] if named else _neighbour_refusal(scene)
+
+
+def _neighbour_refusal(scene: Scene) -> str:
+    pairs = itertools.combinations(range(len(scene.punches)), 2)
+    gap, i, j = min((edge_gap_m(scene.punches[i], scene.punches[j]), i, j) for i, j in pairs)
+    where = f"the edges of touches {i + 1} and {j + 1}"
+    if gap <= 0:
+        return f"{where} overlap by {-gap * 1e3:.1f} mm; move the punches apart by more than that."
+    if scene.hold.time_s:
+        return (f"a hold (time_s in [hold]) is built for one touch, {len(scene.punches)} are given; give one [punch] "
+                "or leave out time_s.")
+    effect, allowed = expected(scene.body, scene.punches), _NEIGHBOUR_SHARE * scene.accuracy.signal
+    if effect <= allowed:
+        return ""
+    apart = gap_for(allowed / (len(scene.punches) - 1), scene.body.thickness_m) * 1e3
+    return (f"{where} are {gap * 1e3:.1f} mm apart: solving each touch as if it were alone may cost {effect:.2g} of "
+            f"the signal, allowed is {allowed:.2g} (half of signal in [accuracy]); solving them together is not built. "
+            f"Move them apart to {apart:.0f} mm or ask for less accuracy (a larger signal in [accuracy]).")
+
+
+def _punch_refusal(scene: Scene, punch: Punch) -> str:
     built = {"friction": (punch.friction, ("none",)),
              "kind in [electrodes]": (scene.electrodes.kind, ("line",))}
     for key, (given, known) in built.items():
@@ -138,6 +163,8 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
             yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
         if not punch.conductor:
             yield Decision("no conduction through the punch", "conductor is false in [punch]", 0.0)
+    if len(scene.punches) > 1:
+        yield _neighbour_decision(scene)
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, card)]
     yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
                    "may compress the foam further than its test; the result tells both strains, the cost is unknown "
@@ -172,6 +199,15 @@ def _rim_decision(scene: Scene, punch: Punch) -> Decision:
                         f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
                         "own", 0.0)
     return Decision("mechanics axisymmetric about the punch", where, rim_effect(gap, scene.body.thickness_m))
+
+
+def _neighbour_decision(scene: Scene) -> Decision:
+    gap = min(edge_gap_m(one, other) for one, other in itertools.combinations(scene.punches, 2))
+    return Decision(f"{len(scene.punches)} touches, each solved as if it were alone",
+                    f"the closest two have {gap * 1e3:.1f} mm between their edges, {gap / scene.body.thickness_m:.1f} "
+                    "thicknesses; their strains add up in the skin, whose electrics is solved for all together. Where "
+                    "the solved fields reach further than this bound, the result's own error grows",
+                    expected(scene.body, scene.punches))
 
 
 def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:

@@ -190,6 +190,8 @@ class Result:
     residuals: tuple[float, ...] = ()
     # part of the force or depth that such a solver reached; None otherwise, or where it is not told
     load_fraction: float | None = None
+    # bounds of what neighbours change of a touch, relative: "signal" and "depth"; empty for one touch
+    interaction: Mapping[str, float] = field(default_factory=dict)
     # relative errors: "signal" (dV, everything) and "depth"
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # "cpu_s", "wall_s", "peak_MB"

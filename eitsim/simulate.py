@@ -15,6 +15,7 @@ from eitsim.electrics import solve
 from eitsim.holding import solve_hold
 from eitsim.mesh import default_element_m
 from eitsim.near_rim import solve_near_rim
+from eitsim.neighbours import expected, interaction
 from eitsim.plan import law_of, make_plan, near_rim, on_mesh
 from eitsim.results import Moment, Plan, Readings, Result, Touch
 from eitsim.reuse import decision, served
@@ -60,8 +61,11 @@ def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Ta
     if deepest > BOTTOM * scene.body.thickness_m:
         outcome = "bottomed_out"
         message = f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
-    return Result(outcome, plan, touches, readings, moments, message, error_estimate=errors(plan, touches, readings),
-                  cost=_cost(wall, cpu))
+    neighbours = interaction(tuple(zip(scene.punches, touches, strict=True))) if len(touches) > 1 else {}
+    planned = expected(scene.body, scene.punches)
+    unplanned = {key: max(value - planned, 0.0) for key, value in neighbours.items()}
+    return Result(outcome, plan, touches, readings, moments, message, interaction=neighbours,
+                  error_estimate=errors(plan, touches, readings, unplanned), cost=_cost(wall, cpu))
 
 
 def _readings(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
@@ -111,9 +115,11 @@ def _fine_enough(touches: list[Touch], scene: Scene) -> bool:
                or touch.depth_m > BOTTOM * scene.body.thickness_m for touch in touches)
 
 
-def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
+def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings,
+           unplanned: Mapping[str, float] | None = None) -> dict[str, float]:
     """Relative errors "signal" and "depth", and "sigma_max" and "A_c" where every touch tells them: the signal's is the
-    sum of mechanics, electrics and what the plan left out."""
+    sum of mechanics (the worst touch), electrics, what the plan left out, and what its neighbours may change of a touch
+    beyond that."""
     mechanics = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
                  "depth": max(t.depth_error for t in touches)}
     for key, told in {"sigma_max": [t.sigma_max_error for t in touches],
@@ -121,7 +127,7 @@ def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings) -> dict[s
         known = [error for error in told if error is not None]
         if len(known) == len(told):
             mechanics[key] = max(known)
-    return {key: value + plan.error_bound for key, value in mechanics.items()}
+    return {key: value + plan.error_bound + (unplanned or {}).get(key, 0.0) for key, value in mechanics.items()}
 
 
 def _cost(wall: float, cpu: float) -> dict[str, float]:
@@ -147,6 +153,7 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
     return out | (blocks[0] if len(blocks) == 1 else mechanics) | {
         "readings_V": result.readings.touched_V.tolist(), "baseline_V": result.readings.baseline_V.tolist(),
         "impedance_Ohm": result.readings.impedance_Ohm.tolist(),
+        **({"interaction": dict(result.interaction)} if result.interaction else {}),
         "error_estimate": dict(result.error_estimate), "electrics_method": result.readings.method,
         "stability": {"elliptic": all(t.fraction_non_elliptic == 0 for t in result.touches),
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),

@@ -53,7 +53,7 @@ def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, l
     """Conductance tensor (..., 2, 2), S, at points (..., 2) of the reference disc, axisymmetric about the punch but for
     what the rim changes."""
     if touch.rim is not None:
-        return _conductance_near_rim(points_m, punch, touch, touch.rim, skin, law)
+        return _conductance_of(*surface_metric(points_m, punch, touch), skin, law)
     offset = points_m - np.array([punch.x_m, punch.y_m])
     radius = np.hypot(offset[..., 0], offset[..., 1])
     normal = np.where(radius[..., None] > 0, offset / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
@@ -64,30 +64,39 @@ def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, l
 
 def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]], skin: Skin,
                         law: Conductivity) -> Array:
-    """Conductance tensor (..., 2, 2), S, at points (..., 2) under one touch or several, whose changes add up."""
-    rest = untouched_conductance(law, skin) * np.eye(2)
-    first, *others = (sheet_conductance(points_m, punch, touch, skin, law) for punch, touch in touches)
-    for other in others:
-        first = first + (other - rest)
-    return first
+    """Conductance tensor (..., 2, 2), S, at points (..., 2) under one touch or several.
+
+    Where several meet, their Green-Lagrange strains add up and their stretches normal to the surface multiply.
+    """
+    if len(touches) == 1:
+        return sheet_conductance(points_m, *touches[0], skin, law)
+    metrics, normals = zip(*(surface_metric(points_m, *touch) for touch in touches), strict=True)
+    metric = np.eye(2) + np.sum([metric - np.eye(2) for metric in metrics], axis=0)
+    return _conductance_of(metric, np.prod(normals, axis=0), skin, law)
 
 
-def _conductance_near_rim(points_m: Array, punch: Punch, touch: Touch, rim: RimField, skin: Skin,
-                          law: Conductivity) -> Array:
-    """c t J_s C_s^-1 with C_s = U M U, U the axisymmetric stretches and M the metric that the rim makes of them."""
-    outwards = np.array([punch.x_m, punch.y_m]) / math.hypot(punch.x_m, punch.y_m)
+def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, Array]:
+    """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) of the disc."""
+    place = np.array([punch.x_m, punch.y_m])
+    outwards = place / np.linalg.norm(place) if touch.rim is not None else np.array([1.0, 0.0])
     axes = np.array([outwards, [-outwards[1], outwards[0]]])
-    local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
+    local = (points_m - place) @ axes.T
     radius = np.hypot(local[..., 0], local[..., 1])
     meridian, hoop, normal = stretches(touch, radius)
     radial = np.where(radius[..., None] > 0, local / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
-    old = hoop[..., None, None] * np.eye(2)
-    old = old + (meridian - hoop)[..., None, None] * radial[..., :, None] * radial[..., None, :]
-    metric, factor = changes(rim, local)
-    value, vector = np.linalg.eigh(old @ metric @ old)
+    radial = radial[..., :, None] * radial[..., None, :]
+    if touch.rim is None:
+        return (hoop**2)[..., None, None] * np.eye(2) + (meridian**2 - hoop**2)[..., None, None] * radial, normal
+    old = hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * radial
+    metric, factor = changes(touch.rim, local)
+    return axes.T @ old @ metric @ old @ axes, normal * factor
+
+
+def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity) -> Array:
+    """c t J_s C_s^-1 of a metric C_s and the stretch normal to the surface."""
+    value, vector = np.linalg.eigh(metric)
     first, second = np.sqrt(np.moveaxis(value, -1, 0))
-    sheets = principal_conductances(law, skin, first, second, normal * factor)
-    vector = axes.T @ vector
+    sheets = principal_conductances(law, skin, first, second, normal)
     return (vector * np.stack(sheets, axis=-1)[..., None, :]) @ np.swapaxes(vector, -1, -2)
 
 

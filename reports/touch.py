@@ -71,8 +71,9 @@ def _findings(result: Mapping[str, Any]) -> list[str]:
     if "delta_max_mm" in result:
         depths, forces = touches(result, "delta_max_mm"), touches(result, "force_N")
         peaks = touches(result, "sigma_max_kPa")
-        found += [f"{number(force)} N presses the punch {number(depth, 4)} mm deep; the peak contact pressure is "
-                  f"{number(peak)} kPa." for force, depth, peak in zip(forces, depths, peaks, strict=True)]
+        names = ["the punch"] if len(depths) == 1 else [f"punch {i}" for i in range(1, len(depths) + 1)]
+        found += [f"{number(force)} N presses {name} {number(depth, 4)} mm deep; the peak contact pressure is "
+                  f"{number(peak)} kPa." for name, force, depth, peak in zip(names, forces, depths, peaks, strict=True)]
     if "readings_V" in result:
         touched, baseline = _voltages(result)
         found.append(f"Of {touched.size} readings: {readings.size_words(touched - baseline, baseline)}.")
@@ -147,6 +148,8 @@ def _quality_table(result: Mapping[str, Any]) -> Table:
     rows = []
     for key, value in result.get("error_estimate", {}).items():
         rows.append([f"estimated relative error of the {key}", percent(value)])
+    for key, value in result.get("interaction", {}).items():
+        rows.append([f"most that its neighbours change of a touch, {key}", percent(value)])
     stability = result.get("stability", {})
     if "fraction_non_elliptic" in stability:
         rows.append(["quadrature points where strong ellipticity is lost", percent(stability["fraction_non_elliptic"])])

@@ -46,11 +46,20 @@ def scene(tables: Mapping[str, Any]) -> Plate:
         axes.add_patch(Circle((punch["x_mm"], punch["y_mm"]), punch["diameter_mm"] / 2, facecolor=style.ACCENT,
                               edgecolor="none", alpha=0.85))
         gaps.append(radius - float(np.hypot(punch["x_mm"], punch["y_mm"])) - punch["diameter_mm"] / 2)
-    first = tables["punch"][0]
-    caption = (f"The sensor from above, to scale, with {tables['electrodes']['count']} numbered electrodes and the "
-               f"punch of {number(first['diameter_mm'])} mm at x = {number(first['x_mm'])} mm, y = "
-               f"{number(first['y_mm'])} mm; its edge is {number(min(gaps))} mm from the rim.")
+        if len(tables["punch"]) > 1:
+            axes.text(punch["x_mm"], punch["y_mm"], str(len(gaps)), ha="center", va="center", fontsize=7)
+    count = tables["electrodes"]["count"]
+    caption = (f"The sensor from above, to scale, with {count} numbered electrodes and {_punches(tables['punch'])}; "
+               f"{'its edge' if len(gaps) == 1 else 'the nearest edge'} is {number(min(gaps))} mm from the rim.")
     return Plate("scene", figure, caption, {"scene": pd.DataFrame(tables["punch"])})
+
+
+def _punches(punches: Sequence[Mapping[str, Any]]) -> str:
+    placed = [f"{number(punch['diameter_mm'])} mm at x = {number(punch['x_mm'])} mm, y = {number(punch['y_mm'])} mm"
+              for punch in punches]
+    if len(placed) == 1:
+        return f"the punch of {placed[0]}"
+    return "the punches " + ", ".join(f"{i} of {place}" for i, place in enumerate(placed, 1))
 
 
 def profile(block: Mapping[str, Sequence[float]], index: int, count: int) -> Plate:
