@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.circles import Circles
-from eitsim.solid import compiled
+from eitsim.compiled import compiled
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

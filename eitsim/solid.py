@@ -10,14 +10,14 @@ DOI 10.1145/3241041.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from eitsim.compiled import compiled
 from eitsim.mesh import Grid
+from eitsim.response import density, response
 from matcal import hyperfoam
 from matcal.hyperfoam import Hyperfoam
 
@@ -27,14 +27,6 @@ Array = NDArray[np.float64]
 _STRETCHES, _FLIP, _TWIST = slice(0, 3), 3, 4
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
-
-
-def compiled(function: Callable[..., None]) -> Callable[..., None]:
-    """Compile a loop over arrays; kept on disk where there is a place to write, else compiled by each process."""
-    try:
-        return njit(cache=True)(function)
-    except RuntimeError:
-        return njit(function)
 
 
 @dataclass(frozen=True)
@@ -181,10 +173,10 @@ def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None)
     if not np.all(admissible(strain)):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
-        density = hyperfoam.energy(law, log_stretches(strain))
+        local = density(law, strain)
         if prestress is not None:
-            density = density + (prestress * green_lagrange(strain)) @ _TWICE_OFF_DIAGONAL
-        stored = float(np.sum(grid.weight * density))
+            local = local + (prestress * green_lagrange(strain)) @ _TWICE_OFF_DIAGONAL
+        stored = float(np.sum(grid.weight * local))
     return stored if np.isfinite(stored) else np.inf
 
 
@@ -195,9 +187,7 @@ def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.
     The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth.
     """
     strain = deformation(grid, u)
-    at = principal(strain)
-    force, stiff = stress(law, at), damped(stiffness(law, at), share)
-    tangent = np.swapaxes(at.modes, -1, -2) @ stiff @ at.modes
+    force, tangent = response(law, strain, share)
     if prestress is not None:
         force = force + pushed(prestress, strain)
         tangent = tangent + geometric_stiffness(prestress, share)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.solid import compiled
+from eitsim.compiled import compiled
 from matcal import hyperfoam
 from matcal.hyperfoam import Hyperfoam
 

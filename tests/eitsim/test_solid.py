@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from eitsim import solid
+from eitsim.compiled import compiled
 from eitsim.mesh import foam_grid, tensor_grid
+from eitsim.response import density, response
 from eitsim.scene import Body, Punch
-from matcal.hyperfoam import Hyperfoam
+from matcal.hyperfoam import Hyperfoam, energy
 from matcal.modes import log_stretches, nominal_stress
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
@@ -135,6 +137,24 @@ def test_damping_removes_negative_curvature_and_nothing_else():
     assert np.array_equal(solid.damped(stiff, 1.0), stiff)
 
 
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.0])
+def test_the_compiled_response_equals_its_numpy_twin(name, share):
+    """At rest, near it, at coinciding and at far stretches."""
+    law, rng = LAWS[name], np.random.default_rng(5)
+    strain = rng.normal(0, 0.5, (3000, 5))
+    strain[:100], strain[100:200] = 0.0, 1e-9 * strain[100:200]
+    strain[200:300, 1:3], strain[300:400, 3] = 0.0, strain[300:400, 0]
+    strain = strain[solid.admissible(strain)]
+    force, tangent = response(law, strain, share)
+    at = solid.principal(strain)
+    expected = np.swapaxes(at.modes, -1, -2) @ solid.damped(solid.stiffness(law, at), share) @ at.modes
+    scale = np.abs(expected).max(axis=(1, 2))
+    assert np.all(np.abs(tangent - expected).max(axis=(1, 2)) < 1e-12 * scale)
+    assert np.all(np.abs(force - solid.stress(law, at)).max(axis=1) < 1e-12 * scale)
+    assert np.allclose(density(law, strain), energy(law, solid.log_stretches(strain)), rtol=1e-12, atol=0)
+
+
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_compiled_assembly_equals_its_numpy_twin(order):
     grid = foam_grid(Body(), Punch(), 1e-3, order)
@@ -183,4 +203,4 @@ def test_foam_turned_inside_out_or_beyond_numbers_has_infinite_energy(law, squee
 def test_compilation_does_without_a_place_for_its_cache():
     scope: dict = {}
     exec("def twice(x):\n    return 2 * x\n", scope)  # no file, hence no cache
-    assert solid.compiled(scope["twice"])(3.0) == 6.0
+    assert compiled(scope["twice"])(3.0) == 6.0
