@@ -65,6 +65,8 @@ class ClippedDisc:
     # its depth, and the force on the punch
     depth: float
     force: float
+    # whether the depth is kept instead of the force
+    held: bool
     # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
     fixed: NDArray[np.bool_]
 
@@ -75,9 +77,9 @@ class ClippedDisc:
 
 
 def clipped_disc(model: Pressing, state: Equilibrium, outline: Outline, harmonics: int, angles: int,
-                 reach: float) -> ClippedDisc:
+                 reach: float, *, held: bool = False) -> ClippedDisc:
     """Discretise what the rim adds to an axisymmetric state: harmonics 0 to harmonics - 1, as many angles on half a
-    circle, nothing added from the radius `reach` on."""
+    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force."""
     grid, facets = model.grid, model.facets
     near = grid.nodes[grid.elements, 0].max(axis=1) <= reach
     elements, volume = grid.elements[near], grid.weight[near].ravel()
@@ -95,7 +97,7 @@ def clipped_disc(model: Pressing, state: Equilibrium, outline: Outline, harmonic
     return ClippedDisc(
         model.law, model.tool, outline, foam,
         volume[:, None] * around.weight[circle], TIE * volume * around.cut[circle], facing,
-        grid.lines[0][:count // len(grid.lines[1])], grid.order, base, float(state.x[-1]), state.force,
+        grid.lines[0][:count // len(grid.lines[1])], grid.order, base, float(state.x[-1]), state.force, held,
         _fixed(grid.nodes[:count], harmonics, count < len(grid.nodes)))
 
 

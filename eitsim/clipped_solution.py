@@ -49,7 +49,8 @@ class Tangents:
 
 
 def energy(disc: ClippedDisc, x: Array) -> float:
-    """Foam energy + tie + contact energy - force depth at x; infinite where the foam is turned inside out."""
+    """Foam energy + tie + contact energy - force depth at x, the last not where the depth is held; infinite where the
+    foam is turned inside out."""
     added = amplitudes(disc, x[:-1])
     strain = gradients(disc.foam, disc.base + added)
     if not solid3d.upright(strain):
@@ -61,7 +62,7 @@ def energy(disc: ClippedDisc, x: Array) -> float:
     at = touching(disc, x)
     held = float(np.sum(added * tied(disc.foam, disc.tie, added))) / 2
     pressed = float(np.sum(disc.facing.weight * contact.stored(disc.tool, at.gap)))
-    return stored + held + pressed - disc.force * (disc.depth + float(x[-1]))
+    return stored + held + pressed - (0.0 if disc.held else disc.force * (disc.depth + float(x[-1])))
 
 
 def touching(disc: ClippedDisc, x: Array) -> Contact:
@@ -109,19 +110,19 @@ def linearised(disc: ClippedDisc, x: Array, share: float = 1.0) -> tuple[Array, 
     bearing = (disc.facing.weight * contact.pressure_slope(disc.tool, touch.gap))[:, None, None]
     bearing = bearing * touch.normal[:, :, None] * touch.normal[:, None]
     bearing = bearing + share * push[:, None, None] * touch.curvature
-    return (np.append(unknowns_of(disc, on), np.sum(push * touch.normal[:, 2]) - disc.force),
-            Tangents(tangent, bearing))
+    unbalanced = 0.0 if disc.held else np.sum(push * touch.normal[:, 2]) - disc.force
+    return np.append(unknowns_of(disc, on), unbalanced), Tangents(tangent, bearing)
 
 
 def product(disc: ClippedDisc, tangents: Tangents, y: Array) -> Array:
-    """The Hessian times y (unknowns + 1,)."""
+    """The Hessian times y (unknowns + 1,); a held depth stands for itself."""
     step = amplitudes(disc, y[:-1])
     moved = on_surface(disc.facing, step)
-    moved[:, 2] += y[-1]
+    moved[:, 2] += 0.0 if disc.held else y[-1]
     pushed = np.einsum("fikj,fkj->fij", tangents.bearing, moved)
     out = stiffened(disc.foam, tangents.foam, step) + tied(disc.foam, disc.tie, step)
     out = out + from_surface(disc.facing, pushed, step)
-    return np.append(unknowns_of(disc, out), pushed[:, 2].sum())
+    return np.append(unknowns_of(disc, out), y[-1] if disc.held else pushed[:, 2].sum())
 
 
 def system(disc: ClippedDisc, x: Array, share: float = 1.0) -> System:
@@ -148,6 +149,12 @@ def solve(disc: ClippedDisc, start: Array | None = None) -> Minimum:
     """What the rim adds, (unknowns + 1,) amplitudes and depth, from nothing or a start; NotConverged as `minimise`."""
     return minimise(lambda x: energy(disc, x), lambda x, share: system(disc, x, share),
                     np.zeros(disc.unknowns + 1) if start is None else start, scale=disc.force, tolerance=_TOLERANCE)
+
+
+def reaction(disc: ClippedDisc, x: Array) -> float:
+    """Force of the foam on the punch."""
+    at = touching(disc, x)
+    return float(np.sum(disc.facing.weight * contact.pressure(disc.tool, at.gap) * at.normal[:, 2]))
 
 
 def fraction_non_elliptic(disc: ClippedDisc, x: Array) -> float:

@@ -37,7 +37,8 @@ def preconditioner(disc: ClippedDisc, tangent: Array, bearing: Array) -> Solve:
     border = np.zeros(disc.base.shape[:2])
     np.add.at(border, disc.facing.nodes, np.einsum("fpi,pa->fai", bearing[..., 2], disc.facing.shape))
     border[disc.fixed[0]] = 0.0
-    solves[0] = bordered(solves[0], border.ravel(), float(bearing[..., 2, 2].sum()))
+    corner = 1.0 if disc.held else float(bearing[..., 2, 2].sum())
+    solves[0] = bordered(solves[0], border.ravel() * (not disc.held), corner)
     even, odd = _roots(disc)
 
     def solve(b: Array) -> Array:

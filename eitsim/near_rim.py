@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.axisymmetric import force_unit, pressings, solve_touch, under_force
+from eitsim.axisymmetric import at_depth, force_unit, pressings, solve_touch, under_force
 from eitsim.circles import Circles, Outline, harmonics_at
 from eitsim.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
-from eitsim.clipped_solution import fraction_non_elliptic, solve, touching
+from eitsim.clipped_solution import fraction_non_elliptic, reaction, solve, touching
 from eitsim.fourier import Points, gradients
 from eitsim.mesh import default_element_m, lagrange
-from eitsim.pressing import Pressing, interpolation
+from eitsim.pressing import Equilibrium, Pressing, interpolation
 from eitsim.punch import pressure
 from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch
@@ -73,6 +73,8 @@ class Change:
     fraction_non_elliptic: float
     # relative residual after each iteration
     residuals: tuple[float, ...]
+    # ratio of the force to the axisymmetric one: 1 but where the depth is given
+    force: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,19 +86,39 @@ class _Solution:
     residuals: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class _Load:
+    """What is given: the force over mu_0 H^2, or else the depth over H."""
+
+    force: float | None
+    depth: float | None
+
+    def states(self, levels: list[Pressing]) -> list[Equilibrium]:
+        """Axisymmetric equilibria; ValueError where nothing is given."""
+        if self.force is not None:
+            return under_force(levels, self.force)
+        if self.depth is None:
+            raise ValueError("a punch needs force_N or depth_m, got neither.")
+        return at_depth(levels, self.depth)
+
+    def halved(self) -> _Load:
+        """Half of it."""
+        return _Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
+
+
 def rim_problem(body: Body, punch: Punch) -> str:
     """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
     gap = body.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
     if gap <= 0:
         return (f"the punch's edge lies {-gap * 1e3:.1f} mm beyond the rim of the disc; move it inwards by more than "
                 "that")
-    if punch.friction != "none" or punch.force_N is None or punch.conductor:
-        return "only a frictionless, insulated punch under a given force (force_N) is built"
+    if punch.friction != "none" or punch.conductor:
+        return "only a frictionless, insulated punch is built"
     return ""
 
 
 def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal") -> Touch:
-    """Equilibrium near the rim under the punch's force: the axisymmetric touch, and what the rim adds to it.
+    """Equilibrium near the rim under the punch's force or at its depth: the axisymmetric touch, and what the rim adds.
 
     ValueError where `rim_problem` names one, NotConverged where no equilibrium is found.
     """
@@ -113,8 +135,10 @@ def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain:
     before = _found(law, body, punch, coarse)
     rough = _change_of(before, body)
     change = _change_of(_found(law, body, punch, fine, before), body)
-    apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m))
-    touch = replace(changed(touch, change), depth_error=touch.depth_error + apart / (touch.depth_m + change.depth_m),
+    depth = touch.depth_m + change.depth_m
+    apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / depth
+    apart = max(apart, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
+    touch = replace(changed(touch, change), depth_error=touch.depth_error + apart,
                     signal_error=touch.signal_error + signal_difference(touch, rough.field, change.field, strain))
     return replace(touch, iterations=touch.iterations + len(rough.residuals) + len(change.residuals),
                    residuals=touch.residuals + rough.residuals + change.residuals,
@@ -124,14 +148,15 @@ def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain:
 def changed(touch: Touch, change: Change) -> Touch:
     """An axisymmetric touch with a change."""
     area = touch.contact_area_m2 * change.area
-    return replace(touch, rim=change.field, depth_m=touch.depth_m + change.depth_m,
+    force = touch.force_N * change.force
+    return replace(touch, rim=change.field, force_N=force, depth_m=touch.depth_m + change.depth_m,
                    sigma_max_Pa=touch.sigma_max_Pa * change.pressure, contact_area_m2=area,
-                   sigma_ave_Pa=touch.force_N / area, wall_contact_m2=touch.wall_contact_m2 * change.wall,
+                   sigma_ave_Pa=force / area, wall_contact_m2=touch.wall_contact_m2 * change.wall,
                    fraction_non_elliptic=max(touch.fraction_non_elliptic, change.fraction_non_elliptic))
 
 
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness = FINE) -> Change:
-    """What the rim changes of the touch under the punch's force.
+    """What the rim changes of the touch under the punch's force or at its depth.
 
     Radii and angles of the field depend on the body, the punch's size and shape and the fineness alone, so that fields
     of several forces and places on the disc interpolate point by point. NotConverged where no equilibrium is found.
@@ -143,23 +168,25 @@ def _change_of(solution: _Solution, body: Body) -> Change:
     disc, x, unit = solution.disc, solution.x, body.thickness_m
     pressed, area, wall = _contact_ratios(disc, x)
     return Change(_surface_field(disc, solution.model, x, unit), float(x[-1]) * unit, pressed, area, wall,
-                  fraction_non_elliptic(disc, x), solution.residuals)
+                  fraction_non_elliptic(disc, x), solution.residuals,
+                  reaction(disc, x) / disc.force if disc.held else 1.0)
 
 
 def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before: _Solution | None = None) -> _Solution:
-    """The solution from the axisymmetric state, or from one on another mesh; else by way of half the force."""
-    if punch.force_N is None:
-        raise ValueError(f"force_N must be given, got depth_m = {punch.depth_m}.")
+    """The solution from the axisymmetric state, or from one on another mesh; else by way of half the load."""
     unit = body.thickness_m
     model = pressings(law, body, punch, fineness.element * default_element_m(body, punch), None)[-1]
     outline = Outline(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
-    return _under(model, punch.force_N / force_unit(law, body), outline, fineness, before, _HALVINGS)
+    load = _Load(None if punch.force_N is None else punch.force_N / force_unit(law, body),
+                None if punch.force_N is not None or punch.depth_m is None else punch.depth_m / unit)
+    return _under(model, load, outline, fineness, before, _HALVINGS)
 
 
-def _under(model: Pressing, force: float, outline: Outline, fineness: Fineness, before: _Solution | None,
+def _under(model: Pressing, load: _Load, outline: Outline, fineness: Fineness, before: _Solution | None,
            halvings: int) -> _Solution:
-    (state,) = under_force([model], force)
-    disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + _BEYOND)
+    (state,) = load.states([model])
+    disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + _BEYOND,
+                        held=load.force is None)
     for start in (None if before is None else _carried_over(before, disc, model), None):
         try:
             found = solve(disc, start)
@@ -167,7 +194,7 @@ def _under(model: Pressing, force: float, outline: Outline, fineness: Fineness, 
         except NotConverged:
             if halvings == 0:
                 raise
-    half = _under(model, force / 2, outline, fineness, None, halvings - 1)
+    half = _under(model, load.halved(), outline, fineness, None, halvings - 1)
     found = solve(disc, half.x)
     return _Solution(disc, model, found.x, half.residuals + found.residuals)
 

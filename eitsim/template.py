@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ Indices = NDArray[np.integer]
 _UNDER, _BETWEEN = 1, 3
 # Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
 _CENTRED = 0.5
+# Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
+_FARTHEST = 0.9
 # Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
 # and how much wider they get per unit of distance from there.
 _AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
@@ -29,16 +32,20 @@ _SAME_LINE = 0.2
 
 
 def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1) -> SkinMesh:
-    """Mesh of the disc with lines at the edge of the punch, the start of its fillet and the end of contact.
+    """Mesh of the disc with lines at the edge of the punch, the start of its fillet and the end of contact, the last
+    inside the rim where the contact reaches it.
 
     Ring (c, r) has its centre between the punch and the disc's centre and its nodes at c + r (cos, sin) of one set of
     angles, so that the rim's nodes fall on the ends of the electrodes. A level halves all widths and angles.
     ValueError where the punch overhangs the rim.
     """
-    offset = math.hypot(punch.x_m, punch.y_m)
-    gap = body.radius_m - offset - max(punch.diameter_m / 2, touch.contact_radius_m)
-    if gap <= 0:
-        raise ValueError(f"the contact reaches {-gap * 1e3:.1f} mm beyond the rim of the disc; move the punch inwards.")
+    edge = punch.diameter_m / 2
+    room = body.radius_m - math.hypot(punch.x_m, punch.y_m) - edge
+    if room <= 0:
+        raise ValueError(f"the punch's edge lies {-room * 1e3:.1f} mm beyond the rim of the disc; move the punch "
+                         "inwards.")
+    touch = replace(touch, contact_radius_m=min(touch.contact_radius_m, edge + _FARTHEST * room))
+    gap = room - max(touch.contact_radius_m - edge, 0.0)
     angles, electrode = rim_angles(body, electrodes, level)
     inner = centred_radii(punch, touch, gap, level)
     blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * electrodes.width_m / level)

@@ -179,6 +179,18 @@ def test_a_touch_near_the_rim_tells_its_error_and_ends_smoothly():
     assert np.abs(got.rim.normal[-1] - 1).max() < 1e-3
 
 
+def test_a_given_depth_takes_the_force_that_reaches_it():
+    punch = at_gap(0.002, 0.2)
+    by_force = rim_change(FOAM, BODY, punch, COARSE)
+    touch = solve_touch(FOAM, BODY, Punch(force_N=0.2), element_m=3.6e-4)
+    depth = touch.depth_m + by_force.depth_m
+    by_depth = rim_change(FOAM, BODY, replace(punch, force_N=None, depth_m=depth), COARSE)
+    deeper = solve_touch(FOAM, BODY, Punch(force_N=None, depth_m=depth), element_m=3.6e-4)
+    assert by_depth.depth_m == 0
+    assert deeper.force_N * by_depth.force == pytest.approx(0.2, rel=0.002)
+    assert np.abs(by_depth.field.normal - by_force.field.normal).max() < 0.02
+
+
 def test_fields_of_all_gaps_share_their_samples():
     fields = [rim_change(FOAM, BODY, at_gap(gap), TINY).field for gap in (0.001, 0.01)]
     assert np.array_equal(fields[0].radius_m, fields[1].radius_m)
