@@ -1,4 +1,4 @@
-"""Axisymmetric touches: a frictionless rounded punch, flat, spherical or conical, pressed into foam about its own axis.
+"""Axisymmetric touches: a rounded punch, flat, spherical or conical, pressed into foam about its own axis.
 
 Every touch is solved from rest on a coarse mesh and carried over to finer ones, up to the mesh that is asked for.
 The difference of the two finest is the error estimate, but at least a floor that was measured on Table 1, 8 to 20 mm
@@ -7,6 +7,7 @@ in depth and 0.31 % in the dipole response of a skin driven by the normal strain
 the largest average over a facet of the contact force over the current area. With 10 mm and 2 N it is 69.5, 70.6 and
 71.0 kPa at the default element size, a half and a quarter of it, where no point has more than 71.1; below 0.3 N, where
 it peaks within two facets, it was up to 17 % low.
+With friction it is loaded in increments (`eitsim.loading`), and what halving them changes adds to the errors.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim import solid, surface
+from eitsim import friction, loading, solid, surface
 from eitsim.approach import carried_over, from_rest, near
+from eitsim.loading import Course
 from eitsim.mesh import default_element_m
 from eitsim.pressing import Equilibrium, Pressing, equilibrium, fraction_non_elliptic, non_elliptic_place, pressing
 from eitsim.results import Section, Touch
-from eitsim.scene import PROFILES, Body, Punch
+from eitsim.scene import FRICTIONS, PROFILES, Body, Punch
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
@@ -53,8 +55,8 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
 
     element_m: element size at the punch's edge, m, by default mesh.default_element_m; strain: the skin's driving
     strain for which signal_error is told; penalty: contact stiffness, mu_0 over mesh.feature_m, by default
-    PENALTY, for a cone CONE_PENALTY; order: of the elements, one of mesh.ELEMENTS. ValueError for
-    what is not built (friction), NotConverged where no equilibrium is found.
+    PENALTY, for a cone CONE_PENALTY; order: of the elements, one of mesh.ELEMENTS. ValueError for a profile or
+    friction that is not known, NotConverged where no equilibrium is found.
     """
     if punch.force_N is not None:
         return solve_path(law, body, punch, [punch.force_N], element_m=element_m, strain=strain, penalty=penalty,
@@ -62,9 +64,13 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
     if punch.depth_m is None or not 0 < punch.depth_m < body.thickness_m:
         raise ValueError(f"the punch's depth_m must lie between 0 and the thickness of {body.thickness_m} m where "
                          f"force_N is None, got {punch.depth_m}.")
-    started = time.process_time()
-    levels = pressings(law, body, punch, element_m, penalty, order)
-    return touch_of(law, body, levels, at_depth(levels, punch.depth_m / body.thickness_m), strain, started)
+    started, depth = time.process_time(), punch.depth_m / body.thickness_m
+    levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
+    if shear_limit == 0:
+        return touch_of(law, body, levels, at_depth(levels, depth), strain, started)
+    guess = at_depth(levels[:1], depth)[0].force
+    course = loading.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
+    return _rubbed(law, body, levels, course, strain, started)
 
 
 def solve_state(law: Hyperfoam, body: Body, punch: Punch, force_N: float, *, strain: str = "normal",
@@ -78,14 +84,22 @@ def solve_state(law: Hyperfoam, body: Body, punch: Punch, force_N: float, *, str
 
 def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
                strain: str = "normal", penalty: float | None = None, order: int = 2) -> list[Touch]:
-    """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch."""
+    """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch.
+
+    With friction the order is the way the punch was loaded, and the equilibria depend on it.
+    """
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the foam), got {list(forces_N)}.")
-    started = time.process_time()
-    levels = pressings(law, body, punch, element_m, penalty, order)
+    started, unit = time.process_time(), force_unit(law, body)
+    levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     touches, states = [], None
+    if shear_limit > 0:
+        for course in loading.under_forces(levels[-2], levels[-1], shear_limit, [force / unit for force in forces_N]):
+            touches.append(_rubbed(law, body, levels, course, strain, started))
+            started = time.process_time()
+        return touches
     for force in forces_N:
-        states = under_force(levels, force / force_unit(law, body), states[0] if states else None)
+        states = under_force(levels, force / unit, states[0] if states else None)
         touches.append(touch_of(law, body, levels, states, strain, started))
         started = time.process_time()
     return touches
@@ -98,11 +112,12 @@ def force_unit(law: Hyperfoam, body: Body) -> float:
 
 def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
               penalty: float | None, order: int = 2) -> list[Pressing]:
-    """Pressings from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes."""
+    """Frictionless pressings from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes.
+    """
     if punch.profile not in PROFILES:
         raise ValueError(f"profile in [punch]: '{punch.profile}' is unknown; known: {', '.join(PROFILES)}.")
     if punch.friction != "none":
-        raise ValueError(f"friction in [punch]: '{punch.friction}' is not built; built is none.")
+        raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
     if punch.profile == "sphere":
         punch = replace(punch, fillet_m=punch.diameter_m / 2)
     if penalty is None:
@@ -115,6 +130,22 @@ def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
     while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
     return [pressing(law, body, punch, size, penalty, order) for size in sizes]
+
+
+def _rubbing(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, penalty: float | None,
+             order: int) -> tuple[list[Pressing], float]:
+    """Pressings as without friction, and the largest shear over pressure."""
+    if punch.friction not in FRICTIONS:
+        raise ValueError(f"friction in [punch]: '{punch.friction}' is unknown; known: {', '.join(FRICTIONS)}.")
+    return pressings(law, body, replace(punch, friction="none"), element_m, penalty, order), friction.coefficient(punch)
+
+
+def _rubbed(law: Hyperfoam, body: Body, levels: list[Pressing], course: Course, strain: str, started: float) -> Touch:
+    """A touch with friction; what half as many increments change, and the last pass did, adds to its errors."""
+    touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], strain, started)
+    touch = with_change(touch, levels[-2], course.coarse.state, course.rough.state, strain)
+    return replace(touch, depth_error=touch.depth_error + course.fine.unsettled, slip_fraction=course.fine.slipping,
+                   cpu_s=time.process_time() - started)
 
 
 def under_force(levels: list[Pressing], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
@@ -192,3 +223,11 @@ def _errors(levels: list[Pressing], states: list[Equilibrium], strain: str) -> t
     scale = levels[-1].relative_size
     return (max(abs(shift) / fine.depth, _DEPTH_FLOOR * scale**_DEPTH_POWER),
             max(abs(before / after - 1), _SIGNAL_FLOOR * scale**_SIGNAL_POWER))
+
+
+def with_change(touch: Touch, model: Pressing, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:
+    """The touch with the change from `fine` to `rough`, equilibria of one mesh in half as many steps, in its errors."""
+    shift = abs(rough.depth - fine.depth - fine.by_force[-1] * (rough.force - fine.force)) / fine.depth
+    before, after = (surface.dipole_response(model, state.x, strain) for state in (rough, fine))
+    return replace(touch, depth_error=touch.depth_error + shift,
+                   signal_error=touch.signal_error + abs(before / after - 1))

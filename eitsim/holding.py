@@ -15,9 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim import surface
 from eitsim.approach import from_rest, near
-from eitsim.axisymmetric import at_depth, force_unit, pressings, reached, touch_of, under_force
+from eitsim.axisymmetric import (
+    at_depth,
+    force_unit,
+    pressings,
+    reached,
+    solve_touch,
+    touch_of,
+    under_force,
+    with_change,
+)
 from eitsim.pressing import Equilibrium, Pressing, equilibrium
 from eitsim.results import Touch
 from eitsim.scene import Body, Hold, Punch
@@ -70,23 +78,25 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
     """
     if law.moduli != "instantaneous" or not hold.time_s:
         raise ValueError(f"a hold needs instantaneous moduli and times, got {law.moduli} ones and {hold.time_s} s.")
+    times = np.append(0.0, np.unique(hold.time_s))
+    if hold.keeps_deformation:
+        first = solve_touch(law, body, punch, element_m=element_m, strain=strain)
+        return [(float(t), relaxed(first, float(g))) for t, g in zip(times, relaxation(series, times), strict=True)]
     started = time.process_time()
     levels = pressings(law, body, punch, element_m, None)
     force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
     depth = None if punch.depth_m is None or force is not None else punch.depth_m / body.thickness_m
     course = Course(series, force, depth, hold)
     loaded = _loaded_at_once(levels, course) if hold.loading_s == 0 else None
-    times = np.append(0.0, np.unique(hold.time_s))
-    if loaded is not None and hold.keeps_deformation:
-        first = touch_of(law, body, levels, loaded, strain, started)
-        return [(float(t), relaxed(first, float(g))) for t, g in zip(times, relaxation(series, times), strict=True)]
     starts = loaded or [None] * len(levels)
     courses = [states_over(level, course, per_decade, start) for level, start in zip(levels, starts, strict=True)]
     halved = states_over(levels[0], course, max(per_decade // 2, 1), starts[0])
     out = []
     for t, rough, *states in zip(times, halved, *courses, strict=True):
         touch = touch_of(law, body, levels, states, strain, started)
-        out.append((float(t), _with_time_error(touch, levels[0], states[0], rough, strain)))
+        touch = with_change(touch, levels[0], states[0], rough, strain)
+        # the law alone does not tell the section's stresses
+        out.append((float(t), replace(touch, section=None)))
         started = time.process_time()
     return out
 
@@ -177,12 +187,3 @@ def _kept(model: Pressing, target: float, before: Equilibrium) -> Equilibrium:
         force = float(force * np.exp(np.clip(missing / (slope * force), -_LARGEST_STEP, _LARGEST_STEP)))
     raise NotConverged(f"the depth of {target:.4f} thicknesses was not kept in {_KEPT_STEPS} steps.",
                        estimate=state.x, residuals=state.residuals)
-
-
-def _with_time_error(touch: Touch, model: Pressing, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:
-    """The touch with the change from half the steps in time added to its errors, without the section's stresses: the
-    law alone does not tell them."""
-    shift = abs(rough.depth - fine.depth - fine.by_force[-1] * (rough.force - fine.force)) / fine.depth
-    before, after = (surface.dipole_response(model, state.x, strain) for state in (rough, fine))
-    return replace(touch, section=None, depth_error=touch.depth_error + shift,
-                   signal_error=touch.signal_error + abs(before / after - 1))

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 
+from eitsim import friction, solid
 from eitsim import punch as contact
-from eitsim import solid
+from eitsim.friction import Grip, Nearest
 from eitsim.linear import Solve, bordered, factorise_band
 from eitsim.mesh import Grid, default_element_m, feature_m, foam_grid, lagrange
 from eitsim.newton import System, minimise
@@ -51,6 +52,8 @@ class Pressing:
     relative_size: float
     # (elements, points, 4) second Piola-Kirchhoff stress beside the law's, rr, rz, zz and hoop, over mu_0; None: none
     prestress: Array | None = None
+    # friction between foam and punch; None: none
+    grip: Grip | None = None
 
 
 @dataclass(frozen=True)
@@ -102,14 +105,25 @@ def touching(model: Pressing, x: Array, facets: Facets | None = None) -> Touchin
     return contact.touching(model.tool, facets or model.facets, positions(model, x), x[-1])
 
 
-def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100) -> Equilibrium:
-    """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations.
+def nearest(model: Pressing, x: Array) -> Nearest:
+    """Where the foam's points of contact stand on the punch at x."""
+    return friction.nearest(model.tool, model.facets, positions(model, x), float(x[-1]))
+
+
+def seen(model: Pressing, x: Array) -> Array:
+    """Displacement (facets, points, 2) of the points of contact at x, as seen from the punch."""
+    return friction.moved(model.facets, solid.nodal(model.grid, x[:-1]), float(x[-1]))
+
+
+def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100, tolerance: float = 1e-10) -> Equilibrium:
+    """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations to a gradient of
+    `tolerance` times the force.
 
     NotConverged carries the last x, the residuals, and the physical state it got stuck in.
     """
     try:
         found = minimise(lambda x: energy(model, force, x), lambda x, share: system(model, force, x, share), start,
-                         scale=force, limit=limit)
+                         scale=force, limit=limit, tolerance=tolerance)
     except NotConverged as error:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
                            residuals=error.residuals) from None
@@ -118,6 +132,9 @@ def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100) -
         raise NotConverged(f"{problem} {_state(model, found.x)}", estimate=found.x, residuals=found.residuals)
     by_force = found.solve(np.append(np.zeros(model.grid.unknowns), 1.0))
     push, reaction = contact.complementary_forces(model.tool, model.facets, at)
+    if model.grip is not None:
+        more = friction.forces(model.grip, model.facets, seen(model, found.x), elastic=True)
+        push, reaction = push + more[0], reaction + more[1]
     penetration = float(_gathered(model, push) @ by_force[:-1] + reaction * by_force[-1])
     return Equilibrium(found.x, by_force, force, float(found.x[-1]) - penetration, found.residuals)
 
@@ -169,6 +186,8 @@ def energy(model: Pressing, force: float, x: Array) -> float:
     if x[-1] > 1 + _THROUGH * model.tool.firm:
         return np.inf
     stored = solid.energy(model.law, model.grid, x[:-1], model.prestress)
+    if model.grip is not None:
+        stored += friction.energy(model.grip, model.facets, seen(model, x))
     return stored + contact.energy(model.tool, model.facets, touching(model, x)) - force * float(x[-1])
 
 
@@ -177,7 +196,10 @@ def system(model: Pressing, force: float, x: Array, share: float = 1.0) -> Syste
     gradient, band = solid.residual_and_tangent(model.law, model.grid, x[:-1], share, model.prestress)
     at = touching(model, x)
     blocks, border, corner = contact.stiffness(model.tool, model.facets, at, share)
-    push, reaction = _contact_gradient(model, at)
+    if model.grip is not None:
+        more = friction.tangent(model.grip, model.facets, seen(model, x))
+        blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
+    push, reaction = _contact_gradient(model, at, x)
     unknown = _facet_unknowns(model)
     row, column = np.broadcast_arrays(unknown[:, :, None], unknown[:, None, :])
     lower = (column >= 0) & (row >= column)
@@ -190,8 +212,11 @@ def system(model: Pressing, force: float, x: Array, share: float = 1.0) -> Syste
     return np.append(gradient + push, reaction - force), factorise
 
 
-def _contact_gradient(model: Pressing, at: Touching) -> tuple[Array, float]:
+def _contact_gradient(model: Pressing, at: Touching, x: Array) -> tuple[Array, float]:
     push, reaction = contact.forces(model.tool, model.facets, at)
+    if model.grip is not None:
+        more = friction.forces(model.grip, model.facets, seen(model, x))
+        push, reaction = push + more[0], reaction + more[1]
     return _gathered(model, push), reaction
 
 

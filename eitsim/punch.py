@@ -1,4 +1,4 @@
-"""Frictionless contact of the foam's top with a rigid rounded cylinder or cone: exact distance and its penalty energy.
+"""Contact of the foam's top with a rigid rounded cylinder or cone: exact distance, arc, and energy of the penetration.
 """
 
 from __future__ import annotations
@@ -102,6 +102,23 @@ def distance(tool: Tool, r: Array, y: Array) -> tuple[Array, Array, Array, Array
     return gap, n_r, n_z, np.where(rounded, 1 / length, 0.0), wall
 
 
+def arc(tool: Tool, r: Array, y: Array) -> Array:
+    """Arc (...) of the profile from the axis to the point nearest to (r, y), outside or near the surface.
+
+    Tip and edge count the fillet times the angle from the vertical; see `distance`.
+    """
+    sine, cosine, fillet = np.sin(tool.slope), np.cos(tool.slope), tool.fillet
+    inner = tool.radius - fillet
+    dx, dy = r - inner, fillet + inner * sine / cosine - y
+    on_tip = fillet * np.arctan2(r, fillet - y)
+    on_face = fillet * tool.slope + (r - fillet * sine) * cosine + (y - fillet * (1 - cosine)) * sine
+    on_edge = inner / cosine + fillet * np.arctan2(dx, dy)
+    on_wall = inner / cosine + fillet * np.pi / 2 - dy
+    _, _, _, bend, wall = distance(tool, r, y)
+    rounded = np.where(r * cosine < (fillet - y) * sine, on_tip, on_edge)
+    return np.where(bend > 0, rounded, np.where(wall, on_wall, on_face))
+
+
 def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touching:
     """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0.
 
@@ -146,8 +163,13 @@ def complementary_forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Arra
 
 def _pushed(facets: Facets, at: Touching, by_gap: Array) -> tuple[Array, float]:
     """Derivatives of an integral over the surface from its integrand's by the penetration (facets, points)."""
-    push = facets.weight * by_gap
-    return np.einsum("fp,pa,fpi->fai", push, facets.shape, at.normal), float(np.sum(push * at.normal[..., 1]))
+    return gathered(facets, by_gap[..., None] * at.normal)
+
+
+def gathered(facets: Facets, by_position: Array) -> tuple[Array, float]:
+    """Derivatives, as of `forces`, of an integral from its integrand's by the position (facets, points, 2)."""
+    push = facets.weight[..., None] * by_position
+    return np.einsum("fpi,pa->fai", push, facets.shape), float(np.sum(push[..., 1]))
 
 
 def stiffness(tool: Tool, facets: Facets, at: Touching, share: float = 1.0) -> tuple[Array, Array, float]:
@@ -156,9 +178,14 @@ def stiffness(tool: Tool, facets: Facets, at: Touching, share: float = 1.0) -> t
 
     The part with the punch's curvature, which is never positive, is scaled by share.
     """
-    push = facets.weight * pressure_slope(tool, at.gap)
-    bend = facets.weight * pressure(tool, at.gap) * share
+    push, bend = pressure_slope(tool, at.gap), pressure(tool, at.gap) * share
     point = push[..., None, None] * at.normal[..., :, None] * at.normal[..., None, :]
-    point = point + bend[..., None, None] * at.curvature
+    return gathered_twice(facets, point + bend[..., None, None] * at.curvature)
+
+
+def gathered_twice(facets: Facets, by_position: Array) -> tuple[Array, Array, float]:
+    """Second derivatives, as of `stiffness`, of an integral from its integrand's by the position
+    (facets, points, 2, 2)."""
+    point = facets.weight[..., None, None] * by_position
     blocks = np.einsum("fpij,pa,pb->faibj", point, facets.shape, facets.shape)
     return blocks, np.einsum("fpi,pa->fai", point[..., 1], facets.shape), float(np.sum(point[..., 1, 1]))

@@ -133,6 +133,8 @@ class Touch:
     non_elliptic_m: Array | None = None
     # displacement inside the foam; None where it is not kept
     section: Section | None = None
+    # part of the reference area in contact that slips at last; None without friction
+    slip_fraction: float | None = None
     # what the rim changes at the surface; None where it is far. Depth and contact hold it, the arrays above do not
     rim: RimField | None = None
 

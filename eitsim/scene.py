@@ -12,7 +12,7 @@ from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
 
 PROFILES = ("flat", "sphere", "cone")
-FRICTIONS = ("none", "stick")
+FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
 ELECTRODES = ("line", "patch")
 CONTROLS = ("force", "depth")
@@ -50,6 +50,8 @@ class Punch:
     half_angle_rad: float = math.radians(60)
     # one of FRICTIONS
     friction: str = "none"
+    # shear over pressure that it slips at; 0 unless by Coulomb's law
+    friction_coefficient: float = 0.0
     # whether the punch conducts and floats
     conductor: bool = False
     # contact impedance of a conducting punch, Ohm m^2
@@ -143,8 +145,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
     "punch": {"x_mm": ("x_m", 1e3), "y_mm": ("y_m", 1e3), "diameter_mm": ("diameter_m", 1e3),
               "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
               "fillet_mm": ("fillet_m", 1e3), "half_angle_deg": ("half_angle_rad", 180 / math.pi),
-              "friction": ("friction", None), "conductor": ("conductor", None),
-              "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
+              "friction": ("friction", None), "friction_coefficient": ("friction_coefficient", 1.0),
+              "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
     "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
                    "first_angle_deg": ("first_angle_rad", 180 / math.pi),
@@ -293,6 +295,12 @@ def _check_punch(punch: Punch, body: Body) -> None:
              punch.contact_impedance_Ohm_m2)
     _choice("profile in [punch]", punch.profile, PROFILES)
     _choice("friction in [punch]", punch.friction, FRICTIONS)
+    by_coulomb = punch.friction == "coulomb"
+    _require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
+             "must be positive with friction = \"coulomb\"", punch.friction_coefficient)
+    _require(punch.friction_coefficient == 0 or by_coulomb, "friction_coefficient in [punch]",
+             f"has no effect with friction = \"{punch.friction}\"; leave it out, or ask for \"coulomb\"",
+             punch.friction_coefficient)
 
 
 def _require(ok: bool, where: str, expected: str, value: Any) -> None:

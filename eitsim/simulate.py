@@ -160,6 +160,7 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
                       "non_elliptic_mm": [non_elliptic_mm(touch) for touch in result.touches],
                       "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
                       **fitted_ranges(result, card)},
+        "slip_fraction": [touch.slip_fraction for touch in result.touches],
         "profile": [profile(touch, scene) for touch in result.touches]} | (
             {"times": [moment_block(moment, result.plan) for moment in result.moments]} if result.moments else {})
 

@@ -336,7 +336,7 @@ def test_ten_times_the_contact_stiffness_leaves_the_cone():
 
 
 def test_what_is_not_built_is_refused():
-    for change, text in (({"profile": "star"}, "'star' is unknown"), ({"friction": "stick"}, "'stick' is not built"),
+    for change, text in (({"profile": "star"}, "'star' is unknown"), ({"friction": "glue"}, "'glue' is unknown"),
                          ({"force_N": None, "depth_m": 0.02}, "between 0 and the thickness"),
                          ({"force_N": -1.0}, "must be positive"), ({"diameter_m": 0.3}, "smaller than the disc")):
         with pytest.raises(ValueError, match=text):
