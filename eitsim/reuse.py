@@ -4,16 +4,19 @@ to cost."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, astuple, replace
 from typing import Any
 
 import numpy as np
 
 from eitsim import cache
 from eitsim.design import Design, drawn_keys, scene_at
+from eitsim.near_rim import rim_problem
 from eitsim.path import Deviation
 from eitsim.plan import law_of, near_rim
 from eitsim.results import Decision, Touch
+from eitsim.rim_table import DEPTHS as RIM_DEPTHS
+from eitsim.rim_table import GAPS, RimTable, build_rim, changed_diameters, near_rim_from
 from eitsim.scene import Punch, Scene
 from eitsim.table import Shape, Table, shape_of, touch_from
 from eitsim.tabulate import DEPTHS, Run, build
@@ -31,21 +34,41 @@ _SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch",
            ("punch", "contact_impedance_Ohm_m2"), ("punch", "diameter_mm"), ("skin", "thickness_um"),
            ("accuracy", "signal")}
 _APART = ("electrodes", "drive")
+# Arrays of a table and of what the rim changes.
+_PATHS = ("depths", "radius", "values", "slopes", "told")
+_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers")
+# Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
+RIM_REPAYS, _ROWS = 60, 200
+# Part of the wanted signal error that a table of changes may use up beside the paths.
+_RIM_SHARE = 1.0
 
 
-def table_for(shape: Shape, run: Run = map) -> tuple[Table, str]:
-    """The table of a shape, from the cache or solved and put there, and a note where the cache cannot be used."""
-    key = cache.key_of({"shape": asdict(shape), "depths": DEPTHS})
-    arrays, note = cache.kept(key, lambda: _arrays(build(shape, run, DEPTHS)))
-    error = Deviation(*arrays["error"].tolist())
-    return Table(shape, arrays["depths"], arrays["radius"], arrays["values"], arrays["slopes"],
-                 arrays["told"], error, int(arrays["checks"]), float(arrays["cpu_s"])), note
+def table_for(shape: Shape, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:
+    """The table of a shape, with what the rim changes where that is asked for, from the cache or solved and put there,
+    and a note where the cache cannot be used."""
+    key = {"shape": asdict(shape), "depths": DEPTHS}
+    arrays, note = cache.kept(cache.key_of(key), lambda: _arrays(build(shape, run, DEPTHS)))
+    part = {name: np.asarray(arrays[name]) for name in _PATHS}
+    table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["told"],
+                  Deviation(*arrays["error"].tolist()), int(arrays["checks"]), float(arrays["cpu_s"]))
+    if not rim:
+        return table, note
+    key |= {"gaps": GAPS, "rim_depths": RIM_DEPTHS}
+    arrays, note = cache.kept(cache.key_of(key), lambda: _rim_arrays(build_rim(table, run, GAPS, RIM_DEPTHS)))
+    part = {name: np.asarray(arrays[name]) for name in _CHANGES}
+    changes = RimTable(**part, error=Deviation(*arrays["error"].tolist()), cpu_s=float(arrays["cpu_s"]))
+    return replace(table, rim=changes), note
 
 
 def _arrays(table: Table) -> dict[str, Any]:
-    error = np.array([table.error.depth, table.error.signal, table.error.strain])
-    return {"depths": table.depths, "radius": table.radius, "values": table.values, "slopes": table.slopes,
-            "told": table.told, "error": error, "checks": np.array(table.checks), "cpu_s": np.array(table.cpu_s)}
+    kept = {name: getattr(table, name) for name in _PATHS}
+    return kept | {"error": np.array(astuple(table.error)), "checks": np.array(table.checks),
+                   "cpu_s": np.array(table.cpu_s)}
+
+
+def _rim_arrays(rim: RimTable) -> dict[str, Any]:
+    kept = {name: getattr(rim, name) for name in _CHANGES}
+    return kept | {"error": np.array(astuple(rim.error)), "cpu_s": np.array(rim.cpu_s)}
 
 
 def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
@@ -97,20 +120,41 @@ def repays(design: Design, shape: Shape) -> bool:
     return design.scenes * len(scene_at(design, 0).punches) >= REPAYS * len(shape.solved)
 
 
+def rim_repays(design: Design, shape: Shape) -> bool:
+    """Whether solving a design's touches near the rim afresh costs more than a table of what the rim changes."""
+    rows = [scene_at(design, i) for i in range(min(design.scenes, _ROWS))]
+    near = sum(not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
+    return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
+
+
 def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
     """The touches of a scene that a table holds to the wanted error; None for each that is to be solved afresh."""
     if table is None or scene.hold.time_s or table.error.signal > _SHARE * scene.accuracy.signal:
         return (None,) * len(scene.punches)
-    return tuple(None if near_rim(scene, punch) else touch_from(table, law, scene.body, punch, scene.skin.strain)
-                 for punch in scene.punches)
+    return tuple(_served(table, law, scene, punch) for punch in scene.punches)
 
 
-def decision(table: Table, thickness_m: float) -> Decision:
+def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch | None:
+    touch = touch_from(table, law, scene.body, punch, scene.skin.strain)
+    if touch is None or not near_rim(scene, punch):
+        return touch
+    if table.rim is None or table.rim.error.signal > _RIM_SHARE * scene.accuracy.signal:
+        return None
+    return near_rim_from(table, touch, scene.body, punch)
+
+
+def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
     """What a touch from a table may cost, as measured when it was made."""
     error = table.error
     ends = [f"{d * thickness_m * 1e3:g}" for d in table.shape.diameters]
     where = f"{ends[0]} to {ends[-1]} mm" if table.shape.spans else f"{', '.join(ends)} mm"
+    bound, rim = max(error.depth, error.signal), ""
+    if touch.rim is not None and table.rim is not None:
+        added = table.rim.error
+        bound += max(added.depth, added.signal)
+        rim = (f"; what the rim changes, from a table too, was at most {added.depth:.1e} off in depth and "
+               f"{added.signal:.1e} in signal")
     return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
                     f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
                     f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "
-                    f"{error.strain:.1e} in L2", max(error.depth, error.signal))
+                    f"{error.strain:.1e} in L2{rim}", bound)

@@ -22,7 +22,7 @@ from eitsim.drive import read_electrodes
 from eitsim.plan import law_of
 from eitsim.provenance import card_identity, versions
 from eitsim.results import Result
-from eitsim.reuse import design_shape, repays, table_for
+from eitsim.reuse import design_shape, repays, rim_repays, table_for
 from eitsim.scene import Scene
 from eitsim.simulate import mechanical, simulate
 from eitsim.table import Table
@@ -73,7 +73,7 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1, re
         done = len(kept & set(range(design.scenes)))
         chunks = [missing[i:i + CHUNK] for i in range(0, len(missing), CHUNK)]
         with _processes(workers if method["reuse"] or len(chunks) > 1 else 1) as pool:
-            paths, note = _table(design, card, pool) if method["reuse"] and missing else (None, "")
+            paths, note = _table(design, card, pool, method) if method["reuse"] and missing else (None, "")
             for rows in _solved(partial(solve_rows, design, card, exact=method["exact"], table=paths), chunks, pool):
                 dataset.write_part(folder, rows)
                 done += len(rows)
@@ -87,33 +87,46 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1, re
 def _wanted(design: Design, card: MaterialCard, reuse: bool | None, exact: bool) -> dict[str, Any]:
     """How a new folder's touches are to be solved, and why."""
     if exact or reuse is False:
-        return {"exact": exact, "reuse": False, "reason": "as asked for"}
+        return {"exact": exact, "reuse": False, "rim": False, "reason": "as asked for"}
     try:
-        repaid = repays(design, design_shape(design, card))
+        shape = design_shape(design, card)
     except ValueError as error:
         if reuse:
             raise
-        return {"exact": False, "reuse": False, "reason": str(error)}
-    return {"exact": False, "reuse": bool(reuse or repaid), "reason": "as asked for" if reuse else
-            "a table of load paths repays its cost" if repaid else
-            "a table of load paths costs more than so few touches (--reuse makes one)"}
+        return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
+    repaid = repays(design, shape)
+    used = bool(reuse or repaid)
+    why = ("as asked for" if reuse else "a table of load paths repays its cost" if repaid else
+           "a table of load paths costs more than so few touches (--reuse makes one)")
+    return {"exact": False, "reuse": used, "rim": used and rim_repays(design, shape), "reason": why}
 
 
-def _table(design: Design, card: MaterialCard, pool: ProcessPoolExecutor | None) -> tuple[Table | None, str]:
+def _table(design: Design, card: MaterialCard, pool: ProcessPoolExecutor | None,
+           method: Mapping[str, Any]) -> tuple[Table | None, str]:
     """The table of a design and a note; none where its paths are not found."""
+    run, shape = map if pool is None else pool.map, design_shape(design, card)
     try:
-        return table_for(design_shape(design, card), map if pool is None else pool.map)
+        table, note = table_for(shape, run)
     except NotConverged as error:
         return None, f"no table: {error}"
+    if not method["rim"]:
+        return table, note
+    try:
+        return table_for(shape, run, rim=True)
+    except NotConverged as error:
+        return table, f"no table of what the rim changes: {error}"
 
 
 def _told(method: Mapping[str, Any], table: Table | None, note: str) -> str:
     if table is None:
         how = "exactly" if method["exact"] else "afresh"
         return f"every touch solved {how}: {note or method['reason']}"
-    error = table.error
+    error, rim = table.error, "those near the rim or beyond the table afresh"
+    if table.rim is not None:
+        rim = (f"near the rim another {table.rim.error.depth:.1e} and {table.rim.error.signal:.1e}; those beyond the "
+               "tables afresh")
     return (f"touches from a table of {len(table.shape.solved)} load paths, at most {error.depth:.1e} off in depth and "
-            f"{error.signal:.1e} in signal; those near the rim or beyond it afresh" + (f"; {note}" if note else ""))
+            f"{error.signal:.1e} in signal; {rim}" + (f"; {note}" if note else ""))
 
 
 def _check_card(card: MaterialCard, design: Design) -> None:
@@ -143,7 +156,7 @@ def _start_or_continue(folder: Path, design: Design, card: MaterialCard, card_pa
             raise TestFileError(folder, f"it holds Parquet parts but no {dataset.MANIFEST}. Choose an empty folder.")
         dataset.write_manifest(folder, manifest)
         return method
-    old = {"method": {"exact": False, "reuse": False, "reason": "the folder was started so"},
+    old = {"method": {"exact": False, "reuse": False, "rim": False, "reason": "the folder was started so"},
            **dataset.read_manifest(folder)}
     if old["card"]["sha256"] != manifest["card"]["sha256"]:
         raise ValueError(f"{folder} was made with the card '{old['card']['name']}' ({old['card']['sha256'][:12]}), not "

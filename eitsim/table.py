@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from eitsim.path import FIELDS, NUMBERS, TOLD, Deviation, depth_at, hermite
 from eitsim.results import Touch
 from eitsim.scene import Body, Punch
 from matcal.hyperfoam import Hyperfoam
+
+if TYPE_CHECKING:
+    from eitsim.rim_table import RimTable
 
 Array = NDArray[np.float64]
 
@@ -92,6 +96,8 @@ class Table:
     checks: int
     # CPU time that it took, s
     cpu_s: float
+    # what the rim changes of these touches; None where that is solved afresh
+    rim: RimTable | None = None
 
 
 def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m: Iterable[float] = (), *,
@@ -109,6 +115,15 @@ def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m:
 
 def _rounded(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(float(f"{value:.{_DIGITS}g}") for value in values)
+
+
+def parts_of(shape: Shape, diameter: float) -> tuple[Hyperfoam, Body, Punch]:
+    """Law, body and punch of a shape, without units; the force is yet to be set."""
+    fillet = diameter / 2 if shape.profile == "sphere" else shape.fillet
+    punch = Punch(diameter_m=diameter, fillet_m=fillet, profile=shape.profile,
+                  half_angle_rad=shape.half_angle_rad or Punch().half_angle_rad)
+    law = Hyperfoam(np.array(shape.mu), np.array(shape.alpha), np.array(shape.nu))
+    return law, Body(shape.disc, 1.0), punch
 
 
 def carried_over(shape: Shape, radius: Array, old: float, new: float) -> Array:

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from eitsim.path import Course, Deviation, Node, course_of, deviation, hermite, refined, traced
-from eitsim.scene import Body, Punch
-from eitsim.table import Shape, Table, carried_over, state
+from eitsim.table import Shape, Table, carried_over, parts_of, state
 from matcal.errors import NotConverged
-from matcal.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
 # map a function over arguments, in this process or in others
@@ -25,7 +23,7 @@ Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 # Depths, over the thickness, near which a path is solved at first.
 DEPTHS = (*(1e-4 * 2.0**np.arange(10)).tolist(), *np.arange(0.1, 0.91, 0.08).tolist())
 # Least number of depths of a table, and the depths at which each held-out diameter is solved afresh.
-_FEWEST, _CHECKS = 4, 12
+_FEWEST, _CHECKS = 4, 20
 
 
 def build(shape: Shape, run: Run = map, depths: Sequence[float] = DEPTHS) -> Table:
@@ -60,17 +58,9 @@ def _probes(depths: Array) -> Array:
 def _course(shape: Shape, diameter: float) -> Course:
     base = shape.base
     if diameter == base:
-        return course_of(*_parts(shape, base), shape.strain)
-    radius = course_of(*_parts(shape, base), shape.strain).radius
-    return course_of(*_parts(shape, diameter), shape.strain, carried_over(shape, radius, base, diameter))
-
-
-def _parts(shape: Shape, diameter: float) -> tuple[Hyperfoam, Body, Punch]:
-    fillet = diameter / 2 if shape.profile == "sphere" else shape.fillet
-    punch = Punch(diameter_m=diameter, fillet_m=fillet, profile=shape.profile,
-                  half_angle_rad=shape.half_angle_rad or Punch().half_angle_rad)
-    law = Hyperfoam(np.array(shape.mu), np.array(shape.alpha), np.array(shape.nu))
-    return law, Body(shape.disc, 1.0), punch
+        return course_of(*parts_of(shape, base), shape.strain)
+    radius = course_of(*parts_of(shape, base), shape.strain).radius
+    return course_of(*parts_of(shape, diameter), shape.strain, carried_over(shape, radius, base, diameter))
 
 
 def _path(shape: Shape, depths: Array, diameter: float) -> tuple[tuple[Array, Array, Array], float]:
@@ -81,9 +71,10 @@ def _path(shape: Shape, depths: Array, diameter: float) -> tuple[tuple[Array, Ar
 
 
 def _fresh(shape: Shape, depths: Array, diameter: float) -> tuple[list[Node], float]:
-    """Nodes near these depths, without their states, and the CPU time."""
+    """Nodes near these depths, at the radii of their own samples, without their states, and the CPU time."""
     started = time.process_time()
-    nodes = [replace(node, states=()) for node in traced(_course(shape, diameter), depths.tolist())]
+    course = course_of(*parts_of(shape, diameter), shape.strain)
+    nodes = [replace(node, states=()) for node in traced(course, depths.tolist())]
     return nodes, time.process_time() - started
 
 
@@ -115,11 +106,13 @@ def _checked(table: Table, fresh: dict[float, list[Node]]) -> Table:
     """The table with its largest deviation from nodes solved afresh at some diameters."""
     error, checks = table.error, 0
     for diameter, nodes in fresh.items():
-        course = _course(table.shape, diameter)
+        course = course_of(*parts_of(table.shape, diameter), table.shape.strain)
+        radius = carried_over(table.shape, table.radius, table.shape.base, diameter)
         for node in nodes:
             found = state(table, diameter, mean_pressure=node.mean_pressure)
             if found is not None:
-                error = error.at_least(deviation(course, found.depth / node.corrected_depth, found.fields, node.fields))
+                fields = PchipInterpolator(radius, found.fields, axis=1)(np.clip(course.radius, *radius[[0, -1]]))
+                error = error.at_least(deviation(course, found.depth / node.corrected_depth, fields, node.fields))
                 checks += 1
     if not checks:
         raise NotConverged("no touch was solved afresh to check a table of load paths by.", estimate=table.depths)

@@ -53,7 +53,8 @@ def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp
 
 def test_a_folder_keeps_to_its_method(card: Path, tmp_path: Path) -> None:
     account(card, tmp_path / "a", 1, reuse=False)
-    assert read_manifest(tmp_path / "a")["method"] == {"exact": False, "reuse": False, "reason": "as asked for"}
+    assert read_manifest(tmp_path / "a")["method"] == {"exact": False, "reuse": False, "rim": False,
+                                                     "reason": "as asked for"}
     with pytest.raises(ValueError, match="started with reuse = False"):
         account(card, tmp_path / "a", 2, reuse=True)
     with pytest.raises(ValueError, match="started with exact = False"):

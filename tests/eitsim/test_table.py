@@ -148,12 +148,15 @@ def test_a_design_has_one_shape(punch: dict, diameters: tuple, spans: bool) -> N
 @pytest.mark.parametrize(("raw", "named"), [
     ({"punch": {"fillet_mm": [0.4, 0.6]}}, "fillet_mm"), ({"body": {"thickness_mm": [9, 11]}}, "thickness_mm"),
     ({"punch": {"diameter_mm": {"dist": "normal", "mean": 14, "sd": 0.1}}}, "without ends"),
-    ({"punch": {"friction": "stick"}}, "friction"), ({"hold": {"time_s": [5.0, 5.0]}}, "hold"),
-    ({"punch": [{"x_mm": 20}, {"x_mm": -20, "profile": "sphere"}]}, "differ")])
+    ({"punch": {"friction": "stick"}}, "friction"), ({"hold": {"control": {"choice": ["force", "depth"]}}}, "control")])
 def test_a_design_that_no_table_serves_says_why(raw: dict, named: str) -> None:
-    card = replace(CARD, prony=None)
     with pytest.raises(ValueError, match=named):
-        design_shape(design_from(raw, 10), card)
+        design_shape(design_from(raw, 10), CARD)
+
+
+def test_punches_of_two_kinds_have_no_shape() -> None:
+    with pytest.raises(ValueError, match="differ"):
+        scene_shape(scene_from({"punch": [{"x_mm": 20}, {"x_mm": -20, "profile": "sphere"}]}), CARD)
 
 
 def test_a_table_is_made_where_it_repays_its_cost() -> None:
@@ -171,6 +174,8 @@ def test_one_scene_has_the_path_of_its_punch() -> None:
 
 
 def test_the_decision_names_the_measured_error(table) -> None:
-    made = decision(table, 0.01)
+    touch = touch_from(table, FOAM, Body(), pressed(table), "normal")
+    assert touch is not None
+    made = decision(table, touch, 0.01)
     assert "13 to 14.5 mm" in made.reason
     assert f"{table.checks} touches" in made.reason

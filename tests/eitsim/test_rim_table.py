@@ -1,0 +1,93 @@
+"""What the rim changes, from a table: touches solved afresh are recovered within the stated error; where it ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eitsim.design import design_from
+from eitsim.near_rim import signal_difference, solve_near_rim
+from eitsim.results import Touch
+from eitsim.reuse import decision, rim_repays, scene_shape, served
+from eitsim.rim_table import build_rim, near_rim_from
+from eitsim.scene import Body, Punch, scene_from
+from eitsim.simulate import simulate
+from eitsim.table import shape_of, state, touch_from
+from eitsim.tabulate import build
+from matcal.card import MaterialCard
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
+CARD = MaterialCard("Table 1", FOAM, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+
+
+@pytest.fixture(scope="module")
+def table():
+    paths = build(shape_of(FOAM, Body(), Punch(), "normal"), depths=(0.055, 0.075, 0.1, 0.13))
+    return replace(paths, rim=build_rim(paths, gaps=(0.5, 0.7, 1.0, 1.4), depths=(0.06, 0.08, 0.1, 0.125)))
+
+
+def pressed(table, gap_m: float, depth: float) -> Punch:
+    """A punch at a gap from the rim under the force of a depth far from it, in thicknesses."""
+    found = state(table, 1.4, depth=depth)
+    assert found is not None
+    return Punch(x_m=0.093 - gap_m, force_N=found.number["mean_pressure"] * FOAM.mu_0_Pa * np.pi * 0.007**2)
+
+
+def stored(table, punch: Punch) -> Touch | None:
+    touch = touch_from(table, FOAM, Body(), punch, "normal")
+    assert touch is not None
+    return near_rim_from(table, touch, Body(), punch)
+
+
+@pytest.mark.slow
+def test_touches_near_the_rim_are_recovered(table) -> None:
+    punch = pressed(table, 8e-3, 0.09)
+    quick, fresh = stored(table, punch), solve_near_rim(FOAM, Body(), punch)
+    assert quick is not None
+    added = fresh.depth_m / touch_from(table, FOAM, Body(), punch, "normal").depth_m - 1
+    print("the rim adds", added, "missed", quick.depth_m / fresh.depth_m - 1, table.rim.error)
+    assert 0 < abs(quick.depth_m / fresh.depth_m - 1) < 2 * (table.error.depth + table.rim.error.depth) < added
+    assert signal_difference(fresh, quick.rim, fresh.rim, "normal") < 2 * table.rim.error.signal < 0.02
+    assert quick.contact_area_m2 == pytest.approx(fresh.contact_area_m2, rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_disc_may_be_turned(table) -> None:
+    punch = pressed(table, 8e-3, 0.09)
+    turned = replace(punch, x_m=punch.x_m * 0.6, y_m=punch.x_m * 0.8)
+    straight, aslant = stored(table, punch), stored(table, turned)
+    assert straight is not None
+    assert aslant is not None
+    assert aslant.depth_m == pytest.approx(straight.depth_m, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gap_m", "depth"), [(4e-3, 0.09), (15e-3, 0.09), (8e-3, 0.1275)])
+def test_beyond_the_table_is_none(table, gap_m: float, depth: float) -> None:
+    assert stored(table, pressed(table, gap_m, depth)) is None
+
+
+@pytest.mark.slow
+def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
+    punch = pressed(table, 8e-3, 0.09)
+    scene = replace(scene_from({"accuracy": {"signal": 0.05}}), punches=(punch,))
+    (touch,) = served(table, FOAM, scene)
+    assert touch is not None
+    assert "what the rim changes" in decision(table, touch, 0.01).reason
+    assert served(replace(table, rim=None), FOAM, scene) == (None,)
+    result = simulate(scene, CARD, table=table)
+    assert result.outcome == "ok"
+    (said,) = [d for d in result.plan.decisions if d.decision == "load path reused"]
+    assert said.error_bound > max(table.error.depth, table.error.signal)
+
+
+def test_a_table_of_changes_is_made_where_it_repays_its_cost() -> None:
+    near = design_from({"punch": {"x_mm": [75, 85], "y_mm": 0, "force_N": [0.1, 2]}}, 300)
+    far = design_from({"punch": {"x_mm": [0, 20], "y_mm": 0, "force_N": [0.1, 2]}}, 300)
+    shape = scene_shape(scene_from({}), CARD)
+    assert rim_repays(near, shape)
+    assert not rim_repays(far, shape)
