@@ -50,6 +50,21 @@ def test_reading_curves_are_the_readings_of_the_result(tmp_path: Path, write_res
     assert f"{-20 * np.log10(4e-3 / np.sqrt(208)):.1f} dB" in text
 
 
+def test_a_report_of_two_touches_shows_both(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    one = json.loads(write_result().read_text())
+    keys = ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2")
+    lists = {key: [one[key], 2 * one[key]] for key in keys}
+    punch = one["scene"]["punch"][0]
+    scene = one["scene"] | {"punch": [punch, punch | {"x_mm": -43.0, "diameter_mm": 10.0}]}
+    bounds = {"signal": 0.077, "depth": 0.0}
+    source = write_result(**lists, scene=scene, profile=2 * one["profile"], interaction=bounds)
+    write(source, tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf").whole
+    for words in ("punch 1", "punch 2", "touch 2", "x = -43", "7.7 %", "7.292"):
+        assert words in text or words.replace("-", "−") in text
+    assert {path.name for path in (tmp_path / "t_files").glob("profile_*.csv")} == {"profile_1.csv", "profile_2.csv"}
+
+
 def test_a_touch_without_any_signal_is_said(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
     same = np.ones((16, 13)).tolist()
     write(write_result(readings_V=same, baseline_V=same), tmp_path / "t.pdf")

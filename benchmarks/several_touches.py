@@ -1,0 +1,87 @@
+"""Error against run time of the readings of two touches, by the gap between their edges.
+
+Run by `make bench`, which pins threads; writes results/several_touches.csv beside this file. Two 14 mm punches under
+1 N (Table 1's foam) are solved alone, their strains added; dV is compared with two solutions on a triangulation (level
+4) that is finer than any listed. "sum" adds the signals of single touches and tells what their scattering is worth.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+import pandas as pd
+from conditions import RESULTS, conditions
+
+from eitsim.axisymmetric import solve_touch
+from eitsim.cem import impedance, quadrature_points, sparsity
+from eitsim.drive import read_out
+from eitsim.electrics import solve
+from eitsim.neighbours import interaction
+from eitsim.results import Touch
+from eitsim.rim import solve_rim
+from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.skin import touched_conductance, untouched_conductance
+from eitsim.triangulation import triangulation
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+
+FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
+BODY, ELECTRODES, DRIVE = Body(), Electrodes(), Drive()
+GAPS_MM, STRAINS = (5, 10, 20, 30, 45, 60), ("normal", "principal")
+REFERENCE_LEVEL = 4
+Touches = tuple[tuple[Punch, Touch], ...]
+
+
+def on_triangles(touches: Touches, skin: Skin, level: int) -> np.ndarray:
+    """dV from two solutions on one triangulation."""
+    mesh = triangulation(BODY, ELECTRODES, touches, level)
+    pattern, z = sparsity(mesh), ELECTRODES.contact_impedance_Ohm_m
+    touched = touched_conductance(quadrature_points(mesh), touches, skin, LAW)
+    untouched = np.full(len(mesh.cells), untouched_conductance(LAW, skin))
+    first, second = (impedance(mesh, s, z, pattern=pattern, refinements=0) for s in (touched, untouched))
+    return read_out(DRIVE, first - second)
+
+
+def rows(touches: Touches, gap_mm: float, strain: str) -> list[dict[str, object]]:
+    """All methods on one pair."""
+    skin = Skin(strain=strain)
+    reference = on_triangles(touches, skin, REFERENCE_LEVEL)
+
+    def readings(*chosen: tuple[Punch, Touch], method: str = "multipole") -> tuple[np.ndarray, float]:
+        got = solve(BODY, skin, ELECTRODES, DRIVE, chosen, LAW, method=method)
+        return got.signal_V, got.signal_error
+
+    methods: dict[str, Callable[[], tuple[np.ndarray, float]]] = {
+        "sum": lambda: (np.sum([readings(touch)[0] for touch in touches], axis=0), np.nan),
+        "multipole": lambda: readings(*touches), "auto": lambda: readings(*touches, method="auto"),
+        "triangulation 1": lambda: (on_triangles(touches, skin, 1), np.nan),
+        "triangulation 2": lambda: (on_triangles(touches, skin, 2), np.nan)}
+    found = []
+    for name, run in methods.items():
+        start = time.process_time()
+        signal, estimate = run()
+        found.append({"gap_mm": gap_mm, "strain": strain, "method": name, "cpu_s": time.process_time() - start,
+                      "dv_error": float(np.linalg.norm(signal - reference) / np.linalg.norm(reference)),
+                      "estimate": estimate, "mechanical_bound": interaction(touches)["signal"]})
+    return found
+
+
+def main() -> None:
+    """Write the table."""
+    touch = solve_touch(FOAM, BODY, Punch())
+    solve_rim(BODY, ELECTRODES, untouched_conductance(LAW, Skin()))
+    table = []
+    for gap_mm, strain in product(GAPS_MM, STRAINS):
+        half = (Punch().diameter_m + gap_mm / 1e3) / 2
+        table += rows(((Punch(-half, 0.01), touch), (Punch(half, 0.01), touch)), gap_mm, strain)
+    frame = pd.DataFrame(table).assign(**conditions())
+    frame.to_csv(RESULTS / "several_touches.csv", index=False)
+    print(frame.drop(columns=list(conditions())).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
