@@ -80,12 +80,12 @@ def study(name: str, punch: Punch, finest: float) -> tuple[list[dict[str, object
         rows += [row(name, punch, size, order, PENALTY, touch, reference)
                  for size, touch in zip(sizes, touches, strict=True)]
         changes = pd.DataFrame([differences(a, b) for a, b in itertools.pairwise(touches)])
-        rates.append({"touch": name, "order": order, **{key: rate(changes[key]) for key in changes}})
+        rates.append({"touch": name, "order": order, **{key: rate(changes[key].to_numpy()) for key in changes}})
     stiff = solved(punch, 1.0, max(ELEMENTS), 10 * PENALTY)
     return [*rows, row(name, punch, 1.0, max(ELEMENTS), 10 * PENALTY, stiff, reference)], rates
 
 
-def rate(changes: Sequence[float]) -> float:
+def rate(changes: np.ndarray) -> float:
     """Power of the element size in changes from one mesh to the next, each of half the size of the one before."""
     return -float(np.polyfit(np.arange(len(changes)), np.log2(changes), 1)[0])
 
