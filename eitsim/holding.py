@@ -80,8 +80,7 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
         raise ValueError(f"a hold needs instantaneous moduli and times, got {law.moduli} ones and {hold.time_s} s.")
     times = np.append(0.0, np.unique(hold.time_s))
     if hold.keeps_deformation:
-        first = solve_touch(law, body, punch, element_m=element_m, strain=strain)
-        return [(float(t), relaxed(first, float(g))) for t, g in zip(times, relaxation(series, times), strict=True)]
+        return kept(series, hold, solve_touch(law, body, punch, element_m=element_m, strain=strain))
     started = time.process_time()
     levels = pressings(law, body, punch, element_m, None)
     force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
@@ -99,6 +98,12 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
         out.append((float(t), replace(touch, section=None)))
         started = time.process_time()
     return out
+
+
+def kept(series: Prony, hold: Hold, touch: Touch) -> list[tuple[float, Touch]]:
+    """(time, s, touch) as solve_hold, of a touch whose deformation is kept from loading at once."""
+    times = np.append(0.0, np.unique(hold.time_s))
+    return [(float(t), relaxed(touch, float(g))) for t, g in zip(times, relaxation(series, times), strict=True)]
 
 
 def relaxed(touch: Touch, share: float) -> Touch:

@@ -29,7 +29,7 @@ from matcal.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
 
-# Reference radius, thicknesses beyond the punch's edge, at which the change ends.
+# How far from the punch's edge the change ends, thicknesses.
 _BEYOND = 5.0
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, _ANGLES = 3, 25
@@ -53,9 +53,12 @@ class Fineness:
     harmonics: int
     # angles on half a circle
     angles: int
+    # reference radius, thicknesses beyond the punch's edge, at which the change ends
+    beyond: float = _BEYOND
 
 
 COARSE, FINE = Fineness(6.0, 5, 12), Fineness(4.0, 7, 14)
+WHOLE = Fineness(3.0, 9, 18, np.inf)
 
 
 @dataclass(frozen=True)
@@ -117,14 +120,18 @@ def rim_problem(body: Body, punch: Punch) -> str:
     return ""
 
 
-def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal") -> Touch:
+def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal", whole: bool = False) -> Touch:
     """Equilibrium near the rim under the punch's force or at its depth: the axisymmetric touch, and what the rim adds.
 
-    ValueError where `rim_problem` names one, NotConverged where no equilibrium is found.
+    whole: on finer meshes and out to the whole disc. ValueError where `rim_problem` names one, NotConverged where no
+    equilibrium is found.
     """
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
-    return corrected(solve_touch(law, body, punch, strain=strain), law, body, punch, strain=strain)
+    if not whole:
+        return corrected(solve_touch(law, body, punch, strain=strain), law, body, punch, strain=strain)
+    touch = solve_touch(law, body, punch, strain=strain, element_m=default_element_m(body, punch) / 2)
+    return corrected(touch, law, body, punch, strain=strain, coarse=FINE, fine=WHOLE)
 
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal",
@@ -185,7 +192,7 @@ def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before:
 def _under(model: Pressing, load: _Load, outline: Outline, fineness: Fineness, before: _Solution | None,
            halvings: int) -> _Solution:
     (state,) = load.states([model])
-    disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + _BEYOND,
+    disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + fineness.beyond,
                         held=load.force is None)
     for start in (None if before is None else _carried_over(before, disc, model), None):
         try:

@@ -47,7 +47,7 @@ def make_plan(scene: Scene, card: MaterialCard, *, exact: bool = False, reused: 
     exact: turn off every omission that can be, and say of the others that they stay; reused: for each punch what a
     stored load path may cost, None where it is solved afresh.
     """
-    decisions = _decisions(scene, card, reused or [None] * len(scene.punches))
+    decisions = _decisions(scene, card, reused or [None] * len(scene.punches), exact)
     return Plan(tuple(_exactly(scene, decisions) if exact else decisions), _refusal(scene))
 
 
@@ -57,9 +57,8 @@ def on_mesh(scene: Scene) -> bool:
 
 
 def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:
-    if not any(near_rim(scene, punch) for punch in scene.punches):
-        yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked "
-                       "for", 0.0)
+    yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for",
+                   0.0)
     for made in decisions:
         if made.decision == _RINGS and on_mesh(scene):
             yield Decision("exact: the skin is solved on a mesh that follows the touch", "nothing is taken from rings; "
@@ -125,8 +124,9 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
     if not near_rim(scene, punch):
         return ""
     problem = rim_problem(scene.body, punch)
-    if not problem and scene.hold.time_s:
-        problem = "a hold (time_s in [hold]) is built for touches far from the rim only"
+    if not problem and scene.hold.time_s and not scene.hold.keeps_deformation:
+        problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
+                   "loading_s = 0")
     gap, allowed = rim_gap_m(scene, punch), _RIM_SHARE * scene.accuracy.signal
     if not problem or gap <= 0:
         return problem and f"{problem}."
@@ -153,10 +153,11 @@ def _gap_for(effect: float, thickness_m: float) -> float:
     return float(gaps[np.argmax(effects <= effect)] * thickness_m) if effects[-1] <= effect else math.inf
 
 
-def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | None]) -> Iterator[Decision]:
+def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | None],
+               exact: bool) -> Iterator[Decision]:
     law = law_of(scene, card)
     for punch, stored in zip(scene.punches, reused, strict=True):
-        yield _rim_decision(scene, punch)
+        yield _rim_decision(scene, punch, exact)
         if stored is not None:
             yield stored
         elif punch.force_N is not None:
@@ -192,9 +193,13 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
                    "every pattern is a linear read-out of it", 0.0)
 
 
-def _rim_decision(scene: Scene, punch: Punch) -> Decision:
+def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     gap = rim_gap_m(scene, punch)
     where = f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses"
+    if exact and not rim_problem(scene.body, punch):
+        return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",
+                        f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
+                        "own", 0.0)
     if near_rim(scene, punch):
         return Decision("mechanics in three dimensions near the rim, as a change of the axisymmetric touch",
                         f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "

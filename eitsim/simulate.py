@@ -12,9 +12,9 @@ import numpy as np
 from eitsim.approach import BOTTOM, BottomedOut
 from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
-from eitsim.holding import solve_hold
+from eitsim.holding import kept, solve_hold
 from eitsim.mesh import default_element_m
-from eitsim.near_rim import solve_near_rim
+from eitsim.near_rim import rim_problem, solve_near_rim
 from eitsim.neighbours import expected, interaction
 from eitsim.plan import law_of, make_plan, near_rim, on_mesh
 from eitsim.results import Moment, Plan, Readings, Result, Touch
@@ -89,9 +89,9 @@ def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conduct
 
 def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool) -> Touch:
     """A touch on the default mesh, and on one of half its element size where that misses the wanted error or is not
-    exact."""
-    if near_rim(scene, punch):
-        return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain)
+    exact; in three dimensions near the rim and, where that is built, to be exact."""
+    if near_rim(scene, punch) or (exact and not rim_problem(scene.body, punch)):
+        return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain, whole=exact)
     if not exact:
         touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
         if _fine_enough([touch], scene):
@@ -102,6 +102,8 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool) -> Touch:
 
 def _held(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch, exact: bool) -> list[tuple[float, Touch]]:
     """A held touch as `_touch`, fine enough at the times that the scene asks for."""
+    if scene.hold.keeps_deformation:
+        return kept(series, scene.hold, _touch(law, scene, punch, exact))
     if not exact:
         held = solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain)
         if _fine_enough([touch for _, touch in held[1:]], scene):

@@ -78,7 +78,7 @@ def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]],
 def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, Array]:
     """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) of the disc."""
     place = np.array([punch.x_m, punch.y_m])
-    outwards = place / np.linalg.norm(place) if touch.rim is not None else np.array([1.0, 0.0])
+    outwards = place / np.linalg.norm(place) if place.any() else np.array([1.0, 0.0])
     axes = np.array([outwards, [-outwards[1], outwards[0]]])
     local = (points_m - place) @ axes.T
     radius = np.hypot(local[..., 0], local[..., 1])
