@@ -209,6 +209,8 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
             parts[table] = _table(table, raw[table])
     touches = raw.get("punch", {})
     touches = touches if isinstance(touches, list) else [touches]
+    if not touches:
+        raise ValueError("punch is an empty list; give one [[punch]] a touch, or leave it out for the default one.")
     parts["punches"] = tuple(_punch(t) for t in touches)
     scene = Scene(**parts, card=raw.get("card"))
     _check(scene)

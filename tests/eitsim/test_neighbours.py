@@ -48,7 +48,7 @@ def test_the_expected_cost_falls_with_the_gap_and_adds_up():
     assert expected(Body(), row[:1]) == 0
 
 
-def test_a_neighbour_is_seen_through_the_rim_fields_own_reach():
+def test_a_bound_falls_with_the_strain_of_the_neighbour():
     touch = solve_touch(FOAM, Body(), Punch(diameter_m=0.01, force_N=0.2))
     far, near = (interaction(((Punch(-x), touch), (Punch(x), touch))) for x in (0.04, 0.02))
     assert 0 < far["signal"] < near["signal"] / 20
@@ -92,6 +92,11 @@ def test_the_plan_tells_what_being_alone_costs():
     closer = [{"x_mm": 0}, {"x_mm": 30}]
     assert "Move them apart to 24 mm" in make_plan(scene_from({"punch": closer}), CARD).refusal
     assert not make_plan(scene_from({"punch": closer, "accuracy": {"signal": 0.15}}), CARD).refusal
+
+
+def test_no_touch_at_all_is_a_mistake():
+    with pytest.raises(ValueError, match="empty list"):
+        scene_from({"punch": []})
 
 
 def test_a_design_holds_one_touch(tmp_path):
