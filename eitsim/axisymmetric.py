@@ -184,15 +184,19 @@ def reached(model: Pressing, depth: float, state: Equilibrium) -> Equilibrium:
                        estimate=state.x, residuals=spent, load_fraction=state.depth / depth)
 
 
+class Unresolved(NotConverged):
+    """An equilibrium whose surface a mesh is too coarse to show; a finer one may do."""
+
+
 def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Equilibrium], strain: str,
              started: float) -> Touch:
     """The finest level's equilibrium as a touch, its errors from the two finest; `law` gives the units."""
     model, state, unit = levels[-1], states[-1], body.thickness_m
     radius, field = surface.samples(model, state.x)
     if not np.all(field.normal > 0):
-        raise NotConverged("the mesh does not resolve the foam at the punch's edge or tip: its surface is found turned "
-                           "inside out there. Try a larger fillet, or a smaller force or depth.", estimate=state.x,
-                           residuals=state.residuals)
+        raise Unresolved("the mesh does not resolve the foam at the punch's edge or tip: its surface is found turned "
+                         "inside out there. Try a larger fillet, or a smaller force or depth.", estimate=state.x,
+                         residuals=state.residuals)
     contact, rough = (surface.contact_of(m, s.x) for m, s in zip(levels[:-3:-1], states[:-3:-1], strict=True))
     pressure = np.interp(radius, contact.middle, contact.pressure, right=0.0)
     force_N = state.force * force_unit(law, body)

@@ -23,6 +23,9 @@ _ROUNDING = 1e-13
 # after a short step, and the step length that divides them. Found by trial on touches of 8 to 18 mm, 0.1 to 8 N.
 _LEAST, _INDEFINITE, _AFTER_LONG, _AFTER_SHORT, _LONG = 0.02, 1 / 3, 2.0, 1 / 4, 0.5
 
+# Relative residual below which an indefinite Hessian means a saddle of the energy.
+_SADDLE = 1e-3
+
 
 @dataclass(frozen=True)
 class Minimum:
@@ -55,8 +58,9 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
         length, value = _descend(energy, x, value, gradient, step, residuals)
         x = x + length * step
         share = min(1.0, _AFTER_LONG * max(share, _LEAST)) if length >= _LONG else _AFTER_SHORT * share
+    near_saddle = "; it nears an equilibrium that is not stable" if share < 1 and residuals[-1] < _SADDLE else ""
     raise NotConverged(f"Newton's method did not converge in {limit} iterations (relative residual "
-                       f"{residuals[-1]:.1e}).", estimate=x, residuals=tuple(residuals))
+                       f"{residuals[-1]:.1e}{near_saddle}).", estimate=x, residuals=tuple(residuals))
 
 
 def _definite(system: Callable[[Array, float], System], x: Array, share: float,

@@ -7,7 +7,7 @@ import pytest
 
 from eitsim import solid
 from eitsim.approach import BOTTOM, BottomedOut, carried_over, from_rest, in_steps, near
-from eitsim.axisymmetric import PENALTY, solve_touch
+from eitsim.axisymmetric import PENALTY, Unresolved, solve_touch
 from eitsim.pressing import (
     at_rest,
     energy,
@@ -91,6 +91,16 @@ def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
     assert result.outcome == "bottomed_out"
     assert result.readings is None
     assert as_json(result, scene, CARD)["load_fraction"] == caught.value.load_fraction
+
+
+def test_a_finer_mesh_takes_over_where_the_default_one_resolves_nothing(monkeypatch):
+    def solved(*args, element_m=None, **keys):
+        if element_m is None:
+            raise Unresolved("too coarse", estimate=None)
+        return solve_touch(*args, element_m=4 * element_m, **keys)
+
+    monkeypatch.setattr("eitsim.simulate.solve_touch", solved)
+    assert simulate(scene_from({}), CARD).outcome == "ok"
 
 
 def test_where_ellipticity_is_lost_is_told(coarse):

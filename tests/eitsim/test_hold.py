@@ -198,6 +198,17 @@ def test_a_depth_hold_after_loading_keeps_its_depth_and_loses_force(diameter_m, 
     assert held[0][1].force_N == pytest.approx(force_N, rel=1e-9)
 
 
+@pytest.mark.parametrize("alpha", [8.0, 2.0])
+def test_a_sphere_that_flattens_a_foam_of_one_term_is_held_at_its_depth(alpha):
+    law, force = Hyperfoam([9530.0], [alpha], [0.0], "instantaneous"), 1.23 * 9530.0 * np.pi * 0.01**2
+    punch = Punch(diameter_m=0.01, force_N=force, profile="sphere")
+    held = solve_hold(law, SERIES, Body(), punch, Hold((2.0, 180.0), "depth", loading_s=1.0), element_m=COARSE_M,
+                      per_decade=2)
+    assert [touch.depth_m for _, touch in held] == pytest.approx([held[0][1].depth_m] * 3, rel=1e-8)
+    assert np.all(np.diff([touch.force_N for _, touch in held]) < 0)
+    assert held[0][1].depth_m > 0.95 * Body().thickness_m
+
+
 def test_slower_loading_is_deeper_and_forgotten_in_the_end():
     fast, slow = (solve_hold(TABLE_1, SERIES, Body(), Punch(), Hold((1e5,), loading_s=t), element_m=COARSE_M)
                   for t in (0.0, 1.0))

@@ -63,6 +63,15 @@ def test_the_end_is_quadratic():
     assert residuals[-1] < 30 * residuals[-2]**2
 
 
+def test_a_saddle_is_told_from_slow_progress():
+    def level(x, share):
+        return np.array([4 * x[0] * (x[0]**2 - 1), 2 * x[1]]), lambda: factorise_band(
+            np.array([[12 * x[0]**2 + 1 - 5 * share, 0.0], [2.0, 0.0]]))
+
+    with pytest.raises(NotConverged, match="not stable"):
+        minimise(double_well, level, np.array([0.0, 0.7]), scale=1.0)
+
+
 def test_failure_carries_state_and_history():
     def downhill(x, share):
         return np.array([-1.0]), lambda: factorise_band(np.array([[1e-3]]))
