@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from eitsim.approach import BOTTOM, BottomedOut
-from eitsim.axisymmetric import solve_touch
+from eitsim.axisymmetric import Unresolved, solve_touch
 from eitsim.electrics import solve
 from eitsim.holding import kept, solve_hold
 from eitsim.mesh import default_element_m
@@ -92,12 +92,19 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool) -> Touch:
     exact; in three dimensions near the rim and, where that is built, to be exact."""
     if near_rim(scene, punch) or (exact and not rim_problem(scene.body, punch)):
         return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain, whole=exact)
-    if not exact:
-        touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
-        if _fine_enough([touch], scene):
-            return touch
+    touch = None if exact else _resolved(law, scene, punch)
+    if touch is not None and _fine_enough([touch], scene):
+        return touch
     return solve_touch(law, scene.body, punch, strain=scene.skin.strain,
                        element_m=default_element_m(scene.body, punch) / 2)
+
+
+def _resolved(law: Hyperfoam, scene: Scene, punch: Punch) -> Touch | None:
+    """The touch on the default mesh; None where that is too coarse to show the foam at the punch's edge or tip."""
+    try:
+        return solve_touch(law, scene.body, punch, strain=scene.skin.strain)
+    except Unresolved:
+        return None
 
 
 def _held(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch, exact: bool) -> list[tuple[float, Touch]]:
