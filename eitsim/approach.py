@@ -20,7 +20,7 @@ BOTTOM = 0.95
 _ITERATIONS = 60
 # Shares of a coarser mesh's state that are tried on a finer one: where the foam is squeezed flat, the whole of it may
 # turn the foam inside out between the points at which the coarse mesh held it.
-_SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
+_SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 
 
 def from_rest(model: Pressing, force: float) -> Equilibrium:
