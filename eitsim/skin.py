@@ -86,7 +86,8 @@ def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, 
     radial = np.where(radius[..., None] > 0, local / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
     radial = radial[..., :, None] * radial[..., None, :]
     if touch.rim is None:
-        return (hoop**2)[..., None, None] * np.eye(2) + (meridian**2 - hoop**2)[..., None, None] * radial, normal
+        metric = (hoop**2)[..., None, None] * np.eye(2) + (meridian**2 - hoop**2)[..., None, None] * radial
+        return axes.T @ metric @ axes, normal
     old = hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * radial
     metric, factor = changes(touch.rim, local)
     return axes.T @ old @ metric @ old @ axes, normal * factor

@@ -13,7 +13,7 @@ from eitsim.drive import read_out
 from eitsim.electrics import solve
 from eitsim.results import Readings, Touch
 from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
-from eitsim.skin import sheet_conductance, touched_conductance
+from eitsim.skin import principal_conductances, sheet_conductance, surface_metric, touched_conductance
 from eitsim.template import template
 from eitsim.triangulation import triangulation
 from matcal.conductivity import Conductivity
@@ -137,6 +137,18 @@ def test_two_conducting_punches_shunt_like_metal_discs():
         edge = touch.radius_m[np.flatnonzero(touch.pressure_Pa > 0)[-1]]
         tensor[np.hypot(points[..., 0] - punch.x_m, points[..., 1] - punch.y_m) < edge] += 1e2 * np.eye(2)
     assert distance(got.signal_V, on_triangles(touches, 2, tensor)) < 0.01
+
+
+def test_the_surfaces_metric_conducts_as_its_stretches_do():
+    touch = at(20, 30)
+    points = np.random.default_rng(0).uniform(-0.05, 0.05, (200, 2))
+    metric, normal = surface_metric(points, *touch)
+    first, second = np.moveaxis(np.sqrt(np.linalg.eigvalsh(metric)), -1, 0)
+    tensor = sheet_conductance(points, *touch, Skin(), LAW)
+    sheets = np.sort(principal_conductances(LAW, Skin(), first, second, normal), axis=0)
+    np.testing.assert_allclose(np.linalg.eigvalsh(tensor), sheets.T, rtol=1e-12)
+    product = metric @ tensor
+    np.testing.assert_allclose(product, np.swapaxes(product, -1, -2), atol=1e-15)
 
 
 def test_touches_that_overlap_are_refused():
