@@ -202,7 +202,7 @@ def test_other_profiles_deepen_near_the_rim(profile):
     punch = replace(at_gap(0.002, 0.2), profile=profile)
     change = rim_change(FOAM, BODY, punch, COARSE)
     far = rim_change(FOAM, BODY, replace(punch, x_m=0.04), COARSE)
-    assert change.depth_m > 1e-5
+    assert change.depth_m > 5e-6
     assert abs(far.depth_m) < 0.01 * change.depth_m
 
 
