@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 FIELDS = ("u_r", "u_z", "stretch_meridian", "stretch_hoop", "stretch_normal", "pressure")
 NUMBERS = ("mean_pressure", "corrected_share", "contact_end", "contact_area", "wall_contact", "sigma_max")
 # What the solution tells of itself; errors as logarithms.
-TOLD = ("log_depth_error", "log_signal_error", "fraction_non_elliptic")
+TOLD = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "fraction_non_elliptic")
 # Step, over the depth, of the central differences by depth.
 _DIFFERENCE = 1e-4
 # How near the predicted force must bring the depth to its target, in parts of the step, and the attempts at it.
@@ -71,7 +71,7 @@ class Node:
     slopes: Array
     # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
     numbers: Array
-    # (3,) TOLD
+    # (5,) TOLD
     told: Array
     # derivative of the mean pressure by the depth
     stiffness: float
@@ -262,7 +262,10 @@ def _kept(course: Course, states: list[Equilibrium]) -> Node:
     numbers = np.array([state.force / course.face, state.depth / depth, touch.contact_radius_m - radius,
                         touch.contact_area_m2 / course.face, touch.wall_contact_m2 / (2 * np.pi * radius),
                         touch.sigma_max_Pa])
-    told = np.array([np.log(touch.depth_error), np.log(touch.signal_error), touch.fraction_non_elliptic])
+    assert touch.sigma_max_error is not None
+    assert touch.contact_area_error is not None
+    errors = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error]
+    told = np.array([*np.log(errors), touch.fraction_non_elliptic])
     stiffness = 1 / float(state.by_force[-1]) / course.face
     return Node(depth, fields, (ahead - behind) / (2 * step), numbers, told, stiffness, tuple(states))
 

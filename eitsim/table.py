@@ -6,6 +6,7 @@ from one punch to another with the edge and the start of the fillet in place, an
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -88,7 +89,7 @@ class Table:
     # (diameters, k, 6 r + 6) FIELDS and NUMBERS, and their derivatives by the depth
     values: Array
     slopes: Array
-    # (diameters, k, 3) TOLD
+    # (diameters, k, 5) TOLD
     told: Array
     # largest deviation from touches solved afresh at held-out depths and diameters
     error: Deviation
@@ -235,6 +236,8 @@ def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: s
         contact_radius_m=end * unit, force_N=force_N, depth_m=found.depth * unit,
         sigma_max_Pa=value["sigma_max"] * law.mu_0_Pa, sigma_ave_Pa=force_N / area_m2, contact_area_m2=area_m2,
         wall_contact_m2=max(value["wall_contact"], 0.0) * np.pi * diameter * unit**2,
-        depth_error=float(np.exp(value["log_depth_error"])), signal_error=float(np.exp(value["log_signal_error"])),
+        depth_error=math.exp(value["log_depth_error"]), signal_error=math.exp(value["log_signal_error"]),
+        sigma_max_error=math.exp(value["log_sigma_max_error"]),
+        contact_area_error=math.exp(value["log_contact_area_error"]),
         fraction_non_elliptic=value["fraction_non_elliptic"], iterations=0, residuals=(),
         cpu_s=time.process_time() - started)

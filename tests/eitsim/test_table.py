@@ -58,6 +58,8 @@ def test_touches_are_recovered_within_the_stated_error(table) -> None:
         assert stored.sigma_max_Pa == pytest.approx(fresh.sigma_max_Pa, rel=0.03)
         assert stored.contact_area_m2 == pytest.approx(fresh.contact_area_m2, rel=5e-3)
         assert stored.signal_error == pytest.approx(fresh.signal_error, rel=1)
+        assert stored.contact_area_error is not None
+        assert stored.sigma_max_error is not None
         normal = np.interp(fresh.radius_m, stored.radius_m, stored.stretch_normal)
         missed = np.gradient(fresh.radius_m) * fresh.radius_m * [(normal - fresh.stretch_normal)**2,
                                                                  (fresh.stretch_normal - 1)**2]
