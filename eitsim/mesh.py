@@ -126,7 +126,8 @@ def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, 
     if order not in ELEMENTS:
         raise ValueError(f"elements of order {order} are not built; known: {', '.join(map(str, ELEMENTS))}.")
     basis = Basis(MeshQuad.init_tensor(r, z), ELEMENTS[order](), intorder=2 * order + 1)
-    sequence = np.lexsort(np.round(basis.doflocs[::-1], 12))
+    column, row = (_place(ends, order, x) for ends, x in zip((r, z), basis.doflocs, strict=True))
+    sequence = np.lexsort((row, column))
     number = np.empty_like(sequence)
     number[sequence] = np.arange(sequence.size)
     nodes = np.ascontiguousarray(basis.doflocs.T[sequence])
@@ -139,6 +140,12 @@ def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, 
     surface = np.flatnonzero(nodes[:, 1] == z[-1])
     top = surface[np.arange(0, surface.size - 1, order)[:, None] + np.arange(order + 1)]
     return Grid(nodes, number[basis.element_dofs.T], unknown, gradient, weight, top)
+
+
+def _place(ends: Array, order: int, x: Array) -> Indices:
+    """Number of the line of nodes that each x lies on, whatever its rounding; elements of that order between ends."""
+    lines = np.interp(np.arange(order * (len(ends) - 1) + 1) / order, np.arange(len(ends)), ends)
+    return np.searchsorted((lines[1:] + lines[:-1]) / 2, x)
 
 
 def _quadrature(basis: Basis, plane: bool) -> tuple[Array, Array]:

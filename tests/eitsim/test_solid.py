@@ -178,6 +178,15 @@ def test_the_compiled_assembly_equals_its_numpy_twin(order):
     assert np.allclose(full(band), matrix[:-1, :-1], rtol=0, atol=1e-12 * np.abs(matrix).max())
 
 
+def test_nodes_are_numbered_column_after_column_whatever_the_rounding():
+    """With the first punch the middle of an element is rounded to different sides in different rows."""
+    for diameter_m in (0.017860241375218175, *np.random.default_rng(1).uniform(0.008, 0.02, 6)):
+        grid = foam_grid(Body(), Punch(diameter_m=diameter_m), 0.06e-3)
+        radii, heights = grid.lines
+        assert np.allclose(grid.nodes.reshape(radii.size, heights.size, 2)[..., 0], radii[:, None], rtol=0, atol=1e-12)
+        assert np.allclose(grid.nodes.reshape(radii.size, heights.size, 2)[..., 1], heights, rtol=0, atol=1e-12)
+
+
 def test_orders_that_are_not_built_are_refused():
     with pytest.raises(ValueError, match="order 3 are not built; known: 1, 2"):
         foam_grid(Body(), Punch(), 1e-3, 3)
