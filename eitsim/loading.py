@@ -34,8 +34,8 @@ _SLIPPED, _SETTLED = 1e-3, 1e-5
 _EXACT, _ROUGH = 1e-10, 1e-6
 # Most passes, and those after which two estimates of the largest shear are averaged.
 _PASSES, _FREE_PASSES = 10, 3
-# How often an increment is halved where no equilibrium is found.
-_HALVINGS = 6
+# How often an increment is halved where no equilibrium is found, and the iterations after which none is.
+_HALVINGS, _ITERATIONS = 4, 60
 # A prescribed depth: relative error at which it is reached, steps towards it, largest in the force's logarithm.
 _DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP = 1e-6, 20, 0.5
 
@@ -47,8 +47,8 @@ class Loaded:
     state: Equilibrium
     # (facets, points) arc of the punch at which a point is held; not a number where none is
     anchor: Array
-    # the springs of the last minimisation; None at rest
-    grip: Grip | None
+    # the springs of the last minimisation, which hold nothing at rest
+    grip: Grip
     # relative change of the depth in the last pass; infinite after one pass
     unsettled: float
     # part of the reference area in contact that slips
@@ -72,7 +72,9 @@ class Course:
 def at_rest(model: Pressing) -> Loaded:
     """Foam that was never touched."""
     x = np.zeros(model.grid.unknowns + 1)
-    return Loaded(Equilibrium(x, x, 0.0, 0.0, ()), np.full(model.facets.weight.shape, np.nan), None, 0.0, 0.0, 0.0)
+    none = np.zeros(model.facets.weight.shape)
+    free = Grip(friction.stiffness(model.tool), none, none, seen(model, x), nearest(model, x).along)
+    return Loaded(Equilibrium(x, x, 0.0, 0.0, ()), np.full(none.shape, np.nan), free, 0.0, 0.0, 0.0)
 
 
 def under_forces(coarse: Pressing, fine: Pressing, coefficient: float,
@@ -165,13 +167,14 @@ def increment(model: Pressing, coefficient: float, before: Loaded, force: float,
     tolerance = _EXACT if settle else _ROUGH
     held = ~np.isnan(before.anchor)
     grip = gripped(model, coefficient, before, x, held)
-    state, change, spent = equilibrium(replace(model, grip=grip), force, x, tolerance=tolerance), np.inf, ()
+    state = equilibrium(replace(model, grip=grip), force, x, _ITERATIONS, tolerance)
+    change, spent = np.inf, ()
     for k in range(1, passes):
         held, spent, last = held | (grip.limit > 0), spent + state.residuals, grip
         grip = gripped(model, coefficient, before, state.x, held)
         if k >= _FREE_PASSES and not sticks:
             grip = replace(grip, limit=(grip.limit + last.limit) / 2)
-        depth, state = state.depth, equilibrium(replace(model, grip=grip), force, state.x, tolerance=tolerance)
+        depth, state = state.depth, equilibrium(replace(model, grip=grip), force, state.x, _ITERATIONS, tolerance)
         change = abs(depth / state.depth - 1)
         if change <= settled:
             break

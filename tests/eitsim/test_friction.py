@@ -19,7 +19,7 @@ from eitsim.scene import Body, Hold, Punch
 from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
 
-TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
+TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 TOOLS = {"flat": Tool(0.7, 0.05, 1e4), "sphere": Tool(0.7, 0.7, 1e4), "cone": Tool(0.7, 0.05, 1e4, 0.2)}
 
 
@@ -80,7 +80,7 @@ def test_a_vanishing_coefficient_is_no_friction_and_a_large_one_sticks():
 
 
 def test_more_friction_means_less_depth_and_less_slip_at_small_strain():
-    model = coarse()
+    model = coarse(size=4.0)
     found = [pressed(model, c, 0.1, 8) for c in (0.05, 0.2, 0.8)]
     depths, slips = [f.state.depth for f in found], [f.slipping for f in found]
     assert depths == sorted(depths, reverse=True)
@@ -156,7 +156,7 @@ def test_a_path_serves_the_forces_on_its_way():
 
 
 def test_a_hold_that_keeps_the_deformation_relaxes_friction_with_the_rest():
-    law, series = replace(TABLE_1, moduli="instantaneous"), Prony([0.5], [10.0])
+    law, series = replace(TABLE_1, moduli="instantaneous"), Prony(np.array([0.5]), np.array([10.0]))
     punch = Punch(friction="stick", force_N=None, depth_m=5e-4)
     size = 2 * default_element_m(Body(), punch)
     (_, first), (_, last) = solve_hold(law, series, Body(), punch, Hold((1e6,), "depth"), element_m=size)

@@ -36,6 +36,9 @@ def test_depth_replaces_force() -> None:
     ({"punch": {"profile": "star"}}, "flat, sphere, cone"), ({"skin": {"strain": "shear"}}, "normal, principal, areal"),
     ({"punch": {"x_mm": "left"}}, "x_mm"), ({"punch": {"x_mm": float("nan")}}, "x_mm"),
     ({"punch": {"fillet_mm": 0}}, "sharp edge"), ({"punch": {"half_angle_deg": 90}}, "half_angle_deg.*cone"),
+    ({"punch": {"friction": "glue"}}, "none, stick, coulomb"),
+    ({"punch": {"friction": "coulomb"}}, "friction_coefficient.*positive"),
+    ({"punch": {"friction": "stick", "friction_coefficient": 0.3}}, "friction_coefficient.*no effect"),
     ({"electrodes": {"width_mm": 60}}, "gap"),
     ({"electrodes": {"count": 16.5}}, "count"), ({"punch": {"depth_mm": 12}}, "thickness"), ({"hold": 3}, r"\[hold\]")])
 def test_mistakes_are_named(raw: dict, named: str) -> None:
