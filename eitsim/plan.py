@@ -16,11 +16,13 @@ from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, require, with_moduli
 from matcal.hyperfoam import Hyperfoam
 
-# Effect of the rim on the surface displacement u_r: gap from the punch's edge to the rim over the foam's thickness
-# against RMS change over the maximum of u_r. Measured on three-dimensional solutions with d = 14 mm, 1 N, a sharp
-# sticking punch on a disc of 10 x 100 mm; beyond the last point it decays with the last two points' rate.
-_GAP = np.array([0.05, 0.2, 0.5, 0.8, 1.2, 1.5, 2.0])
-_RIM_EFFECT = np.array([0.095, 0.095, 0.095, 0.08, 0.05, 0.033, 0.012])
+# Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
+# of depth, of the surface's normal strain (2-norm) and of dV (2-norm, skin driven by it) by the rim, for 8 mm and
+# 0.3 N, 14 mm and 1 and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py): that of 14 mm and 3 N, whose
+# own signal is small while the strain near the electrodes weighs much. The strains that other skins are driven by
+# change up to twice as much. Beyond the last point it decays with the last two points' rate.
+_GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
+_RIM_EFFECT = np.array([0.18, 0.18, 0.135, 0.056, 0.029, 0.008])
 # Parts of the wanted signal error that neglecting the rim and solving touches apart may use up.
 _RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
 STEEL_E_PA = 210e9
