@@ -1,0 +1,47 @@
+"""What sticking does to depths: frictionless and sticking, at fifteen punches and forces of Table 1.
+
+Depths, the errors that the solution states, how much slips, and CPU seconds into results/friction.csv. Pin threads to
+one as `make bench` does.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from eitsim.axisymmetric import solve_touch
+from eitsim.scene import Body, Punch
+from matcal.hyperfoam import Hyperfoam
+
+RESULTS = Path(__file__).parent / "results" / "friction.csv"
+TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+DIAMETERS_MM, FORCES_N = (10, 14, 18), (0.1, 0.5, 1.0, 2.0, 3.0)
+FRICTIONS = (("none", 0.0), ("stick", 0.0))
+
+
+def row(diameter_mm: float, force_N: float, friction: str, coefficient: float) -> dict[str, object]:
+    """One touch."""
+    punch = Punch(diameter_m=diameter_mm * 1e-3, force_N=force_N, friction=friction, friction_coefficient=coefficient)
+    touch = solve_touch(TABLE_1, Body(), punch)
+    return {"d_mm": diameter_mm, "F_N": force_N, "friction": friction, "coefficient": coefficient,
+            "depth_mm": f"{touch.depth_m * 1e3:.5f}", "depth_error": f"{touch.depth_error:.1e}",
+            "signal_error": f"{touch.signal_error:.1e}", "slip_fraction": touch.slip_fraction,
+            "fraction_non_elliptic": f"{touch.fraction_non_elliptic:.1e}", "cpu_s": f"{touch.cpu_s:.2f}"}
+
+
+def main() -> None:
+    """Solve and write all rows."""
+    solve_touch(TABLE_1, Body(), Punch())
+    cases = itertools.product(DIAMETERS_MM, FORCES_N, FRICTIONS)
+    rows = [row(diameter, force, *friction) for diameter, force, friction in cases]
+    with RESULTS.open("w", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]))
+        table.writeheader()
+        table.writerows(rows)
+
+
+if __name__ == "__main__":
+    main()
