@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.circles import Circles, Outline, circles
+from eitsim.clinging import Springs, springs
 from eitsim.fourier import Points
 from eitsim.pressing import Equilibrium, Pressing
 from eitsim.punch import Tool
@@ -56,6 +57,8 @@ class ClippedDisc:
     weight: Array
     tie: Array
     facing: Facing
+    # what holds the surface where the punch sticks
+    springs: Springs
     # (columns,) radii of the nodes' columns
     columns: Array
     # order of the elements
@@ -79,7 +82,10 @@ class ClippedDisc:
 def clipped_disc(model: Pressing, state: Equilibrium, outline: Outline, harmonics: int, angles: int,
                  reach: float, *, held: bool = False) -> ClippedDisc:
     """Discretise what the rim adds to an axisymmetric state: harmonics 0 to harmonics - 1, as many angles on half a
-    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force."""
+    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force.
+
+    The punch sticks where the model has a grip.
+    """
     grid, facets = model.grid, model.facets
     near = grid.nodes[grid.elements, 0].max(axis=1) <= reach
     elements, volume = grid.elements[near], grid.weight[near].ravel()
@@ -94,9 +100,10 @@ def clipped_disc(model: Pressing, state: Equilibrium, outline: Outline, harmonic
     facing = Facing(facets.nodes[kept], facets.shape, facets.radius[kept].reshape(-1, 1),
                     facets.weight[kept].reshape(-1, 1) * under.weight, under)
     foam = Points(shape, np.repeat(elements, grid.weight.shape[1], axis=0), circle, around)
+    held_by = springs(model.grip, facets.radius[kept].shape)
     return ClippedDisc(
         model.law, model.tool, outline, foam,
-        volume[:, None] * around.weight[circle], TIE * volume * around.cut[circle], facing,
+        volume[:, None] * around.weight[circle], TIE * volume * around.cut[circle], facing, held_by,
         grid.lines[0][:count // len(grid.lines[1])], grid.order, base, float(state.x[-1]), state.force, held,
         _fixed(grid.nodes[:count], harmonics, count < len(grid.nodes)))
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim import clinging, solid3d
 from eitsim import punch as contact
-from eitsim import solid3d
 from eitsim.clipped_disc import ClippedDisc, Facing, amplitudes, unknowns_of
 from eitsim.fourier import forces, gradients, stiffened, tied
 from eitsim.harmonic_blocks import preconditioner
@@ -49,8 +49,8 @@ class Tangents:
 
 
 def energy(disc: ClippedDisc, x: Array) -> float:
-    """Foam energy + tie + contact energy - force depth at x, the last not where the depth is held; infinite where the
-    foam is turned inside out."""
+    """Foam energy + tie + contact energy + springs - force depth at x, the last not where the depth is held; infinite
+    where the foam is turned inside out."""
     added = amplitudes(disc, x[:-1])
     strain = gradients(disc.foam, disc.base + added)
     if not solid3d.upright(strain):
@@ -61,22 +61,30 @@ def energy(disc: ClippedDisc, x: Array) -> float:
         return np.inf
     at = touching(disc, x)
     held = float(np.sum(added * tied(disc.foam, disc.tie, added))) / 2
-    pressed = float(np.sum(disc.facing.weight * contact.stored(disc.tool, at.gap)))
+    pressed = contact.stored(disc.tool, at.gap) + clinging.potential(disc.springs, seen(disc, x))
+    pressed = float(np.sum(disc.facing.weight * pressed))
     return stored + held + pressed - (0.0 if disc.held else disc.force * (disc.depth + float(x[-1])))
 
 
 def touching(disc: ClippedDisc, x: Array) -> Contact:
     """Contact state at x."""
-    u = on_surface(disc.facing, disc.base + amplitudes(disc, x[:-1]))
+    u = seen(disc, x)
     across, around = disc.facing.radius + u[:, 0], u[:, 1]
     radius = np.hypot(across, around)
-    gap, n_r, n_z, bend, wall = contact.distance(disc.tool, radius, u[:, 2] + disc.depth + float(x[-1]))
+    gap, n_r, n_z, bend, wall = contact.distance(disc.tool, radius, u[:, 2])
     cosine, sine = across / radius, around / radius
     down = np.stack([n_z * cosine, n_z * sine, -n_r], axis=1)
     hoop = np.stack([-sine, cosine, np.zeros_like(sine)], axis=1)
     curvature = (n_r / radius)[:, None, None] * hoop[:, :, None] * hoop[:, None]
     curvature = curvature - bend[:, None, None] * down[:, :, None] * down[:, None]
     return Contact(np.maximum(gap, 0.0), np.stack([n_r * cosine, n_r * sine, n_z], axis=1), curvature, wall)
+
+
+def seen(disc: ClippedDisc, x: Array) -> Array:
+    """Displacement (facets points, 3, angles) at x in the local frame, as seen from the punch."""
+    out = on_surface(disc.facing, disc.base + amplitudes(disc, x[:-1]))
+    out[:, 2] += disc.depth + float(x[-1])
+    return out
 
 
 def on_surface(facing: Facing, amplitude: Array) -> Array:
@@ -105,12 +113,14 @@ def linearised(disc: ClippedDisc, x: Array, share: float = 1.0) -> tuple[Array, 
     stress, tangent = solid3d.stress_and_tangent(at, solid3d.response(disc.law, at.log, share), disc.weight)
     touch = touching(disc, x)
     push = disc.facing.weight * contact.pressure(disc.tool, touch.gap)
+    pulled = disc.facing.weight[:, None] * clinging.pull(disc.springs, seen(disc, x)) + push[:, None] * touch.normal
     on = forces(disc.foam, stress, added) + tied(disc.foam, disc.tie, added)
-    on = on + from_surface(disc.facing, push[:, None] * touch.normal, added)
+    on = on + from_surface(disc.facing, pulled, added)
     bearing = (disc.facing.weight * contact.pressure_slope(disc.tool, touch.gap))[:, None, None]
     bearing = bearing * touch.normal[:, :, None] * touch.normal[:, None]
     bearing = bearing + share * push[:, None, None] * touch.curvature
-    unbalanced = 0.0 if disc.held else np.sum(push * touch.normal[:, 2]) - disc.force
+    bearing = bearing + disc.facing.weight[:, None, None] * clinging.tangent(disc.springs)
+    unbalanced = 0.0 if disc.held else np.sum(pulled[:, 2]) - disc.force
     return np.append(unknowns_of(disc, on), unbalanced), Tangents(tangent, bearing)
 
 
@@ -154,7 +164,8 @@ def solve(disc: ClippedDisc, start: Array | None = None) -> Minimum:
 def reaction(disc: ClippedDisc, x: Array) -> float:
     """Force of the foam on the punch."""
     at = touching(disc, x)
-    return float(np.sum(disc.facing.weight * contact.pressure(disc.tool, at.gap) * at.normal[:, 2]))
+    pulled = clinging.pull(disc.springs, seen(disc, x)) + contact.pressure(disc.tool, at.gap)[:, None] * at.normal
+    return float(np.sum(disc.facing.weight * pulled[:, 2]))
 
 
 def fraction_non_elliptic(disc: ClippedDisc, x: Array) -> float:

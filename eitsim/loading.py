@@ -89,11 +89,17 @@ def under_forces(coarse: Pressing, fine: Pressing, coefficient: float,
 
 def at_depth(coarse: Pressing, fine: Pressing, coefficient: float, depth: float, guess: float) -> Course:
     """The course to a corrected depth that a force near `guess`, above it rather than below, leads to."""
-    half, last = (loaded(coarse, coefficient, at_rest(coarse), guess, count)[1]
-                  for count in (INCREMENTS // 2, INCREMENTS))
-    rough, now = (_reached(coarse, coefficient, end, end, depth) for end in (half, last))
+    rough = at_depth_of(coarse, coefficient, depth, guess, INCREMENTS // 2)[1]
+    last, now = at_depth_of(coarse, coefficient, depth, guess)
     near = _carried_over(coarse, last, now, fine, coefficient)
     return Course(rough, now, _reached(fine, coefficient, _on(coarse, last, fine), near, depth))
+
+
+def at_depth_of(model: Pressing, coefficient: float, depth: float, guess: float,
+                count: int = INCREMENTS) -> tuple[Loaded, Loaded]:
+    """The foam of one mesh under the force `guess` and, one increment from there, at a corrected depth."""
+    end = loaded(model, coefficient, at_rest(model), guess, count)[1]
+    return end, _reached(model, coefficient, end, end, depth)
 
 
 def loaded(model: Pressing, coefficient: float, before: Loaded, force: float,

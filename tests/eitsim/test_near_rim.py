@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim import solid3d
+from eitsim import loading, solid3d
 from eitsim.axisymmetric import force_unit, pressings, solve_touch, under_force
 from eitsim.circles import Outline, circles
 from eitsim.clipped_disc import amplitudes, clipped_disc, unknowns_of
-from eitsim.clipped_solution import energy, linearised, product, solve, touching
+from eitsim.clipped_solution import energy, linearised, product, seen, solve, touching
 from eitsim.fourier import forces, forces_plainly, gradients, gradients_plainly, stiffened
 from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
 from eitsim.punch import pressure
@@ -33,9 +33,14 @@ def at_gap(gap_m: float, force_N: float = 0.1) -> Punch:
     return Punch(x_m=0.093 - gap_m, force_N=force_N)
 
 
-def disc_at(gap_m: float, fineness: Fineness, force_N: float = 0.1, reach: float = 4.0):
+def disc_at(gap_m: float, fineness: Fineness, force_N: float = 0.1, reach: float = 4.0, *, sticks: bool = False):
     (model,) = pressings(FOAM, BODY, Punch(), fineness.element * 6e-5, None)[-1:]
-    (state,) = under_force([model], force_N / force_unit(FOAM, BODY))
+    force = force_N / force_unit(FOAM, BODY)
+    if sticks:
+        _, found = loading.loaded(model, np.inf, loading.at_rest(model), force)
+        model, state = replace(model, grip=found.grip), found.state
+    else:
+        (state,) = under_force([model], force)
     return clipped_disc(model, state, Outline(10.0, 9.3 - gap_m * 100), fineness.harmonics, fineness.angles, reach)
 
 
@@ -121,8 +126,9 @@ def test_homogeneous_deformations_are_exact_on_the_clipped_disc():
     assert np.abs(gradients(disc.foam, turn)).max() < 1e-12
 
 
-def test_gradient_and_hessian_belong_to_the_energy():
-    disc, rng = disc_at(0.002, TINY, 0.5), np.random.default_rng(3)
+@pytest.mark.parametrize("sticks", [False, True])
+def test_gradient_and_hessian_belong_to_the_energy(sticks):
+    disc, rng = disc_at(0.002, TINY, 0.5, sticks=sticks), np.random.default_rng(3)
     x = solve(disc).x + 1e-6 * rng.normal(size=disc.unknowns + 1)
     gradient, tangents = linearised(disc, x)
     along = gradient / np.linalg.norm(gradient)
@@ -143,6 +149,27 @@ def test_at_the_centre_the_disc_finds_the_axisymmetric_touch_from_another_one():
     assert np.abs(u - high.base).max() < 1e-6 * np.abs(high.base).max()
     strain, expected = (gradients(high.foam, a) for a in (u, high.base))
     assert np.abs(strain - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def test_at_the_centre_what_sticks_returns_to_the_axisymmetric_touch_from_a_wrong_start():
+    disc, rng = disc_at(0.093, TINY, 0.5, sticks=True), np.random.default_rng(6)
+    assert np.linalg.norm(linearised(disc, np.zeros(disc.unknowns + 1))[0]) < 1e-9 * disc.force
+    found = solve(disc, 1e-4 * rng.normal(size=disc.unknowns + 1)).x
+    assert np.abs(amplitudes(disc, found[:-1])).max() < 1e-8
+    assert abs(found[-1]) < 1e-8
+
+
+def test_what_sticks_slips_far_less_near_the_rim():
+    slipped = {}
+    for sticks in (True, False):
+        disc = disc_at(0.002, TINY, 0.5, sticks=sticks)
+        x = solve(disc).x
+        if sticks:
+            springs, held = disc.springs, disc.springs.stiffness[:, 0] > 0
+        change = springs.direction @ (seen(disc, x) - seen(disc, np.zeros_like(x)))
+        slipped[sticks] = np.sqrt(np.mean(change[held] ** 2))
+    print("root mean square slip that the rim adds, thicknesses", slipped)
+    assert slipped[True] < 0.1 * slipped[False]
 
 
 def test_the_rim_deepens_a_touch_the_more_the_nearer():
@@ -209,7 +236,7 @@ def test_other_profiles_deepen_near_the_rim(profile):
 def test_what_the_rim_does_not_allow_is_named():
     assert rim_problem(BODY, at_gap(0.005)) == ""
     for punch, named in ((at_gap(-0.001), "beyond the rim"), (replace(at_gap(0.005), conductor=True), "insulated"),
-                         (replace(at_gap(0.005), friction="stick"), "frictionless")):
+                         (replace(at_gap(0.005), friction="coulomb", friction_coefficient=0.5), "sticks")):
         assert named in rim_problem(BODY, punch)
         with pytest.raises(ValueError, match=named):
             solve_near_rim(FOAM, BODY, punch)

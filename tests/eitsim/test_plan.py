@@ -46,7 +46,7 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
     ({"punch": [{"x_mm": 6}, {"x_mm": -6}]}, "overlap by 2.0 mm"),
     ({"punch": [{"x_mm": 30}, {"x_mm": 98}]}, "touch 2: the punch's edge lies 5.0 mm beyond the rim"),
     ({"punch": [{"x_mm": 40}, {"x_mm": -40}], "hold": {"time_s": 5}}, "one touch"),
-    ({"punch": {"x_mm": 80, "friction": "stick"}}, "frictionless"),
+    ({"punch": {"x_mm": 80, "friction": "coulomb", "friction_coefficient": 0.3}}, "one that sticks"),
     ({"punch": {"friction": "stick"}, "hold": {"time_s": [60]}}, "keep the deformation"),
     ({"electrodes": {"kind": "patch"}}, "electrodes")])
 def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
