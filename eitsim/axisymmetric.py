@@ -27,6 +27,7 @@ from eitsim.mesh import default_element_m
 from eitsim.pressing import Equilibrium, Pressing, equilibrium, fraction_non_elliptic, non_elliptic_place, pressing
 from eitsim.results import Section, Touch
 from eitsim.scene import FRICTIONS, PROFILES, Body, Punch
+from eitsim.skin import driving_strain
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
@@ -212,6 +213,7 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Eq
         wall_contact_m2=contact.wall * unit**2, depth_error=depth_error, signal_error=signal_error,
         sigma_max_error=max(abs(rough.pressure.max() / contact.pressure.max() - 1), _PEAK_FLOOR),
         contact_area_error=max(abs(rough.area / contact.area - 1), _AREA_FLOOR),
+        strain_error=_strain_error(levels, states, strain),
         fraction_non_elliptic=fraction_non_elliptic(model, state.x),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
         cpu_s=time.process_time() - started,
@@ -227,6 +229,16 @@ def _errors(levels: list[Pressing], states: list[Equilibrium], strain: str) -> t
     scale = levels[-1].relative_size
     return (max(abs(shift) / fine.depth, _DEPTH_FLOOR * scale**_DEPTH_POWER),
             max(abs(before / after - 1), _SIGNAL_FLOOR * scale**_SIGNAL_POWER))
+
+
+def _strain_error(levels: list[Pressing], states: list[Equilibrium], strain: str) -> float:
+    """Relative error, L2 over the surface, of the strain that drives the skin: the difference of the two finest levels,
+    which at first order, what the contact's end leaves, is the finer one's own."""
+    (radius, fine), (coarse_radius, coarse) = (
+        (r, driving_strain(strain, field.meridian, field.hoop, field.normal))
+        for r, field in (surface.samples(m, s.x) for m, s in zip(levels[:-3:-1], states[:-3:-1], strict=True)))
+    missed = fine - np.interp(radius, coarse_radius, coarse)
+    return float(np.sqrt(np.trapezoid(missed**2 * radius, radius) / np.trapezoid(fine**2 * radius, radius)))
 
 
 def with_change(touch: Touch, model: Pressing, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:

@@ -35,11 +35,12 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
     Example: eitsim plan scene.toml --card card.json
     """
     from eitsim.plan import make_plan
+    from eitsim.simulate import decisions
 
     parsed = read_scene(scene)
     made = make_plan(parsed, read_card(_card_path(scene, parsed, card)))
     if as_json:
-        print_json({"plan": _decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
+        print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
     else:
         _print_plan(made)
     if made.refusal:
@@ -195,10 +196,6 @@ def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
     if scene.card is None:
         raise ValueError(f"{scene_path}: no card. Give --card card.json, or card = \"card.json\" at its top.")
     return scene_path.parent / scene.card
-
-
-def _decisions(made: Plan) -> list[dict[str, Any]]:
-    return [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound} for d in made.decisions]
 
 
 def _print_plan(made: Plan) -> None:

@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 FIELDS = ("u_r", "u_z", "stretch_meridian", "stretch_hoop", "stretch_normal", "pressure")
 NUMBERS = ("mean_pressure", "corrected_share", "contact_end", "contact_area", "wall_contact", "sigma_max")
 # What the solution tells of itself; errors as logarithms.
-TOLD = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "fraction_non_elliptic")
+TOLD = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "log_strain_error",
+        "fraction_non_elliptic")
 # Step, over the depth, of the central differences by depth.
 _DIFFERENCE = 1e-4
 # How near the predicted force must bring the depth to its target, in parts of the step, and the attempts at it.
@@ -264,7 +265,9 @@ def _kept(course: Course, states: list[Equilibrium]) -> Node:
                         touch.sigma_max_Pa])
     assert touch.sigma_max_error is not None
     assert touch.contact_area_error is not None
-    errors = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error]
+    assert touch.strain_error is not None
+    errors = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error,
+              touch.strain_error]
     told = np.array([*np.log(errors), touch.fraction_non_elliptic])
     stiffness = 1 / float(state.by_force[-1]) / course.face
     return Node(depth, fields, (ahead - behind) / (2 * step), numbers, told, stiffness, tuple(states))

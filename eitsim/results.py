@@ -27,6 +27,8 @@ class Decision:
     error_bound: float
     # whether it leaves something out whose cost is unknown
     unbounded: bool = False
+    # relative error of the strain that drives the skin, L2 over the surface, that it may cost; None: as error_bound
+    strain_bound: float | None = None
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,11 @@ class Plan:
     def error_bound(self) -> float:
         """Sum of the bounds of the decisions."""
         return sum(d.error_bound for d in self.decisions)
+
+    @property
+    def strain_bound(self) -> float:
+        """Sum of the bounds of the decisions on the strain that drives the skin."""
+        return sum(d.error_bound if d.strain_bound is None else d.strain_bound for d in self.decisions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +135,8 @@ class Touch:
     sigma_max_error: float | None = None
     # estimated relative error of contact_area_m2; None where it is not estimated
     contact_area_error: float | None = None
+    # estimated relative error of the strain that drives the skin, L2 over the surface; None where it is not told
+    strain_error: float | None = None
     # (2, 2) least and largest reference radius, and depth below the untouched surface, m, where strong ellipticity is
     # lost; None where it is kept
     non_elliptic_m: Array | None = None

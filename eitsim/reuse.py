@@ -162,4 +162,4 @@ def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
     return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
                     f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
                     f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "
-                    f"{error.strain:.1e} in L2{rim}; {told}", bound)
+                    f"{error.strain:.1e} in L2{rim}; {told}", bound, strain_bound=_SAFETY * error.strain)

@@ -126,17 +126,19 @@ def _fine_enough(touches: list[Touch], scene: Scene) -> bool:
 
 def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings,
            unplanned: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Relative errors "signal" and "depth", and "sigma_max" and "A_c" where every touch tells them: the signal's is the
-    sum of mechanics (the worst touch), electrics, what the plan left out, and what its neighbours may change of a touch
-    beyond that."""
+    """Relative errors "signal" and "depth", and "sigma_max", "A_c" and "strain" where every touch tells them: the
+    signal's is the sum of mechanics (the worst touch), electrics, what the plan left out, and what its neighbours may
+    change of a touch beyond that."""
     mechanics = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
                  "depth": max(t.depth_error for t in touches)}
     for key, told in {"sigma_max": [t.sigma_max_error for t in touches],
-                      "A_c": [t.contact_area_error for t in touches]}.items():
+                      "A_c": [t.contact_area_error for t in touches],
+                      "strain": [t.strain_error for t in touches]}.items():
         known = [error for error in told if error is not None]
         if len(known) == len(told):
             mechanics[key] = max(known)
-    return {key: value + plan.error_bound + (unplanned or {}).get(key, 0.0) for key, value in mechanics.items()}
+    return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
+            + (unplanned or {}).get(key, 0.0) for key, value in mechanics.items()}
 
 
 def _cost(wall: float, cpu: float) -> dict[str, float]:
@@ -148,8 +150,7 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
     """A result as plain JSON values with the keys of the command-line contract; several touches give lists."""
     out: dict[str, Any] = {
         "outcome": result.outcome, "message": result.message,
-        "plan": [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound}
-                 for d in result.plan.decisions],
+        "plan": decisions(result.plan),
         "cost": dict(result.cost)}
     if result.residuals:
         out["residuals"] = list(result.residuals)
@@ -172,6 +173,12 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
         "slip_fraction": [touch.slip_fraction for touch in result.touches],
         "profile": [profile(touch, scene) for touch in result.touches]} | (
             {"times": [moment_block(moment, result.plan) for moment in result.moments]} if result.moments else {})
+
+
+def decisions(plan: Plan) -> list[dict[str, Any]]:
+    """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound."""
+    return [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound}
+            | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound}) for d in plan.decisions]
 
 
 def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:

@@ -239,5 +239,6 @@ def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: s
         depth_error=math.exp(value["log_depth_error"]), signal_error=math.exp(value["log_signal_error"]),
         sigma_max_error=math.exp(value["log_sigma_max_error"]),
         contact_area_error=math.exp(value["log_contact_area_error"]),
+        strain_error=math.exp(value["log_strain_error"]),
         fraction_non_elliptic=value["fraction_non_elliptic"], iterations=0, residuals=(),
         cpu_s=time.process_time() - started)

@@ -1,0 +1,236 @@
+"""What each omission of the plan changes when it alone is taken back, against the bound that is stated for it.
+
+For each omission, SCENES random touches of Table 1 (8 to 20 mm, forces log-uniform from 0.01 N to 0.4 mu_0 pi d^2,
+places and what else the omission needs at random): relative change of depth, of the surface's normal strain (L2 over
+the disc) and of the 208 signals dV (2-norm), the stated bound of each, and CPU seconds with and without. The rim is
+left out at the gaps where a wanted signal of 1 to 30 % allows it. Run by `make bench`, which pins threads; --scenes and
+--only shorten it; writes results/omissions.csv (a row a touch) and results/omissions_summary.csv beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from eitsim.axisymmetric import solve_touch
+from eitsim.electrics import solve
+from eitsim.holding import solve_hold
+from eitsim.mesh import default_element_m
+from eitsim.near_rim import solve_near_rim
+from eitsim.plan import rim_effect
+from eitsim.results import RimField, Touch
+from eitsim.reuse import decision, table_for
+from eitsim.scene import Body, Drive, Electrodes, Hold, Punch, Skin
+from eitsim.skin import changes
+from eitsim.table import Table, shape_of, touch_from
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+from matcal.prony import Prony
+
+RESULTS = Path(__file__).parent / "results"
+TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+SKIN_LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
+SERIES = Prony(np.array([0.15, 0.1, 0.1]), np.array([0.29, 5.0, 60.0]))
+BODY, SCENES, SEED = Body(), 100, 11
+LEAST_N, MOST = 0.01, 0.4
+# Kept times and a loading so short that nothing relaxes in it: what a hold at a depth leaves out is stepped through.
+TIMES_S, AT_ONCE_S = (2.0, 60.0), 1e-6
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A touch with an omission and without it."""
+
+    punch: Punch
+    # with the omission, and without
+    left_out: Touch
+    full: Touch
+    # CPU time of each, s
+    cpu_s: tuple[float, float]
+    # stated relative errors of depth, of the normal strain (L2) and of dV that the omission may cost
+    depth_bound: float
+    strain_bound: float
+    signal_bound: float
+    # how the skin of the touch with the omission and without is solved
+    methods: tuple[str, str] = ("auto", "auto")
+
+
+def timed(solved: Callable[[], Touch]) -> tuple[Touch, float]:
+    begun = time.process_time()
+    touch = solved()
+    return touch, time.process_time() - begun
+
+
+def random_punch(rng: np.random.Generator, gap_m: float | None = None) -> Punch:
+    """A punch at a random place, or at a distance from its edge to the rim."""
+    diameter = rng.uniform(0.008, 0.02)
+    force = np.exp(rng.uniform(np.log(LEAST_N), np.log(MOST * TABLE_1.mu_0_Pa * np.pi * diameter**2)))
+    room = BODY.radius_m - diameter / 2
+    away = room * np.sqrt(rng.uniform()) if gap_m is None else room - gap_m
+    angle = rng.uniform(0, 2 * np.pi)
+    return Punch(x_m=away * np.cos(angle), y_m=away * np.sin(angle), diameter_m=diameter, force_N=float(force))
+
+
+def strain_error(touch: Touch) -> float:
+    assert touch.strain_error is not None
+    return touch.strain_error
+
+
+def rim_left_out(rng: np.random.Generator) -> Pair:
+    allowed, gaps = np.exp(rng.uniform(np.log(0.005), np.log(0.15))), np.arange(0.0, 0.06, 1e-4)
+    least = gaps[np.argmax([rim_effect(gap, BODY.thickness_m) <= allowed for gap in gaps])]
+    punch = random_punch(rng, least * rng.uniform(1.0, 1.3))
+    left_out, first = timed(lambda: solve_touch(TABLE_1, BODY, punch))
+    full, second = timed(lambda: solve_near_rim(TABLE_1, BODY, punch))
+    gap = BODY.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
+    bound = rim_effect(gap, BODY.thickness_m)
+    assert full.rim is not None
+    none = replace(full.rim, displacement_m=0 * full.rim.displacement_m, normal=0 * full.rim.normal + 1,
+                   metric=0 * full.rim.metric + [1.0, 0.0, 1.0])
+    return Pair(punch, replace(left_out, rim=none), full, (first, second), bound, bound, bound, ("mesh", "mesh"))
+
+
+def finer_mesh_left_out(rng: np.random.Generator) -> Pair:
+    punch = random_punch(rng)
+    left_out, first = timed(lambda: solve_touch(TABLE_1, BODY, punch))
+    full, second = timed(lambda: solve_touch(TABLE_1, BODY, punch, element_m=default_element_m(BODY, punch) / 2))
+    return Pair(punch, left_out, full, (first, second), left_out.depth_error, strain_error(left_out),
+                left_out.signal_error)
+
+
+def rings_for_a_mesh(rng: np.random.Generator) -> Pair:
+    punch = random_punch(rng)
+    touch, seconds = timed(lambda: solve_touch(TABLE_1, BODY, punch))
+    return Pair(punch, touch, touch, (seconds, seconds), 0.0, 0.0, np.nan, ("multipole", "mesh"))
+
+
+def steps_in_time_left_out(rng: np.random.Generator) -> Pair:
+    punch = random_punch(rng)
+    depth = solve_touch(TABLE_1, BODY, punch).depth_m
+    punch = replace(punch, force_N=None, depth_m=depth)
+
+    def held(loading_s: float) -> Touch:
+        law = replace(TABLE_1, moduli="instantaneous")
+        return solve_hold(law, SERIES, BODY, punch, Hold(TIMES_S, "depth", loading_s, "instantaneous"))[-1][1]
+
+    left_out, first = timed(lambda: held(0.0))
+    full, second = timed(lambda: held(AT_ONCE_S))
+    return Pair(punch, left_out, full, (first, second), left_out.depth_error, strain_error(left_out),
+                left_out.signal_error)
+
+
+def fresh_solution_left_out(table: Table) -> Callable[[np.random.Generator], Pair | None]:
+    def pair(rng: np.random.Generator) -> Pair | None:
+        punch = random_punch(rng)
+        begun = time.process_time()
+        left_out = touch_from(table, TABLE_1, BODY, punch, "normal")
+        first = time.process_time() - begun
+        if left_out is None:
+            return None
+        full, second = timed(lambda: solve_touch(TABLE_1, BODY, punch))
+        made = decision(table, left_out, BODY.thickness_m)
+        assert made.strain_bound is not None
+        return Pair(punch, left_out, full, (first, second), made.error_bound, made.strain_bound, made.error_bound)
+    return pair
+
+
+def normal_strain(touch: Touch, points: np.ndarray) -> np.ndarray:
+    strain = np.interp(np.hypot(*points.T), touch.radius_m, touch.stretch_normal)
+    if isinstance(touch.rim, RimField):
+        strain = strain * changes(touch.rim, points)[1]
+    return strain - 1
+
+
+def strain_change(pair: Pair) -> float:
+    """Relative change of the normal strain, L2 over the half disc that the rim's symmetry leaves."""
+    field, edge = pair.full.rim, pair.punch.diameter_m / 2
+    edges = np.union1d(np.linspace(0, 0.05, 401), np.linspace(0.9, 1.1, 101) * edge)
+    radius, angle = np.meshgrid((edges[1:] + edges[:-1]) / 2, (np.arange(24) + 0.5) / 24 * np.pi, indexing="ij")
+    weight = (radius * np.diff(edges)[:, None]).ravel()
+    points = np.column_stack([(radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel()])
+    if isinstance(field, RimField):
+        inside = np.hypot(points[:, 0] + field.offset_m, points[:, 1]) < field.disc_m
+        points, weight = points[inside], weight[inside]
+    one, other = normal_strain(pair.left_out, points), normal_strain(pair.full, points)
+    return float(np.sqrt(np.sum(weight * (one - other) ** 2) / np.sum(weight * other**2)))
+
+
+def row(name: str, number: int, pair: Pair) -> dict[str, object]:
+    first, second = (solve(BODY, Skin(), Electrodes(), Drive(), ((pair.punch, touch),), SKIN_LAW, signal=0.0005,
+                           method=method)
+                     for touch, method in zip((pair.left_out, pair.full), pair.methods, strict=True))
+    missed = np.linalg.norm(first.signal_V - second.signal_V) / np.linalg.norm(second.signal_V)
+    electrics = first.signal_error + second.signal_error if pair.methods == ("multipole", "mesh") else 0.0
+    bound = electrics if np.isnan(pair.signal_bound) else pair.signal_bound
+    away = float(np.hypot(pair.punch.x_m, pair.punch.y_m))
+    cpu = pair.cpu_s if pair.methods[0] == pair.methods[1] else (first.cpu_s, second.cpu_s)
+    return {"omission": name, "scene": number, "d_mm": pair.punch.diameter_m * 1e3, "F_N": pair.full.force_N,
+            "gap_mm": (BODY.radius_m - away - pair.punch.diameter_m / 2) * 1e3,
+            "depth_change": abs(pair.left_out.depth_m / pair.full.depth_m - 1), "depth_bound": pair.depth_bound,
+            "strain_change_L2": strain_change(pair), "strain_bound": pair.strain_bound,
+            "signal_change": float(missed), "signal_bound": bound,
+            "cpu_s": cpu[0], "cpu_s_without": cpu[1]}
+
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """For each omission the share of touches within the bounds, changes, and what it saves."""
+    out = []
+    for name, part in rows.groupby("omission", sort=False):
+        rounding = 1e-9
+        out.append({
+            "omission": name, "scenes": len(part),
+            "depth_within": np.mean(part["depth_change"] <= part["depth_bound"] + rounding),
+            "strain_within": np.mean(part["strain_change_L2"] <= part["strain_bound"] + rounding),
+            "signal_within": np.mean(part["signal_change"] <= part["signal_bound"] + rounding),
+            **{f"{key}_{label}": part[key].quantile(share) for key in ("depth_change", "strain_change_L2",
+                                                                       "signal_change")
+               for label, share in (("median", 0.5), ("95", 0.95))},
+            "cpu_s_median": part["cpu_s"].median(), "cpu_s_without_median": part["cpu_s_without"].median()})
+    return pd.DataFrame(out)
+
+
+def pairs(name: str, table: Table | None) -> Callable[[np.random.Generator], Pair | None]:
+    if name == "load path reused":
+        assert table is not None
+        return fresh_solution_left_out(table)
+    return {"axisymmetric: the rim left out": rim_left_out, "default mesh: the finer one left out": finer_mesh_left_out,
+            "rings: the skin's mesh left out": rings_for_a_mesh,
+            "depth hold: steps in time left out": steps_in_time_left_out}[name]
+
+
+OMISSIONS = ("axisymmetric: the rim left out", "default mesh: the finer one left out",
+             "rings: the skin's mesh left out", "depth hold: steps in time left out", "load path reused")
+
+
+def rows_of(name: str, scenes: int) -> Iterator[dict[str, object]]:
+    table = None
+    if name == "load path reused":
+        table, _ = table_for(shape_of(TABLE_1, BODY, Punch(), "normal", [0.008, 0.02], spans=True))
+    chosen = pairs(name, table)
+    for number in range(scenes):
+        pair = chosen(np.random.default_rng([SEED, OMISSIONS.index(name), number]))
+        if pair is not None:
+            yield row(name, number, pair)
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--scenes", type=int, default=SCENES)
+    options.add_argument("--only", choices=OMISSIONS, action="append")
+    given = options.parse_args()
+    rows = pd.DataFrame([r for name in given.only or OMISSIONS for r in rows_of(name, given.scenes)])
+    RESULTS.mkdir(exist_ok=True)
+    rows.to_csv(RESULTS / "omissions.csv", index=False, float_format="%.4g")
+    table = summary(rows)
+    table.to_csv(RESULTS / "omissions_summary.csv", index=False, float_format="%.3g")
+    print(table.T.to_string())
+
+
+if __name__ == "__main__":
+    main()
