@@ -22,7 +22,9 @@ _ROUNDING = 1e-13
 # Share of the negative curvature: least that is kept, factor where the Hessian is indefinite, factors after a long and
 # after a short step, and the step length that divides them. Found by trial on touches of 8 to 18 mm, 0.1 to 8 N.
 _LEAST, _INDEFINITE, _AFTER_LONG, _AFTER_SHORT, _LONG = 0.02, 1 / 3, 2.0, 1 / 4, 0.5
-
+# Most doublings of a full step where the Hessian is damped, since steps along negative curvature come out short, and
+# the further descent, over that so far, for which one is made.
+_DOUBLINGS, _PAYS = 10, 0.5
 # Relative residual below which an indefinite Hessian means a saddle of the energy.
 _SADDLE = 1e-3
 
@@ -55,8 +57,11 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
         if residuals[-1] <= tolerance and share == 1:
             return Minimum(x, solve, tuple(residuals))
         step = -solve(gradient)
-        length, value = _descend(energy, x, value, gradient, step, residuals)
-        x = x + length * step
+        del solve  # its memory, before the next takes as much and where the traceback of a failure would hold it
+        length, reached = _descend(energy, x, value, gradient, step, residuals)
+        if share < 1 and length == 1:
+            length, reached = _lengthened(energy, x, step, value, reached)
+        x, value = x + length * step, reached
         share = min(1.0, _AFTER_LONG * max(share, _LEAST)) if length >= _LONG else _AFTER_SHORT * share
     near_saddle = "; it nears an equilibrium that is not stable" if share < 1 and residuals[-1] < _SADDLE else ""
     raise NotConverged(f"Newton's method did not converge in {limit} iterations (relative residual "
@@ -71,6 +76,7 @@ def _definite(system: Callable[[Array, float], System], x: Array, share: float,
         try:
             return gradient, factorise(), share
         except Indefinite:
+            del factorise
             if share == 0:
                 raise NotConverged("the tangent stays indefinite without its negative modes.", estimate=x,
                                    residuals=tuple(residuals)) from None
@@ -88,3 +94,16 @@ def _descend(energy: Callable[[Array], float], x: Array, value: float, gradient:
             return length, reached
         length /= 2
     raise NotConverged("no step along the Newton direction lowers the energy.", estimate=x, residuals=tuple(residuals))
+
+
+def _lengthened(energy: Callable[[Array], float], x: Array, step: Array, start: float,
+                value: float) -> tuple[float, float]:
+    """Length of a full step from energy start to value, doubled while as much of it again pays, and the energy there.
+    """
+    length = 1.0
+    for _ in range(_DOUBLINGS):
+        reached = energy(x + 2 * length * step)
+        if not value - reached > _PAYS * max(start - value, 0.0):
+            break
+        length, value = 2 * length, reached
+    return length, value

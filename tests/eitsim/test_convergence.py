@@ -9,7 +9,7 @@ import pytest
 
 from eitsim import punch as contact
 from eitsim import solid
-from eitsim.axisymmetric import solve_touch
+from eitsim.axisymmetric import solve_path, solve_touch
 from eitsim.linear import factorise_band
 from eitsim.mesh import default_element_m, tensor_grid
 from eitsim.newton import minimise
@@ -75,6 +75,16 @@ def strain_errors(touch, finest):
         square, size = ((ours - theirs) ** 2).sum(axis=0) * r, np.trapezoid(((theirs - 1) ** 2).sum(axis=0) * r, r)
         out += [np.sqrt(np.trapezoid(square[part], r[part]) / size) for part in (under, ~under)]
     return out
+
+
+def test_a_path_of_bilinear_elements_passes_where_its_coarsest_mesh_buckles():
+    """Its energy has a saddle near 0.74 thicknesses, which damped steps of the minimiser leave too slowly."""
+    forces = np.linspace(0.25, 3, 12)
+    coarse = solve_path(TABLE_1, BODY, PUNCH, forces, element_m=1.2e-4, order=1)
+    fine = solve_path(TABLE_1, BODY, PUNCH, forces[-1:])
+    depths = [touch.depth_m for touch in coarse]
+    assert np.all(np.diff(depths) > 0)
+    assert depths[-1] == pytest.approx(fine[0].depth_m, rel=0.01)
 
 
 def test_depth_and_surface_strains_of_a_touch_converge(finest):

@@ -63,6 +63,15 @@ def test_the_end_is_quadratic():
     assert residuals[-1] < 30 * residuals[-2]**2
 
 
+def test_a_long_concave_slope_is_left_by_long_steps():
+    """2 - cos from near its top, its Hessian split as 4 - (4 - cos): damped steps alone grow by a factor below two."""
+    def slope(x, share):
+        return np.array([np.sin(x[0])]), lambda: factorise_band(np.array([[4 - share * (4 - np.cos(x[0]))]]))
+
+    found = minimise(lambda x: 2 - float(np.cos(x[0])), slope, np.array([np.pi - 1e-6]), scale=1.0, limit=15)
+    assert np.cos(found.x) == pytest.approx(1)
+
+
 def test_a_saddle_is_told_from_slow_progress():
     def level(x, share):
         return np.array([4 * x[0] * (x[0]**2 - 1), 2 * x[1]]), lambda: factorise_band(
