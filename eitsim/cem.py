@@ -11,7 +11,7 @@ from scipy.sparse import csc_matrix
 from skfem import ElementLineP1, ElementLineP2, ElementQuad2, ElementTriP1, ElementTriP2
 from skfem.quadrature import get_quadrature
 
-from eitsim.linear import factorise
+from eitsim.linear import Factorise, factorise
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -96,25 +96,26 @@ def system(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: fl
 
 
 def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, *,
-              pattern: Sparsity | None = None, refinements: int = 1) -> Array:
+              pattern: Sparsity | None = None, refinements: int = 1, factorised: Factorise = factorise) -> Array:
     """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero."""
     electrodes = potentials(mesh, conductance_S, contact_impedance_Ohm_m, pattern=pattern,
-                            refinements=refinements)[len(mesh.nodes_m):]
+                            refinements=refinements, factorised=factorised)[len(mesh.nodes_m):]
     return electrodes - electrodes.mean(axis=0)
 
 
 def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, *,
-               pattern: Sparsity | None = None, refinements: int = 1) -> Array:
+               pattern: Sparsity | None = None, refinements: int = 1, factorised: Factorise = factorise) -> Array:
     """Potentials (nodes + count, count), Ohm, of nodes, then electrodes, the last one earthed; column k is for 1 A into
     electrode k and 1/count A out of every one.
 
-    One factorisation, count - 1 right-hand sides. Each refinement takes the residual as sum_j a_ij (x_i - x_j), which
-    keeps all digits where the matrix has none left (rows of the CEM sum to zero).
+    One factorisation by `factorised` (see eitsim.linear), count - 1 right-hand sides. Each refinement takes the
+    residual as sum_j a_ij (x_i - x_j), which keeps all digits where the matrix has none left (rows of the CEM sum to
+    zero).
     """
     pattern = sparsity(mesh) if pattern is None else pattern
     values = system(mesh, conductance_S, contact_impedance_Ohm_m, pattern)
     order = pattern.size - 1
-    solve = factorise(csc_matrix((values[pattern.kept], pattern.kept_row, pattern.kept_pointer), (order, order)))
+    solve = factorised(csc_matrix((values[pattern.kept], pattern.kept_row, pattern.kept_pointer), (order, order)))
     currents = np.zeros((order, mesh.count - 1))
     currents[len(mesh.nodes_m):] = np.eye(mesh.count - 1)
     potential = solve(currents)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix, triu
 from scipy.sparse.linalg import splu
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
+Factorise = Callable[[csc_matrix], Solve]
+
+# PARDISO's number for such matrices.
+_REAL_POSITIVE_DEFINITE = 2
 
 
 class Indefinite(ArithmeticError):
@@ -26,12 +31,29 @@ def factorise(matrix: csc_matrix) -> Solve:
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
 
 
-def factorise_definite(matrix: csc_matrix) -> Solve:
-    """As `factorise`; Indefinite is raised where a pivot is not positive."""
-    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    if np.any(factor.U.diagonal() <= 0):
-        raise Indefinite("a pivot of the factorisation is not positive")
-    return factor.solve
+def factorise_pardiso(matrix: csc_matrix) -> Solve:
+    """As `factorise`, by the Cholesky factors of MKL PARDISO; Indefinite where the matrix is not positive definite.
+
+    ValueError where the package pypardiso (extra "pardiso", x86-64 only) is not installed.
+    """
+    try:
+        from pypardiso import PyPardisoSolver  # pyright: ignore[reportMissingImports]
+        from pypardiso.pardiso_wrapper import PyPardisoError  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ValueError("factorise_pardiso needs the package pypardiso: pip install 'touchcal[pardiso]' on x86-64, or "
+                         "use factorise.") from None
+    upper, solver = csr_matrix(triu(matrix)), PyPardisoSolver(mtype=_REAL_POSITIVE_DEFINITE)
+    upper.sort_indices()
+    try:
+        solver.factorize(upper)
+    except PyPardisoError:
+        raise Indefinite("PARDISO found the matrix not positive definite") from None
+
+    def solve(b: Array) -> Array:
+        return solver.solve(upper, np.asfortranarray(b))
+
+    weakref.finalize(solve, solver.free_memory, everything=True)
+    return solve
 
 
 def factorise_band(band: Array) -> Solve:
