@@ -25,6 +25,8 @@ _LEAST, _INDEFINITE, _AFTER_LONG, _AFTER_SHORT, _LONG = 0.02, 1 / 3, 2.0, 1 / 4,
 # Most doublings of a full step where the Hessian is damped, since steps along negative curvature come out short, and
 # the further descent, over that so far, for which one is made.
 _DOUBLINGS, _PAYS = 10, 0.5
+# Ratio of two residuals below which iterations go on beyond their limit.
+_CLOSING = 0.1
 # Relative residual below which an indefinite Hessian means a saddle of the energy.
 _SADDLE = 1e-3
 
@@ -46,12 +48,13 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
     """Local minimum of energy(x) from start, at which |gradient| <= tolerance scale and the Hessian is positive.
 
     system(x, share) gives the gradient and the Hessian whose possibly negative parts are scaled by share: an indefinite
-    Hessian and short steps lower it, long steps raise it back to 1. NotConverged carries the last x and the residuals.
+    Hessian and short steps lower it, long steps raise it back to 1. More than `limit` iterations are made only while
+    each gradient is less than a tenth of the one before. NotConverged carries the last x and the residuals.
     """
     x, value, share, residuals = start, energy(start), 1.0, []
     if not np.isfinite(value):
         raise NotConverged("the start is not admissible: it turns the foam inside out.", estimate=start)
-    for _ in range(limit):
+    while len(residuals) < limit or residuals[-1] < _CLOSING * residuals[-2:][0]:
         gradient, solve, share = _definite(system, x, share, residuals)
         residuals.append(float(np.linalg.norm(gradient)) / scale)
         if residuals[-1] <= tolerance and share == 1:
@@ -64,7 +67,7 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
         x, value = x + length * step, reached
         share = min(1.0, _AFTER_LONG * max(share, _LEAST)) if length >= _LONG else _AFTER_SHORT * share
     near_saddle = "; it nears an equilibrium that is not stable" if share < 1 and residuals[-1] < _SADDLE else ""
-    raise NotConverged(f"Newton's method did not converge in {limit} iterations (relative residual "
+    raise NotConverged(f"Newton's method did not converge in {len(residuals)} iterations (relative residual "
                        f"{residuals[-1]:.1e}{near_saddle}).", estimate=x, residuals=tuple(residuals))
 
 

@@ -63,6 +63,13 @@ def test_the_end_is_quadratic():
     assert residuals[-1] < 30 * residuals[-2]**2
 
 
+def test_what_converges_at_the_limit_is_not_cut_off():
+    whole = minimise(double_well, system, np.array([1.3, 0.7]), scale=1.0).residuals
+    assert minimise(double_well, system, np.array([1.3, 0.7]), scale=1.0, limit=len(whole) - 1).residuals == whole
+    with pytest.raises(NotConverged, match="2 iterations"):
+        minimise(double_well, system, np.array([1.3, 0.7]), scale=1.0, limit=2)
+
+
 def test_a_long_concave_slope_is_left_by_long_steps():
     """2 - cos from near its top, its Hessian split as 4 - (4 - cos): damped steps alone grow by a factor below two."""
     def slope(x, share):
