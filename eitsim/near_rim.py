@@ -38,6 +38,9 @@ _BEYOND = 5.0
 # Widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7.
 _WIDEST = 0.5
 # Lines closer than this are one, thicknesses.
+# Elements are halved along the radius from so far inside the punch's edge to so far beyond it, thicknesses: there the
+# strain falls off steeply where the foam leaves the fillet, and the rim moves that place.
+_INSIDE, _OUTSIDE = 0.05, 0.2
 _NEAR = 1e-9
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, _ANGLES = 3, 25
@@ -169,7 +172,8 @@ def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain:
     started = time.process_time()
     before = _found(law, body, punch, coarse)
     rough = _change_of(before, body)
-    change = _change_of(_found(law, body, punch, fine, before), body)
+    after = _found(law, body, punch, fine, before)
+    change = _change_of(after, body)
     depth = touch.depth_m + change.depth_m
     apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / depth
     apart = max(apart, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
@@ -234,10 +238,13 @@ def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before:
 
 
 def _narrowed(model: Pressing, fineness: Fineness) -> Pressing:
-    """The pressing with no element wider than the widest as far as the change reaches."""
+    """The pressing with elements halved about the punch's edge, and none wider than the widest as far as the change
+    reaches."""
     r, z = (lines[::model.grid.order] for lines in model.grid.lines)
-    parts = [max(math.ceil((b - a) / fineness.widest), 1) if a < model.tool.radius + fineness.beyond else 1
-             for a, b in itertools.pairwise(r)]
+    edge = model.tool.radius
+    halved = (r[:-1] > edge - _INSIDE - _NEAR) & (r[1:] < edge + _OUTSIDE)
+    parts = [max(math.ceil((b - a) / fineness.widest), 2 if half else 1) if a < edge + fineness.beyond else 1
+             for (a, b), half in zip(itertools.pairwise(r), halved, strict=True)]
     r = np.concatenate([[0.0], *(a + (b - a) * np.arange(1, n + 1) / n
                                  for (a, b), n in zip(itertools.pairwise(r), parts, strict=True))])
     grid = tensor_grid(r, z, order=model.grid.order)

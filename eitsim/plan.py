@@ -17,25 +17,29 @@ from matcal.card import MaterialCard, require, with_moduli
 from matcal.hyperfoam import Hyperfoam
 
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
-# of depth, of the surface's normal strain (2-norm) and of dV (2-norm, skin driven by it) by the rim, for 8 mm and
-# 0.3 N, 14 mm and 1 and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py): that of 14 mm and 3 N, whose
-# own signal is small while the strain near the electrodes weighs much. The strains that other skins are driven by
-# change up to twice as much. Beyond the last point it decays with the last two points' rate.
+# by the rim of depth, of the strain that drives the skin (2-norm) and of dV (2-norm), for 8 mm and 0.3 N, 14 mm and 1
+# and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py). In-plane strains change more than the normal one.
+# Beyond the last point it decays with the last two points' rate.
 _GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
-_RIM_EFFECT = np.array([0.18, 0.18, 0.135, 0.056, 0.029, 0.008])
+_RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.029, 0.008]),
+               "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
+               "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
 # Parts of the wanted signal error that neglecting the rim and solving touches apart may use up.
 _RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
 STEEL_E_PA = 210e9
 _RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
 
 
-def rim_effect(gap_m: float, thickness_m: float) -> float:
-    """Relative change of the surface field by the rim at a distance gap_m from the punch's edge; a table, see above."""
-    gap = gap_m / thickness_m
+def rim_effect(gap_m: float, thickness_m: float, strain: str = "normal") -> float:
+    """Largest relative change by the rim, gap_m from the punch's edge; a table, see above.
+
+    strain: what drives the skin, one of scene.STRAINS.
+    """
+    gap, effect = gap_m / thickness_m, _RIM_EFFECT[strain]
     if gap <= _GAP[-1]:
-        return float(np.interp(gap, _GAP, _RIM_EFFECT))
-    rate = math.log(_RIM_EFFECT[-2] / _RIM_EFFECT[-1]) / (_GAP[-1] - _GAP[-2])
-    return float(_RIM_EFFECT[-1] * math.exp(-rate * (gap - _GAP[-1])))
+        return float(np.interp(gap, _GAP, effect))
+    rate = math.log(effect[-2] / effect[-1]) / (_GAP[-1] - _GAP[-2])
+    return float(effect[-1] * math.exp(-rate * (gap - _GAP[-1])))
 
 
 def rim_gap_m(scene: Scene, punch: Punch) -> float:
@@ -133,25 +137,28 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
     if not problem or gap <= 0:
         return problem and f"{problem}."
     return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
-            f"rim may cost {rim_effect(gap, scene.body.thickness_m):.2g} of the signal, allowed is {allowed:.2g} (half "
+            f"rim may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
             f"of signal in [accuracy]). There, {problem}; {_mend(scene, allowed)}.")
 
 
 def near_rim(scene: Scene, punch: Punch) -> bool:
     """Whether neglecting the rim may cost more of the signal than its share of the wanted error."""
-    gap = rim_gap_m(scene, punch)
-    return gap <= 0 or rim_effect(gap, scene.body.thickness_m) > _RIM_SHARE * scene.accuracy.signal
+    return rim_gap_m(scene, punch) <= 0 or _rim_effect(scene, punch) > _RIM_SHARE * scene.accuracy.signal
+
+
+def _rim_effect(scene: Scene, punch: Punch) -> float:
+    return rim_effect(rim_gap_m(scene, punch), scene.body.thickness_m, scene.skin.strain)
 
 
 def _mend(scene: Scene, allowed: float) -> str:
-    gap = _gap_for(allowed, scene.body.thickness_m)
+    gap = _gap_for(allowed, scene.body.thickness_m, scene.skin.strain)
     inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.radius_m else ""
     return f"{inwards}ask for less accuracy (a larger signal in [accuracy])"
 
 
-def _gap_for(effect: float, thickness_m: float) -> float:
+def _gap_for(effect: float, thickness_m: float, strain: str) -> float:
     gaps = np.arange(0.0, 10.0, 0.01)
-    effects = np.array([rim_effect(g * thickness_m, thickness_m) for g in gaps])
+    effects = np.array([rim_effect(g * thickness_m, thickness_m, strain) for g in gaps])
     return float(gaps[np.argmax(effects <= effect)] * thickness_m) if effects[-1] <= effect else math.inf
 
 
@@ -180,7 +187,7 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
     yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
                    law.E_0_Pa / STEEL_E_PA)
     yield Decision("electrodes do not stiffen the rim", "what they touch is at most the rim's own effect",
-                   max(rim_effect(rim_gap_m(scene, p), scene.body.thickness_m) for p in scene.punches))
+                   max(_rim_effect(scene, punch) for punch in scene.punches))
     yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
                    "unknown and not in the bound", 0.0, unbounded=True)
     sharpest = min(p.fillet_m for p in scene.punches)
@@ -206,7 +213,7 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
         return Decision("mechanics in three dimensions near the rim, as a change of the axisymmetric touch",
                         f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
                         "own", 0.0)
-    return Decision("mechanics axisymmetric about the punch", where, rim_effect(gap, scene.body.thickness_m))
+    return Decision("mechanics axisymmetric about the punch", where, _rim_effect(scene, punch))
 
 
 def _friction_decision(punch: Punch, rim: bool) -> Decision:

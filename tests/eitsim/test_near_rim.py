@@ -15,10 +15,11 @@ from eitsim.clipped_disc import amplitudes, clipped_disc, unknowns_of
 from eitsim.clipped_solution import energy, linearised, product, seen, solve, touching
 from eitsim.fourier import forces, forces_plainly, gradients, gradients_plainly, stiffened
 from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
+from eitsim.plan import near_rim, rim_effect
 from eitsim.punch import pressure
 from eitsim.results import RimField
-from eitsim.scene import Body, Punch, Skin
-from eitsim.skin import changes, sheet_conductance
+from eitsim.scene import Body, Punch, Scene, Skin
+from eitsim.skin import changes, sheet_conductance, stretches
 from matcal import hyperfoam
 from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
@@ -204,6 +205,22 @@ def test_a_touch_near_the_rim_tells_its_error_and_ends_smoothly():
     last = got.rim.metric[-1] - [1, 0, 1]
     assert np.abs(last).max() < 1e-3
     assert np.abs(got.rim.normal[-1] - 1).max() < 1e-3
+
+
+def test_where_the_rim_is_left_out_the_field_jumps_by_less_than_the_plan_says():
+    gaps = np.arange(0.02, 0.06, 0.0001)
+    gap = float(next(g for g in gaps if not near_rim(Scene(), at_gap(float(g)))))
+    touch = solve_touch(FOAM, BODY, Punch(force_N=1.0))
+    change = rim_change(FOAM, BODY, at_gap(gap, 1.0), COARSE)
+    radius, share = change.field.radius_m, 1 - Outline(0.1, 0.093 - gap).start(change.field.radius_m) / np.pi
+    weight = (radius * np.gradient(radius) * share)[:, None]
+    before = stretches(touch, radius)[2][:, None]
+    jump = np.sqrt(np.sum(weight * (before * (change.field.normal - 1)) ** 2)
+                   / np.sum(weight * np.ones(change.field.normal.shape) * (before - 1) ** 2))
+    bound = rim_effect(gap, BODY.thickness_m)
+    print(f"gap {gap * 1e3:.1f} mm: depth {change.depth_m / touch.depth_m:.1e}, strain {jump:.1e}, bound {bound:.1e}")
+    assert 0 < change.depth_m / touch.depth_m < bound
+    assert 0 < jump < bound
 
 
 def test_a_given_depth_takes_the_force_that_reaches_it():

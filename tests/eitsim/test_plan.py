@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from eitsim.plan import make_plan, rim_effect
-from eitsim.scene import scene_from
+from eitsim.scene import STRAINS, scene_from
 from matcal.card import MaterialCard
 from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
@@ -30,6 +32,14 @@ def test_the_rim_effect_fades_with_distance() -> None:
     assert all(a >= b for a, b in itertools.pairwise(effects))
     assert rim_effect(0.05, 0.01) < 0.003
     assert rim_effect(0.0270, 0.01) == pytest.approx(rim_effect(0.0135, 0.005))
+
+
+def test_the_rim_effect_bounds_every_measured_one() -> None:
+    measured = pd.read_csv(Path(__file__).parents[2] / "benchmarks/results/rim.csv")
+    measured = measured[measured["what"].isin(["effect", "hand-over"])]
+    for strain in STRAINS:
+        bound = [rim_effect(gap * 1e-3, 0.01, strain) for gap in measured["gap_mm"]]
+        assert np.all(measured[["depth", f"{strain}_L2", f"dV_{strain}"]].max(axis=1) <= bound), strain
 
 
 def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
