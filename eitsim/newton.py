@@ -51,7 +51,7 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
     Hessian and short steps lower it, long steps raise it back to 1. More than `limit` iterations are made only while
     each gradient is less than a tenth of the one before. NotConverged carries the last x and the residuals.
     """
-    x, value, share, residuals = start, energy(start), 1.0, []
+    x, value, share, damped, residuals = start, energy(start), 1.0, False, []
     if not np.isfinite(value):
         raise NotConverged("the start is not admissible: it turns the foam inside out.", estimate=start)
     while len(residuals) < limit or residuals[-1] < _CLOSING * residuals[-2:][0]:
@@ -59,14 +59,14 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
         residuals.append(float(np.linalg.norm(gradient)) / scale)
         if residuals[-1] <= tolerance and share == 1:
             return Minimum(x, solve, tuple(residuals))
-        step = -solve(gradient)
+        damped, step = share < 1, -solve(gradient)
         del solve  # its memory, before the next takes as much and where the traceback of a failure would hold it
         length, reached = _descend(energy, x, value, gradient, step, residuals)
-        if share < 1 and length == 1:
+        if damped and length == 1:
             length, reached = _lengthened(energy, x, step, value, reached)
         x, value = x + length * step, reached
         share = min(1.0, _AFTER_LONG * max(share, _LEAST)) if length >= _LONG else _AFTER_SHORT * share
-    near_saddle = "; it nears an equilibrium that is not stable" if share < 1 and residuals[-1] < _SADDLE else ""
+    near_saddle = "; it nears an equilibrium that is not stable" if damped and residuals[-1] < _SADDLE else ""
     raise NotConverged(f"Newton's method did not converge in {len(residuals)} iterations (relative residual "
                        f"{residuals[-1]:.1e}{near_saddle}).", estimate=x, residuals=tuple(residuals))
 
