@@ -67,14 +67,11 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     for place, flag in ((out, "--out"), (fields, "--fields"), (report, "--report")):
         if place is not None:
             check_out(place, flag)
-    from eitsim.plan import near_rim
     parsed = read_scene(scene)
     if fields is not None and parsed.hold.time_s:
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
     if fields is not None and len(parsed.punches) > 1:
         raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
-    if fields is not None and any(near_rim(parsed, punch) for punch in parsed.punches):
-        raise ValueError("--fields is built for touches far from the rim only; leave it out or move the punch inwards.")
     if reuse and (exact or fields is not None):
         raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
     path = _card_path(scene, parsed, card)

@@ -1,4 +1,4 @@
-"""Fields inside the foam of a touch, on its axisymmetric section, and their VTU file."""
+"""Fields inside the foam of a touch, on its axisymmetric section or near the rim in the volume, and their VTU file."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim import solid
+from eitsim.half_disc import volume_fields
 from eitsim.mesh import lagrange
 from eitsim.results import Section, Touch
-from matcal.ellipticity import strongly_elliptic
-from matcal.hyperfoam import kirchhoff
+from eitsim.tensors import tensors
 
 Array = NDArray[np.float64]
 
@@ -25,25 +25,29 @@ _CELLS = {1: ("quad", np.array([(0, 0), (1, 0), (1, 1), (0, 1)])),
 
 
 def write_vtu(touch: Touch, path: Path | str) -> None:
-    """Write the fields of a touch as a VTU file, point data on the elements of the undeformed (r, z) section.
+    """Write the fields of a touch as a VTU file, point data on cells of the undeformed foam, each with its own points.
 
-    Points are (r, z, 0), m; names end in units, and what has none has no unit. "Warp By Vector" with displacement_m
-    shows the deformed foam. ValueError where the touch has no section, or a rim that the section does not know.
+    Points are (r, z, 0) on the axisymmetric section, m; of a touch with a rim (x, y, z) in the half disc, see
+    `half_disc.volume_fields`. Names end in units, and what has none has no unit. "Warp By Vector" with displacement_m
+    shows the deformed foam. ValueError where the touch keeps no such fields.
     """
     fields: dict[str, Any]
-    points, fields = section_fields(touch)
-    cell, place = _CELLS[_order(_section(touch))]
-    cells = np.arange(len(points)).reshape(-1, len(place))
-    meshio.Mesh(points, [(cell, cells)], point_data=fields).write(path, file_format="vtu")
+    if touch.rim is not None:
+        points, blocks, fields = volume_fields(touch)
+    else:
+        points, fields = section_fields(touch)
+        cell, place = _CELLS[_order(_section(touch))]
+        blocks = [(cell, np.arange(len(points)).reshape(-1, len(place)))]
+    cells: list[Any] = list(blocks)
+    meshio.Mesh(points, cells, point_data=fields).write(path, file_format="vtu")
 
 
 def section_fields(touch: Touch) -> tuple[Array, dict[str, Array]]:
     """Points (n elements, 3), m, and point fields, each element with its own n = 4 or 9 nodes: nothing is averaged.
 
-    Tensors (n elements, 9) are row by row in the order r, z, hoop. Green-Lagrange strain is (F'F - 1)/2, nominal strain
-    V - 1 with V^2 = FF'; Kirchhoff stress is J times Cauchy's. A node at which the gradient turns the foam inside out
-    takes the gradient of its element's centre; taken_from_centre tells where. elliptic is 1 where the law is strongly
-    elliptic. contact_pressure_Pa, facet averages on the deformed surface, is 0 below the top.
+    Tensors (n elements, 9) are row by row in the order r, z, hoop, see `tensors.tensors`. A node at which the gradient
+    turns the foam inside out takes the gradient of its element's centre; taken_from_centre tells where.
+    contact_pressure_Pa, facet averages on the deformed surface, is 0 below the top.
     """
     section = _section(touch)
     order = _order(section)
@@ -54,17 +58,15 @@ def section_fields(touch: Touch) -> tuple[Array, dict[str, Array]]:
     moved, place = section.displacement_m[flat], section.nodes_m[flat]
     none = np.zeros(len(flat))
     pressure = np.interp(place[:, 0], touch.radius_m, touch.pressure_Pa)
-    fields = {"displacement_m": np.column_stack([moved, none]), **_tensors(section, strain),
+    fields = {"displacement_m": np.column_stack([moved, none]), **tensors(section.law, _matrix(strain)),
               "contact_pressure_Pa": np.where(place[:, 1] == section.nodes_m[:, 1].max(), pressure, 0.0),
-              "elliptic": strongly_elliptic(section.law, solid.log_stretches(strain)).astype(float),
               "taken_from_centre": (~fine).ravel().astype(float)}
     return np.column_stack([place, none]), fields
 
 
 def _section(touch: Touch) -> Section:
     if touch.rim is not None:
-        raise ValueError("the fields inside the foam are kept without the rim's effect, which this touch has; write "
-                         "those of a touch far from the rim.")
+        raise ValueError("the section knows no rim, which this touch has; take its fields in the volume.")
     if touch.section is None:
         raise ValueError("this touch keeps no fields inside the foam; solve it with eitsim.axisymmetric.")
     return touch.section
@@ -92,22 +94,9 @@ def _gradient(section: Section, at: Array) -> Array:
     return np.stack([along_r[..., 0], along_z[..., 0], along_r[..., 1], along_z[..., 1], hoop], axis=-1)
 
 
-def _tensors(section: Section, strain: Array) -> dict[str, Array]:
+def _matrix(strain: Array) -> Array:
+    """Deformation gradients (n, 3, 3) of the parts rr, rz, zr, zz and hoop (n, 5) of F - 1."""
     gradient = np.zeros((len(strain), 3, 3))
     for part, (i, j) in enumerate([(0, 0), (0, 1), (1, 0), (1, 1), (2, 2)]):
         gradient[:, i, j] = strain[:, part]
-    gradient += np.eye(3)
-    volume = np.linalg.det(gradient)
-    square, axes = np.linalg.eigh(gradient @ np.swapaxes(gradient, 1, 2))
-    stretch = np.sqrt(square)
-    stress = _from_axes(kirchhoff(section.law, np.log(stretch)), axes)
-    tensors = {"deformation_gradient": gradient,
-               "green_lagrange_strain": (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(3)) / 2,
-               "nominal_strain": _from_axes(stretch - 1, axes), "kirchhoff_stress_Pa": stress,
-               "cauchy_stress_Pa": stress / volume[:, None, None]}
-    return {name: tensor.reshape(-1, 9) for name, tensor in tensors.items()} | {"volume_ratio": volume}
-
-
-def _from_axes(value: Array, axes: Array) -> Array:
-    """Symmetric tensors (n, 3, 3) of principal values (n, 3) on axes, columns of (n, 3, 3)."""
-    return (axes * value[:, None, :]) @ np.swapaxes(axes, 1, 2)
+    return gradient + np.eye(3)

@@ -108,11 +108,18 @@ def kept(series: Prony, hold: Hold, touch: Touch) -> list[tuple[float, Touch]]:
 
 def relaxed(touch: Touch, share: float) -> Touch:
     """The touch with its deformation kept and every stress times share."""
-    section = touch.section
+    section, volume = touch.section, touch.volume
     if section is not None:
-        section = replace(section, law=replace(section.law, mu_Pa=section.law.mu_Pa * share))
-    return replace(touch, section=section, pressure_Pa=touch.pressure_Pa * share, force_N=touch.force_N * share,
-                   sigma_max_Pa=touch.sigma_max_Pa * share, sigma_ave_Pa=touch.sigma_ave_Pa * share)
+        section = replace(section, law=_softened(section.law, share))
+    if volume is not None:
+        volume = replace(volume, law=_softened(volume.law, share), pressure_Pa=volume.pressure_Pa * share)
+    return replace(touch, section=section, volume=volume, pressure_Pa=touch.pressure_Pa * share,
+                   force_N=touch.force_N * share, sigma_max_Pa=touch.sigma_max_Pa * share,
+                   sigma_ave_Pa=touch.sigma_ave_Pa * share)
+
+
+def _softened(law: Hyperfoam, share: float) -> Hyperfoam:
+    return replace(law, mu_Pa=law.mu_Pa * share)
 
 
 def _loaded_at_once(levels: list[Pressing], course: Course) -> list[Equilibrium]:

@@ -28,6 +28,7 @@ from eitsim.punch import pressure, top_facets
 from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch
 from eitsim.skin import changes, driving_strain, stretches
+from eitsim.volume import volume_of
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
@@ -182,7 +183,9 @@ def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain:
         unlike += _WAY * signal_difference(touch, _unchanged(change.field), change.field, strain)
     touch = replace(changed(touch, change), depth_error=touch.depth_error + apart,
                     signal_error=touch.signal_error + unlike)
-    return replace(touch, iterations=touch.iterations + len(rough.residuals) + len(change.residuals),
+    volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
+                       math.atan2(punch.y_m, punch.x_m))
+    return replace(touch, volume=volume, iterations=touch.iterations + len(rough.residuals) + len(change.residuals),
                    residuals=touch.residuals + rough.residuals + change.residuals,
                    cpu_s=touch.cpu_s + time.process_time() - started)
 

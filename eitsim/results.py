@@ -87,6 +87,36 @@ class Section:
     law: Hyperfoam
 
 
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """The foam's displacement about a punch near the rim, by harmonics of the angle on the mesh of a meridian.
+
+    Angles count from the direction to the nearest point of the rim; harmonics are those of `eitsim.circles`. It is the
+    solution on the mesh by which the rim's change was found, coarser than the axisymmetric section's.
+    """
+
+    # (columns,) and (rows,) reference radii and heights of the nodes, m, increasing; 0 at the axis and at the top
+    radius_m: Array
+    height_m: Array
+    # order of the elements
+    order: int
+    # (columns, rows, 3, harmonics) amplitudes of u_r, u_theta and u_z, m
+    amplitude_m: Array
+    # (facets,) reference radii of the middles of the facets where the punch may touch, m
+    facet_m: Array
+    # (k,) places on a circle, as in RimField
+    share: Array
+    # (facets, k) contact pressure on the deformed surface, Pa, averages along the facets
+    pressure_Pa: Array
+    # radius of the disc, distance of the punch's axis from its centre, and radius of the punch, m
+    disc_m: float
+    offset_m: float
+    punch_m: float
+    # angle of the direction from the disc's centre to the punch's axis from the disc's x axis, rad
+    bearing_rad: float
+    law: Hyperfoam
+
+
 @dataclass(frozen=True)
 class Touch:
     """One solved touch, axisymmetric about its punch but for `rim` ("Solution" of the mechanics)."""
@@ -146,6 +176,8 @@ class Touch:
     slip_fraction: float | None = None
     # what the rim changes at the surface; None where it is far. Depth and contact hold it, the arrays above do not
     rim: RimField | None = None
+    # displacement inside the foam with the rim's effect; None without one, or where it is not kept
+    volume: Volume | None = None
 
 
 @dataclass(frozen=True)

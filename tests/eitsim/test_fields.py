@@ -119,9 +119,9 @@ def test_bilinear_elements_are_written_as_such(tmp_path):
     assert read.point_data["displacement_m"][:, 1].min() == pytest.approx(-touch.depth_m, rel=0.02)
 
 
-def test_a_touch_with_a_rim_is_refused(solved, tmp_path):
-    rim = RimField(np.zeros((1, 2)), np.zeros((1, 3)), np.array([[1.0, 0.0, 1.0]]), np.ones(1), 0.03, 0.0, 0.0)
-    with pytest.raises(ValueError, match="without the rim's effect"):
+def test_a_touch_with_a_rim_and_no_volume_is_refused(solved, tmp_path):
+    rim = RimField(np.zeros(1), np.zeros(2), np.zeros((1, 2, 3)), np.ones((1, 2, 3)), np.ones((1, 2)), 0.1, 0.09)
+    with pytest.raises(ValueError, match="no fields with the rim's effect"):
         write_vtu(replace(solved, rim=rim), tmp_path / "fields.vtu")
 
 
