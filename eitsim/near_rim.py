@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 _BEYOND = 5.0
 # Widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7.
 _WIDEST = 0.5
-# Lines closer than this are one, thicknesses.
 # Elements are halved along the radius from so far inside the punch's edge to so far beyond it, thicknesses: there the
 # strain falls off steeply where the foam leaves the fillet, and the rim moves that place.
 _INSIDE, _OUTSIDE = 0.05, 0.2
+# Lines closer than this are one, thicknesses.
 _NEAR = 1e-9
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, _ANGLES = 3, 25
@@ -202,6 +202,7 @@ def changed(touch: Touch, change: Change) -> Touch:
     return replace(touch, rim=change.field, force_N=force, depth_m=touch.depth_m + change.depth_m,
                    sigma_max_Pa=touch.sigma_max_Pa * change.pressure, contact_area_m2=area,
                    sigma_ave_Pa=force / area, wall_contact_m2=touch.wall_contact_m2 * change.wall,
+                   strain_error=None,
                    fraction_non_elliptic=max(touch.fraction_non_elliptic, change.fraction_non_elliptic))
 
 
