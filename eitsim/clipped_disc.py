@@ -45,6 +45,18 @@ class Facing:
 
 
 @dataclass(frozen=True, eq=False)
+class Outside:
+    """A given field that is added to the disc's own, and its own equilibrium with another punch."""
+
+    # (points, 9, angles) displacement gradient at the foam's points
+    strain: Array
+    # (points, 9, angles) first Piola stress of that field alone, with the foam's weights
+    stress: Array
+    # (facets points, 3, angles) displacement of the surface that the punch may touch
+    shift: Array
+
+
+@dataclass(frozen=True, eq=False)
 class ClippedDisc:
     """The discretised problem."""
 
@@ -72,6 +84,8 @@ class ClippedDisc:
     held: bool
     # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
     fixed: NDArray[np.bool_]
+    # what a neighbour adds; None: nothing
+    outside: Outside | None = None
 
     @property
     def unknowns(self) -> int:

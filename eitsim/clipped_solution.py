@@ -49,10 +49,10 @@ class Tangents:
 
 
 def energy(disc: ClippedDisc, x: Array) -> float:
-    """Foam energy + tie + contact energy + springs - force depth at x, the last not where the depth is held; infinite
-    where the foam is turned inside out."""
+    """Foam energy + tie + contact energy + springs - force depth at x, the last not where the depth is held, less the
+    work of a neighbour's own stress; infinite where the foam is turned inside out."""
     added = amplitudes(disc, x[:-1])
-    strain = gradients(disc.foam, disc.base + added)
+    strain = strain_of(disc, added)
     if not solid3d.upright(strain):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
@@ -61,9 +61,17 @@ def energy(disc: ClippedDisc, x: Array) -> float:
         return np.inf
     at = touching(disc, x)
     held = float(np.sum(added * tied(disc.foam, disc.tie, added))) / 2
+    if disc.outside is not None:
+        held -= float(np.sum(disc.outside.stress * gradients(disc.foam, added)))
     pressed = contact.stored(disc.tool, at.gap) + clinging.potential(disc.springs, seen(disc, x))
     pressed = float(np.sum(disc.facing.weight * pressed))
     return stored + held + pressed - (0.0 if disc.held else disc.force * (disc.depth + float(x[-1])))
+
+
+def strain_of(disc: ClippedDisc, added: Array) -> Array:
+    """Displacement gradient (points, 9, angles) of the foam, with what is outside."""
+    own = gradients(disc.foam, disc.base + added)
+    return own if disc.outside is None else own + disc.outside.strain
 
 
 def touching(disc: ClippedDisc, x: Array) -> Contact:
@@ -83,6 +91,7 @@ def touching(disc: ClippedDisc, x: Array) -> Contact:
 def seen(disc: ClippedDisc, x: Array) -> Array:
     """Displacement (facets points, 3, angles) at x in the local frame, as seen from the punch."""
     out = on_surface(disc.facing, disc.base + amplitudes(disc, x[:-1]))
+    out = out if disc.outside is None else out + disc.outside.shift
     out[:, 2] += disc.depth + float(x[-1])
     return out
 
@@ -109,8 +118,9 @@ def from_surface(facing: Facing, force: Array, amplitude: Array) -> Array:
 def linearised(disc: ClippedDisc, x: Array, share: float = 1.0) -> tuple[Array, Tangents]:
     """Gradient (unknowns + 1,) of the energy at x and the tangents there, their negative parts scaled by share."""
     added = amplitudes(disc, x[:-1])
-    at = solid3d.principal(gradients(disc.foam, disc.base + added))
+    at = solid3d.principal(strain_of(disc, added))
     stress, tangent = solid3d.stress_and_tangent(at, solid3d.response(disc.law, at.log, share), disc.weight)
+    stress = stress if disc.outside is None else stress - disc.outside.stress
     touch = touching(disc, x)
     push = disc.facing.weight * contact.pressure(disc.tool, touch.gap)
     pulled = disc.facing.weight[:, None] * clinging.pull(disc.springs, seen(disc, x)) + push[:, None] * touch.normal
@@ -170,5 +180,5 @@ def reaction(disc: ClippedDisc, x: Array) -> float:
 
 def fraction_non_elliptic(disc: ClippedDisc, x: Array) -> float:
     """Fraction of the quadrature points at which the law is not strongly elliptic."""
-    strain = gradients(disc.foam, disc.base + amplitudes(disc, x[:-1]))
+    strain = strain_of(disc, amplitudes(disc, x[:-1]))
     return float(1 - np.mean(strongly_elliptic(disc.law, solid3d.principal(strain).log)[disc.weight > 0]))

@@ -44,9 +44,9 @@ _INSIDE, _OUTSIDE = 0.05, 0.2
 # Lines closer than this are one, thicknesses.
 _NEAR = 1e-9
 # Points a facet and angles at which the surface is sampled.
-_SAMPLES, _ANGLES = 3, 25
+_SAMPLES, ANGLES = 3, 25
 # Least error of the added depth, relative: what two finenesses may happen to share.
-_LEAST_ERROR = 0.03
+LEAST_ERROR = 0.03
 # Part of the local differences of two fields that the signal's error is taken to be at least, by trial against finer
 # solutions (benchmarks/rim.py).
 _LOCAL = 0.06
@@ -59,7 +59,7 @@ _WAY = 0.1
 # How often the force is halved for a start where the solution is not found from the axisymmetric state.
 _HALVINGS = 3
 # Where the parts xx, xy, yy of a metric stand.
-_METRIC = ([0, 0, 1], [0, 1, 1])
+METRIC = ([0, 0, 1], [0, 1, 1])
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ WHOLE = Fineness(3.0, 9, 18, np.inf)
 
 @dataclass(frozen=True)
 class Change:
-    """What the rim changes of an axisymmetric touch."""
+    """What the rim, or a neighbour, changes of an axisymmetric touch."""
 
     field: RimField
     # depth added to the axisymmetric one, m
@@ -102,7 +102,9 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solution:
+class Solution:
+    """What the rim adds on one mesh."""
+
     disc: ClippedDisc
     model: Pressing
     state: Equilibrium
@@ -112,7 +114,7 @@ class _Solution:
 
 
 @dataclass(frozen=True)
-class _Load:
+class Load:
     """What is given: the force over mu_0 H^2, or else the depth over H."""
 
     force: float | None
@@ -134,9 +136,9 @@ class _Load:
             raise ValueError("a punch needs force_N or depth_m, got neither.")
         return replace(model, grip=found.grip), found.state
 
-    def halved(self) -> _Load:
+    def halved(self) -> Load:
         """Half of it."""
-        return _Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
+        return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
 
 
 def rim_problem(body: Body, punch: Punch) -> str:
@@ -176,8 +178,8 @@ def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain:
     after = _found(law, body, punch, fine, before)
     change = _change_of(after, body)
     depth = touch.depth_m + change.depth_m
-    apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / depth
-    apart = max(apart, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
+    apart = max(abs(change.depth_m - rough.depth_m), LEAST_ERROR * abs(change.depth_m)) / depth
+    apart = max(apart, abs(change.force - rough.force), LEAST_ERROR * abs(change.force - 1))
     unlike = signal_difference(touch, rough.field, change.field, strain)
     if punch.friction == "stick":
         unlike += _WAY * signal_difference(touch, _unchanged(change.field), change.field, strain)
@@ -215,14 +217,14 @@ def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness = FI
     return _change_of(_found(law, body, punch, fineness), body)
 
 
-def _change_of(solution: _Solution, body: Body) -> Change:
+def _change_of(solution: Solution, body: Body) -> Change:
     disc, x, unit = solution.disc, solution.x, body.thickness_m
-    pressed, area, wall = _contact_ratios(disc, x)
+    pressed, area, wall = contact_ratios(disc, x)
     return Change(_surface_field(disc, solution.model, x, unit), float(x[-1]) * unit, pressed, area, wall,
-                  fraction_non_elliptic(disc, x), solution.residuals, _force_ratio(solution) if disc.held else 1.0)
+                  fraction_non_elliptic(disc, x), solution.residuals, force_ratio(solution) if disc.held else 1.0)
 
 
-def _force_ratio(solution: _Solution) -> float:
+def force_ratio(solution: Solution) -> float:
     """Force over the axisymmetric one at the same depth; the contact's penetration, which both are corrected for, goes
     with the force."""
     state, ratio = solution.state, reaction(solution.disc, solution.x) / solution.disc.force
@@ -230,15 +232,21 @@ def _force_ratio(solution: _Solution) -> float:
     return ratio - (1 - ratio) * penetration / float(state.by_force[-1] * state.force)
 
 
-def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before: _Solution | None = None) -> _Solution:
+def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before: Solution | None = None) -> Solution:
     """The solution from the axisymmetric state, or from one on another mesh; else by way of half the load."""
+    model, load = set_up(law, body, punch, fineness)
+    unit = body.thickness_m
+    outline = Outline(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
+    return _under(model, load, punch.friction == "stick", outline, fineness, before, _HALVINGS)
+
+
+def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness) -> tuple[Pressing, Load]:
+    """The discretised foam under a punch, without friction, and what is given."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
     model = pressings(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]
-    model = _narrowed(model, fineness)
-    outline = Outline(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
-    load = _Load(None if punch.force_N is None else punch.force_N / force_unit(law, body),
+    load = Load(None if punch.force_N is None else punch.force_N / force_unit(law, body),
                 None if punch.force_N is not None or punch.depth_m is None else punch.depth_m / unit)
-    return _under(model, load, punch.friction == "stick", outline, fineness, before, _HALVINGS)
+    return _narrowed(model, fineness), load
 
 
 def _narrowed(model: Pressing, fineness: Fineness) -> Pressing:
@@ -256,24 +264,24 @@ def _narrowed(model: Pressing, fineness: Fineness) -> Pressing:
     return replace(model, grid=grid, facets=top_facets(grid, last - _NEAR))
 
 
-def _under(model: Pressing, load: _Load, sticks: bool, outline: Outline, fineness: Fineness,
-           before: _Solution | None, halvings: int) -> _Solution:
+def _under(model: Pressing, load: Load, sticks: bool, outline: Outline, fineness: Fineness,
+           before: Solution | None, halvings: int) -> Solution:
     model, state = load.state(model, sticks)
     disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + fineness.beyond,
                         held=load.force is None)
-    for start in (None if before is None else _carried_over(before, disc, model), None):
+    for start in (None if before is None else carried_over(before, disc, model), None):
         try:
             found = solve(disc, start)
-            return _Solution(disc, model, state, found.x, found.residuals)
+            return Solution(disc, model, state, found.x, found.residuals)
         except NotConverged:
             if halvings == 0:
                 raise
     half = _under(model, load.halved(), sticks, outline, fineness, None, halvings - 1)
     found = solve(disc, half.x)
-    return _Solution(disc, model, state, found.x, half.residuals + found.residuals)
+    return Solution(disc, model, state, found.x, half.residuals + found.residuals)
 
 
-def _carried_over(before: _Solution, disc: ClippedDisc, model: Pressing) -> Array:
+def carried_over(before: Solution, disc: ClippedDisc, model: Pressing) -> Array:
     """A solution's unknowns on another disc: what the rim adds at the new nodes, in as many harmonics as both have."""
     old, count = before.disc, min(len(before.disc.fixed), len(disc.fixed))
     along_r = interpolation(old.columns, disc.columns, old.order)
@@ -287,27 +295,27 @@ def _carried_over(before: _Solution, disc: ClippedDisc, model: Pressing) -> Arra
 
 def _surface_field(disc: ClippedDisc, model: Pressing, x: Array, unit: float) -> RimField:
     """Displacement and change of the stretches on the top, on circles as far as they lie inside the disc."""
-    points, radius = _top(disc, model)
-    share = np.linspace(0, 1, _ANGLES)
+    points, radius = top_points(disc, model)
+    share = np.linspace(0, 1, ANGLES)
     start = disc.outline.start(radius)[:, None]
     angle = start + (np.pi - start) * share
     waves = Circles(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
     points = replace(points, circles=waves)
     added = amplitudes(disc, x[:-1])
-    before, after = (_gradient(points, a) for a in (disc.base, disc.base + added))
+    before, after = (deformation(points, a) for a in (disc.base, disc.base + added))
     metric, normal = _change(before, after)
     if not np.all(normal > 0):
         raise NotConverged("the rim's change turns the surface inside out between the points of its mesh. Try a "
                            "smaller force or a larger gap.", estimate=x)
     turn = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), (0, 1), (-2, -1))
     metric = turn @ metric @ np.swapaxes(turn, -1, -2)
-    moved = _displacement(points, added)
+    moved = displacement(points, added)
     moved[..., :2] = (turn @ moved[..., :2, None])[..., 0]
-    return RimField(radius * unit, share, moved * unit, metric[..., *_METRIC], normal, disc.outline.disc * unit,
+    return RimField(radius * unit, share, moved * unit, metric[..., *METRIC], normal, disc.outline.disc * unit,
                     disc.outline.offset * unit)
 
 
-def _top(disc: ClippedDisc, model: Pressing) -> tuple[Points, Array]:
+def top_points(disc: ClippedDisc, model: Pressing) -> tuple[Points, Array]:
     """Points of the surface, Gauss points of the top facets, each with a circle of its own (yet to be sampled)."""
     grid, p = model.grid, disc.order
     top = grid.top[grid.top.max(axis=1) < len(disc.base)]
@@ -326,13 +334,13 @@ def _top(disc: ClippedDisc, model: Pressing) -> tuple[Points, Array]:
     return Points(out.reshape(count, -1, 3), nodes, np.arange(count), disc.foam.circles), radius.ravel()
 
 
-def _gradient(points: Points, amplitude: Array) -> Array:
+def deformation(points: Points, amplitude: Array) -> Array:
     """Deformation gradients (circles, angles, 3, 3)."""
     strain = np.moveaxis(gradients(points, amplitude), 1, 2)
     return np.eye(3) + strain.reshape(*strain.shape[:2], 3, 3)
 
 
-def _displacement(points: Points, amplitude: Array) -> Array:
+def displacement(points: Points, amplitude: Array) -> Array:
     """Displacements (circles, angles, 3) in the local frame."""
     radius = 1 / points.shape[..., 2].sum(axis=1)
     at = np.einsum("ra,racm->rcm", points.shape[..., 2] * radius[:, None], amplitude[points.nodes])
@@ -351,9 +359,9 @@ def _change(before: Array, after: Array) -> tuple[Array, Array]:
     return inverse @ new @ inverse, np.linalg.det(after) / np.linalg.det(before) / areal
 
 
-def _contact_ratios(disc: ClippedDisc, x: Array) -> tuple[float, float, float]:
+def contact_ratios(disc: ClippedDisc, x: Array) -> tuple[float, float, float]:
     """Ratios of the largest pressure, a facet's average, and of the areas of face and wall to the axisymmetric ones."""
-    at, before = touching(disc, x), touching(disc, np.zeros_like(x))
+    at, before = touching(disc, x), touching(replace(disc, outside=None), np.zeros_like(x))
     facets, weight = len(disc.facing.nodes), disc.facing.weight
     share = disc.facing.radius.reshape(facets, -1, 1)
 

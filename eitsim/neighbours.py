@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -13,6 +14,8 @@ from eitsim.scene import Body, Punch
 from eitsim.skin import surface_metric
 
 Array = NDArray[np.float64]
+# numbers of touches that are solved together
+Groups = Sequence[Sequence[int]]
 
 # Gap between the edges of two punches over the foam's thickness against the largest relative change of dV by solving
 # them together. Measured on pairs of equal flat punches (10 mm 2 N, 14 mm 0.1, 1 and 3 N, 18 mm 0.5 N; Table 1, skins
@@ -39,10 +42,29 @@ def gap_effect(gap_m: float, thickness_m: float) -> float:
     return float(np.interp(gap, _GAP, _EFFECT)) * math.exp(-max(gap - _GAP[-1], 0) / _DECAY)
 
 
-def expected(body: Body, punches: Sequence[Punch]) -> float:
-    """Relative change of dV by neighbours before anything is solved: the largest sum over a punch's neighbours."""
-    return max(sum(gap_effect(edge_gap_m(punch, other), body.thickness_m) for j, other in enumerate(punches) if j != i)
-               for i, punch in enumerate(punches))
+def clusters(body: Body, punches: Sequence[Punch], allowed: float) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the touches that must be solved together, so that the neighbours left out cost each touch at most
+    `allowed`; none where they cost less anyway."""
+    if len(punches) < 2 or expected(body, punches) <= allowed:
+        return ()
+    groups = [{i} for i in range(len(punches))]
+    for i, j in itertools.combinations(range(len(punches)), 2):
+        gap = edge_gap_m(punches[i], punches[j])
+        if gap_effect(gap, body.thickness_m) > allowed / (len(punches) - 1):
+            met = [group for group in groups if i in group or j in group]
+            groups = [group for group in groups if group not in met] + [set().union(*met)]
+    return tuple(tuple(sorted(group)) for group in groups if len(group) > 1)
+
+
+def expected(body: Body, punches: Sequence[Punch], together: Groups = ()) -> float:
+    """Relative change of dV by neighbours before anything is solved: the largest sum over the neighbours that a punch
+    is not solved together with."""
+    return max(sum(gap_effect(edge_gap_m(punch, other), body.thickness_m) for j, other in enumerate(punches)
+                   if _apart(i, j, together)) for i, punch in enumerate(punches))
+
+
+def _apart(i: int, j: int, together: Groups) -> bool:
+    return i != j and not any(i in group and j in group for group in together)
 
 
 def gap_for(effect: float, thickness_m: float) -> float:
@@ -52,8 +74,9 @@ def gap_for(effect: float, thickness_m: float) -> float:
     return float(np.interp(-effect, -_EFFECT, _GAP)) * thickness_m
 
 
-def interaction(touches: Sequence[tuple[Punch, Touch]]) -> dict[str, float]:
-    """Bounds of the relative changes "signal" and "depth" of solved touches by their neighbours.
+def interaction(touches: Sequence[tuple[Punch, Touch]], together: Groups = ()) -> dict[str, float]:
+    """Bounds of the relative changes "signal" and "depth" of solved touches by neighbours that they are not solved
+    together with.
 
     A neighbour lifts the foam under a punch and strains its surface; both are taken as if the punch were not there. The
     depth changes by less than the uplift and the strain times the depth (measured: by 0.4 of it or less), dV by less
@@ -63,7 +86,7 @@ def interaction(touches: Sequence[tuple[Punch, Touch]]) -> dict[str, float]:
     for i, (punch, touch) in enumerate(touches):
         sums = 0.0
         for j, (other, pressed) in enumerate(touches):
-            if j != i:
+            if _apart(i, j, together):
                 strain, uplift = _under(punch, other, pressed)
                 sums += strain + uplift / touch.depth_m
         found = {"signal": max(found["signal"], _SIGNAL_PER_STRAIN * sums), "depth": max(found["depth"], sums)}

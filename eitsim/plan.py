@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.near_rim import rim_problem
-from eitsim.neighbours import edge_gap_m, expected, gap_for
+from eitsim.neighbours import clusters, edge_gap_m, expected, gap_for
 from eitsim.results import Decision, Plan
 from eitsim.scene import Punch, Scene
+from eitsim.together import pair_problem
 from matcal.card import MaterialCard, require, with_moduli
 from matcal.hyperfoam import Hyperfoam
 
@@ -108,13 +109,40 @@ def _neighbour_refusal(scene: Scene) -> str:
     if scene.hold.time_s:
         return (f"a hold (time_s in [hold]) is built for one touch, {len(scene.punches)} are given; give one [punch] "
                 "or leave out time_s.")
-    effect, allowed = expected(scene.body, scene.punches), _NEIGHBOUR_SHARE * scene.accuracy.signal
-    if effect <= allowed:
-        return ""
+    problems = ((group, _together_problem(scene, group)) for group in _clusters(scene))
+    return next((_apart_refusal(scene, group, problem) for group, problem in problems if problem), "")
+
+
+def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
+    return clusters(scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal)
+
+
+def _together_problem(scene: Scene, group: Sequence[int]) -> str:
+    """Why these touches cannot be solved together, without a full stop; empty where they can."""
+    for i in group:
+        if near_rim(scene, scene.punches[i]):
+            return (f"touch {i + 1} is also {rim_gap_m(scene, scene.punches[i]) * 1e3:.1f} mm from the rim, and near a "
+                    "neighbour and the rim at once is not built")
+    return pair_problem(scene.body, [scene.punches[i] for i in group])
+
+
+def _apart_refusal(scene: Scene, group: Sequence[int], problem: str) -> str:
+    gap, i, j = min((edge_gap_m(scene.punches[i], scene.punches[j]), i, j)
+                    for i, j in itertools.combinations(group, 2))
+    allowed = _NEIGHBOUR_SHARE * scene.accuracy.signal
     apart = gap_for(allowed / (len(scene.punches) - 1), scene.body.thickness_m) * 1e3
-    return (f"{where} are {gap * 1e3:.1f} mm apart: solving each touch as if it were alone may cost {effect:.2g} of "
-            f"the signal, allowed is {allowed:.2g} (half of signal in [accuracy]); solving them together is not built. "
-            f"Move them apart to {apart:.0f} mm or ask for less accuracy (a larger signal in [accuracy]).")
+    return (f"the edges of touches {i + 1} and {j + 1} are {gap * 1e3:.1f} mm apart: solving each touch as if it were "
+            f"alone may cost {expected(scene.body, scene.punches):.2g} of the signal, allowed is {allowed:.2g} (half "
+            f"of signal in [accuracy]), and {problem}. Move them apart to {apart:.0f} mm or ask for less accuracy (a "
+            "larger signal in [accuracy]).")
+
+
+def together(scene: Scene, *, exact: bool = False) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the touches, two each, that are solved together: those that must be, with exact any two that can."""
+    if len(scene.punches) < 2 or scene.hold.time_s:
+        return ()
+    groups = ((0, 1),) if exact and len(scene.punches) == 2 else _clusters(scene)
+    return tuple(group for group in groups if not _together_problem(scene, group))
 
 
 def _punch_refusal(scene: Scene, punch: Punch) -> str:
@@ -164,17 +192,18 @@ def _gap_for(effect: float, thickness_m: float, strain: str) -> float:
 
 def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | None],
                exact: bool) -> Iterator[Decision]:
-    law = law_of(scene, card)
-    for punch, stored in zip(scene.punches, reused, strict=True):
-        yield _rim_decision(scene, punch, exact)
+    law, groups = law_of(scene, card), together(scene, exact=exact)
+    for i, (punch, stored) in enumerate(zip(scene.punches, reused, strict=True)):
+        yield _rim_decision(scene, punch, exact and not any(i in group for group in groups))
         if stored is not None:
             yield stored
         elif punch.force_N is not None:
             yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
         if not punch.conductor:
             yield Decision("no conduction through the punch", "conductor is false in [punch]", 0.0)
-    if len(scene.punches) > 1:
-        yield _neighbour_decision(scene)
+    yield from (_together_decision(scene, group) for group in groups)
+    if len(scene.punches) > 2 or (len(scene.punches) == 2 and not groups):
+        yield _neighbour_decision(scene, groups)
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, card)]
     yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
                    "may compress the foam further than its test; the result tells both strains, the cost is unknown "
@@ -230,13 +259,25 @@ def _friction_decision(punch: Punch, rim: bool) -> Decision:
     return Decision("friction, loaded in increments", reason, 0.0)
 
 
-def _neighbour_decision(scene: Scene) -> Decision:
-    gap = min(edge_gap_m(one, other) for one, other in itertools.combinations(scene.punches, 2))
-    return Decision(f"{len(scene.punches)} touches, each solved as if it were alone",
-                    f"the closest two have {gap * 1e3:.1f} mm between their edges, {gap / scene.body.thickness_m:.1f} "
-                    "thicknesses; their strains add up in the skin, whose electrics is solved for all together. Where "
-                    "the solved fields reach further than this bound, the result's own error grows",
-                    expected(scene.body, scene.punches))
+def _together_decision(scene: Scene, group: Sequence[int]) -> Decision:
+    gap = edge_gap_m(*(scene.punches[i] for i in group))
+    named = " and ".join(str(i + 1) for i in group)
+    return Decision(f"touches {named} solved together in three dimensions",
+                    f"{gap * 1e3:.1f} mm lie between their edges, {gap / scene.body.thickness_m:.1f} thicknesses; a "
+                    "coarser mesh with fewer harmonics and the last pass over both tell the error, which counts in the "
+                    "result's own", 0.0)
+
+
+def _neighbour_decision(scene: Scene, groups: Sequence[Sequence[int]]) -> Decision:
+    apart = [(i, j) for i, j in itertools.combinations(range(len(scene.punches)), 2)
+             if not any(i in group and j in group for group in groups)]
+    gap = min(edge_gap_m(scene.punches[i], scene.punches[j]) for i, j in apart)
+    others = " not solved together" if groups else ""
+    return Decision(f"{len(scene.punches)} touches, each{others} solved as if it were alone",
+                    f"the closest two{others} have {gap * 1e3:.1f} mm between their edges, "
+                    f"{gap / scene.body.thickness_m:.1f} thicknesses; their strains add up in the skin, whose "
+                    "electrics is solved for all together. Where the solved fields reach further than this bound, the "
+                    "result's own error grows", expected(scene.body, scene.punches, groups))
 
 
 def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:

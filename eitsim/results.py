@@ -55,7 +55,8 @@ class RimField:
     """What the rim changes at the surface about a punch; symmetric about the line to the nearest point of the rim.
 
     Samples lie on circles about the punch's axis, as far as these lie inside the disc. Axes: towards the nearest point
-    of the rim, across, and upwards. Nothing is changed beyond the last circle.
+    of the rim, across, and upwards. Nothing is changed beyond the last circle. Or what a neighbour changes beside its
+    own touch alone, in this punch's half: the plane between both stands for the rim.
     """
 
     # (n,) reference radii of the circles, m, increasing
@@ -72,6 +73,8 @@ class RimField:
     # radius of the disc, and distance of the punch's axis from its centre, m
     disc_m: float
     offset_m: float
+    # (2,) direction to the neighbour, beyond whose plane nothing is changed; None for the rim
+    towards: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,8 @@ class Touch:
     section: Section | None = None
     # part of the reference area in contact that slips at last; None without friction
     slip_fraction: float | None = None
-    # what the rim changes at the surface; None where it is far. Depth and contact hold it, the arrays above do not
+    # what the rim or a neighbour changes at the surface; None where they are far. Depth and contact hold it, the arrays
+    # above do not
     rim: RimField | None = None
     # displacement inside the foam with the rim's effect; None without one, or where it is not kept
     volume: Volume | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,14 @@ from eitsim.axisymmetric import Unresolved, solve_touch
 from eitsim.electrics import solve
 from eitsim.holding import kept, solve_hold
 from eitsim.mesh import default_element_m
-from eitsim.near_rim import rim_problem, solve_near_rim
+from eitsim.near_rim import COARSE, FINE, rim_problem, solve_near_rim
 from eitsim.neighbours import expected, interaction
-from eitsim.plan import law_of, make_plan, near_rim, on_mesh
+from eitsim.plan import law_of, make_plan, near_rim, on_mesh, together
 from eitsim.results import Moment, Plan, Readings, Result, Touch
 from eitsim.reuse import decision, served
 from eitsim.scene import Punch, Scene
 from eitsim.table import Table
+from eitsim.together import FINEST, solved_together
 from matcal.card import MaterialCard, require
 from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
@@ -50,8 +51,7 @@ def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Ta
         return Result("refused", plan, message=plan.refusal, cost=_cost(wall, cpu))
     try:
         moments = _moments(law, scene, card, skin_law, exact) if scene.hold.time_s else ()
-        touches = (moments[-1].touch,) if moments else tuple(
-            kept or _touch(law, scene, punch, exact) for punch, kept in zip(scene.punches, stored, strict=True))
+        touches = (moments[-1].touch,) if moments else _touches(law, scene, stored, exact)
         readings = moments[-1].readings if moments else _readings(scene, touches, skin_law, exact)
     except NotConverged as error:
         return Result("bottomed_out" if isinstance(error, BottomedOut) else "not_converged", plan, message=str(error),
@@ -61,8 +61,9 @@ def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Ta
     if deepest > BOTTOM * scene.body.thickness_m:
         outcome = "bottomed_out"
         message = f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
-    neighbours = interaction(tuple(zip(scene.punches, touches, strict=True))) if len(touches) > 1 else {}
-    planned = expected(scene.body, scene.punches)
+    groups = together(scene, exact=exact)
+    neighbours = interaction(tuple(zip(scene.punches, touches, strict=True)), groups) if len(touches) > 1 else {}
+    planned = expected(scene.body, scene.punches, groups)
     unplanned = {key: max(value - planned, 0.0) for key, value in neighbours.items()}
     return Result(outcome, plan, touches, readings, moments, message, interaction=neighbours,
                   error_estimate=errors(plan, touches, readings, unplanned), cost=_cost(wall, cpu))
@@ -87,10 +88,23 @@ def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conduct
     return tuple(Moment(t, touch, reading) for (t, touch), reading in zip(held, readings, strict=True))
 
 
-def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool) -> Touch:
+def _touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], exact: bool) -> tuple[Touch, ...]:
+    """All touches, each alone, and what those solved together change of each other."""
+    groups = together(scene, exact=exact)
+    touches = [kept or _touch(law, scene, punch, exact, paired=any(i in group for group in groups))
+               for i, (punch, kept) in enumerate(zip(scene.punches, stored, strict=True))]
+    for i, j in groups:
+        touches[i], touches[j] = solved_together(
+            (touches[i], touches[j]), law, scene.body, (scene.punches[i], scene.punches[j]), strain=scene.skin.strain,
+            coarse=FINE if exact else COARSE, fine=FINEST if exact else FINE)
+    return tuple(touches)
+
+
+def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: bool = False) -> Touch:
     """A touch on the default mesh, and on one of half its element size where that misses the wanted error or is not
-    exact; in three dimensions near the rim and, where that is built, to be exact."""
-    if near_rim(scene, punch) or (exact and not rim_problem(scene.body, punch)):
+    exact; in three dimensions near the rim and, where that is built and no neighbour is solved together with it, to be
+    exact."""
+    if near_rim(scene, punch) or (exact and not paired and not rim_problem(scene.body, punch)):
         return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain, whole=exact)
     touch = None if exact else _resolved(law, scene, punch)
     if touch is not None and _fine_enough([touch], scene):

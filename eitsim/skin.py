@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 # Strains closer than this to the fitted range count as inside it: far from a touch they are rounding around zero.
 NEAR_RANGE = 1e-4
+# Angle, rad, by which a point may lie beyond the plane between two touches.
+_ON_PLANE = 1e-9
 
 
 def driving_strain(strain: str, stretch_1: ArrayLike, stretch_2: ArrayLike, stretch_normal: ArrayLike) -> Array:
@@ -79,6 +81,8 @@ def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, 
     """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) of the disc."""
     place = np.array([punch.x_m, punch.y_m])
     outwards = place / np.linalg.norm(place) if place.any() else np.array([1.0, 0.0])
+    if touch.rim is not None and touch.rim.towards is not None:
+        outwards = touch.rim.towards
     axes = np.array([outwards, [-outwards[1], outwards[0]]])
     local = (points_m - place) @ axes.T
     radius = np.hypot(local[..., 0], local[..., 1])
@@ -104,7 +108,8 @@ def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity)
 def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
     """Metric (..., 2, 2) and normal factor (...) at places (..., 2) about the punch, axes as in RimField.
 
-    Linear in the radius and cubic in the angle between the samples; no change beyond the last circle.
+    Linear in the radius and cubic in the angle between the samples; no change beyond the last circle, nor nearer to the
+    neighbour.
     """
     radius = np.hypot(local_m[..., 0], local_m[..., 1])
     start = Outline(rim.disc_m, rim.offset_m).start(radius)
@@ -112,9 +117,12 @@ def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
     share = np.clip((angle - start) / np.maximum(np.pi - start, np.finfo(float).tiny), 0.0, 1.0)
     at = np.clip(radius, rim.radius_m[0], rim.radius_m[-1])
     parts = [*np.moveaxis(rim.metric, -1, 0), rim.normal]
+    none = radius > rim.radius_m[-1]
+    if rim.towards is not None:
+        none |= angle < start - _ON_PLANE
     found = [RectBivariateSpline(rim.radius_m, rim.share, part, kx=1, ky=3).ev(at, share) for part in parts]
-    xx, xy, yy, factor = (np.where(radius > rim.radius_m[-1], none, value)
-                          for value, none in zip(found, (1.0, 0.0, 1.0, 1.0), strict=True))
+    xx, xy, yy, factor = (np.where(none, unchanged, value)
+                          for value, unchanged in zip(found, (1.0, 0.0, 1.0, 1.0), strict=True))
     xy = np.where(local_m[..., 1] < 0, -xy, xy)
     return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2), factor
 

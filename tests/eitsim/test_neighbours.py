@@ -90,7 +90,8 @@ def test_the_plan_tells_what_being_alone_costs():
     assert 0 < decision.error_bound < 0.005
     assert not plan.refusal
     closer = [{"x_mm": 0}, {"x_mm": 30}]
-    assert "Move them apart to 24 mm" in make_plan(scene_from({"punch": closer}), CARD).refusal
+    sticking = [punch | {"friction": "stick"} for punch in closer]
+    assert "Move them apart to 24 mm" in make_plan(scene_from({"punch": sticking}), CARD).refusal
     assert not make_plan(scene_from({"punch": closer, "accuracy": {"signal": 0.15}}), CARD).refusal
 
 
