@@ -52,6 +52,7 @@ CASES = (
     Case("sphere, d = 20 mm, 1 N, 5 mm thick", scene(5.0, profile="sphere", diameter_m=0.02, force_N=1.0)),
     Case("cone, d = 14 mm, 0.5 N", scene(profile="cone", force_N=0.5)),
     Case("near the rim, gap 3 mm", scene(x_m=0.09)),
+    Case("near the rim, d = 20 mm, 3 N, gap 0.5 mm", scene(x_m=0.0895, diameter_m=0.02, force_N=3.0)),
     Case("fillet 0.05 mm, d = 20 mm, 3 N", scene(fillet_m=5e-5, diameter_m=0.02, force_N=3.0)),
     Case("fillet 0.05 mm, d = 20 mm, 3 N, 20 mm thick", scene(20.0, fillet_m=5e-5, diameter_m=0.02, force_N=3.0)),
     Case("exact: fillet 0.05 mm, d = 20 mm, 3 N", scene(fillet_m=5e-5, diameter_m=0.02, force_N=3.0), True),
