@@ -31,8 +31,8 @@ from matcal.prony import Prony
 # Parts of the wanted signal error that the mechanics and the electrics may use up.
 MECHANICS_SHARE, ELECTRICS_SHARE = 0.8, 0.2
 # Nodes of a mesh that may still be halved: four times as many stay within some 500 MB. Error over the wanted one at
-# which a load path with friction is solved again on a finer mesh: halving leaves about a third, at up to fifty times the
-# cost.
+# which a load path with friction is solved again on a finer mesh: halving leaves about a third, at up to fifty times
+# the cost.
 _MOST_NODES, _MOST_MISSED = 5500, 3.0
 
 

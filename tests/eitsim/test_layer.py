@@ -1,7 +1,8 @@
 """Small touches against the classical contact problem of an elastic layer bonded to a rigid base.
 
 Solved here as a Fredholm equation of the second kind (N. N. Lebedev, Ya. S. Ufliand, J. Appl. Math. Mech. 22 (1958)
-442; W. C. Hayes et al., J. Biomech. 5 (1972) 541, DOI 10.1016/0021-9290(72)90010-3): independent of any element. Lengths are in thicknesses, stresses in E/(1 - nu^2).
+442; W. C. Hayes et al., J. Biomech. 5 (1972) 541, DOI 10.1016/0021-9290(72)90010-3): independent of
+any element. Lengths are in thicknesses, stresses in E/(1 - nu^2).
 """
 
 from __future__ import annotations
