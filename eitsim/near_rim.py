@@ -53,8 +53,8 @@ _LOCAL = 0.06
 # Conductivity of the nominal skin by which two fields are compared is exp(_SENSITIVITY strain).
 _SENSITIVITY = -2.0
 # Part of what the rim changes that the way to it may alter where the punch sticks: the largest difference of the
-# surface's displacement (2-norm) to 16 increments of the three-dimensional problem, for 14 mm, 0.3 N and a gap of 1 mm,
-# 1 N and 5 mm, 3 N and 5 mm; the added depth differs by 2 % at most.
+# surface's displacement (2-norm) to increments of the three-dimensional problem, 16 for 14 mm, 0.3 N and a gap of 1 mm,
+# and 1 N and 5 mm, 8 for 3 N and 5 mm; the added depth differs by 2 % at most.
 _WAY = 0.1
 # How often the force is halved for a start where the solution is not found from the axisymmetric state.
 _HALVINGS = 3

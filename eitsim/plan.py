@@ -251,9 +251,9 @@ def _friction_decision(punch: Punch, rim: bool) -> Decision:
                         "deeper (Table 1, 10 to 18 mm, 0.1 to 3 N); the signal's cost is unknown and not in the "
                         "bound", 0.0, unbounded=True)
     reason = ("what the foam sticks to depends on the way there, a straight rise of the force; half as many increments "
-              "tell the error, which counts in the result's own")
+              "tell the error, which counts in the result's own; on the default mesh, whatever accuracy is asked for")
     if rim:
-        reason += ("; what the rim changes is taken at the end of that way alone, with what sticks stuck. In 16 "
+        reason += ("; what the rim changes is taken at the end of that way alone, with what sticks stuck. In 16 or 8 "
                    "increments of it, at three touches, the added depth was at most 2 % and the added movement 10 % "
                    "different: that part of it counts in the result's own error too")
     return Decision("friction, loaded in increments", reason, 0.0)

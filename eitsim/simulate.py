@@ -30,10 +30,8 @@ from matcal.prony import Prony
 
 # Parts of the wanted signal error that the mechanics and the electrics may use up.
 MECHANICS_SHARE, ELECTRICS_SHARE = 0.8, 0.2
-# Nodes of a mesh that may still be halved: four times as many stay within some 500 MB. Error over the wanted one at
-# which a load path with friction is solved again on a finer mesh: halving leaves about a third, at up to fifty times
-# the cost.
-_MOST_NODES, _MOST_MISSED = 5500, 3.0
+# Nodes of a mesh that may still be halved: four times as many stay within some 500 MB.
+_MOST_NODES = 5500
 
 
 def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Table | None = None) -> Result:
@@ -111,17 +109,17 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: b
     if near_rim(scene, punch) or (exact and not paired and not rim_problem(scene.body, punch)):
         return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain, whole=exact)
     touch = None if exact else _resolved(law, scene, punch)
-    if touch is not None and (_fine_enough([touch], scene) or not _refinable(touch, scene, punch)):
+    if touch is not None and (_fine_enough([touch], scene) or not _refinable(touch, punch)):
         return touch
     return solve_touch(law, scene.body, punch, strain=scene.skin.strain,
                        element_m=default_element_m(scene.body, punch) / 2)
 
 
-def _refinable(touch: Touch, scene: Scene, punch: Punch) -> bool:
-    """Whether half the element size is in reach: of the memory, and, with friction, of the wanted error."""
+def _refinable(touch: Touch, punch: Punch) -> bool:
+    """Whether half the element size is in reach: of the memory, and not at the end of a load path with friction, which
+    may have to be loaded again from rest on the finer mesh at fifty times the cost."""
     within_memory = touch.section is None or len(touch.section.nodes_m) <= _MOST_NODES
-    within_error = touch.signal_error <= _MOST_MISSED * MECHANICS_SHARE * scene.accuracy.signal
-    return within_memory and (punch.friction == "none" or within_error)
+    return within_memory and punch.friction == "none"
 
 
 def _resolved(law: Hyperfoam, scene: Scene, punch: Punch) -> Touch | None:

@@ -22,9 +22,9 @@ def touch():
 
 @pytest.mark.parametrize(("friction", "error", "nodes", "tries"), [
     ("none", 0.001, 1.0, 1), ("none", 0.01, 1.0, 2), ("none", 0.5, 1.0, 2), ("none", 0.01, 20.0, 1),
-    ("stick", 0.01, 1.0, 2), ("stick", 0.03, 1.0, 1)])
+    ("stick", 0.01, 1.0, 1)])
 def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch, friction, error, nodes, tries):
-    """Of the mechanics 0.8 % is wanted; a large mesh, or friction far from that, stays and tells its error."""
+    """Of the mechanics 0.8 % is wanted; a large mesh, or a path with friction, stays and tells its error."""
     grown = replace(touch.section, nodes_m=touch.section.nodes_m.repeat(int(nodes), axis=0))
     sizes = []
 
