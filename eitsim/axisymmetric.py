@@ -204,15 +204,16 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Eq
     depth_error, signal_error = _errors(levels, states, strain)
     residuals = tuple(r for s in states for r in s.residuals)
     lost = non_elliptic_place(model, state.x)
+    area = min(contact.area, np.pi * model.tool.radius**2)
     return Touch(
         radius_m=radius * unit, u_r_m=(field.position[:, 0] - radius) * unit, u_z_m=field.position[:, 1] * unit,
         stretch_meridian=field.meridian, stretch_hoop=field.hoop, stretch_normal=field.normal,
         pressure_Pa=pressure * law.mu_0_Pa, contact_radius_m=contact.radius * unit, force_N=force_N,
         depth_m=state.depth * unit, sigma_max_Pa=float(contact.pressure.max()) * law.mu_0_Pa,
-        sigma_ave_Pa=force_N / (contact.area * unit**2), contact_area_m2=contact.area * unit**2,
+        sigma_ave_Pa=force_N / (area * unit**2), contact_area_m2=area * unit**2,
         wall_contact_m2=contact.wall * unit**2, depth_error=depth_error, signal_error=signal_error,
         sigma_max_error=max(abs(rough.pressure.max() / contact.pressure.max() - 1), _PEAK_FLOOR),
-        contact_area_error=max(abs(rough.area / contact.area - 1), _AREA_FLOOR),
+        contact_area_error=max(abs(rough.area / contact.area - 1), contact.area / area - 1, _AREA_FLOOR),
         strain_error=_strain_error(levels, states, strain),
         fraction_non_elliptic=fraction_non_elliptic(model, state.x),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,

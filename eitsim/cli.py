@@ -220,12 +220,14 @@ def _print_result(result: Result, document: dict[str, Any], out: Path | None) ->
             table.add_row(key, ", ".join(f"{value:.5g}" for value in values))
         table.add_row("largest |dV|, mV", f"{abs(result.readings.signal_V).max() * 1e3:.4g}")
         for key, value in result.error_estimate.items():
-            table.add_row(f"numerical error of {key}", f"{value:.2%}")
+            table.add_row(f"error of {key}, of that numerical", f"{value:.2%}, {result.numerical_error[key]:.2%}")
         for key, value in result.interaction.items():
             table.add_row(f"of it at most by neighbours, {key}", f"{value:.2%}")
         _add_ranges(table, document["stability"])
         table.add_row("CPU, s", f"{result.cost['cpu_s']:.2f}")
         Console().print(table)
+        if result.outcome == "ok" and result.message:
+            print(f"note: {result.message}")
     if result.moments:
         Console().print(_hold_table(document["times"]))
     if out is not None:

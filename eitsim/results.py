@@ -231,7 +231,7 @@ class Result:
     readings: Readings | None = None
     # a hold from the end of loading on, increasing in time, the last as in touches and readings; empty without one
     moments: tuple[Moment, ...] = ()
-    # in words, where the outcome is not "ok"
+    # in words, where the outcome is not "ok" or the wanted error is missed
     message: str = ""
     # relative residuals of a solver that did not converge; empty otherwise
     residuals: tuple[float, ...] = ()
@@ -239,7 +239,9 @@ class Result:
     load_fraction: float | None = None
     # bounds of what neighbours change of a touch, relative: "signal" and "depth"; empty for one touch
     interaction: Mapping[str, float] = field(default_factory=dict)
-    # relative errors: "signal" (dV, everything) and "depth"
+    # relative errors: "signal" (dV, everything) and "depth", and others that every touch tells
     error_estimate: Mapping[str, float] = field(default_factory=dict)
+    # the part of them that solving left, without what the plan left out
+    numerical_error: Mapping[str, float] = field(default_factory=dict)
     # "cpu_s", "wall_s", "peak_MB"
     cost: Mapping[str, float] = field(default_factory=dict)

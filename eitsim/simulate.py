@@ -67,8 +67,10 @@ def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Ta
     neighbours = interaction(tuple(zip(scene.punches, touches, strict=True)), groups) if len(touches) > 1 else {}
     planned = expected(scene.body, scene.punches, groups)
     unplanned = {key: max(value - planned, 0.0) for key, value in neighbours.items()}
-    return Result(outcome, plan, touches, readings, moments, message, interaction=neighbours,
-                  error_estimate=errors(plan, touches, readings, unplanned), cost=_cost(wall, cpu))
+    told, numerical = errors(plan, touches, readings, unplanned), numerical_errors(touches, readings)
+    message = message or _missed(scene.accuracy.signal, told["signal"], numerical["signal"], plan)
+    return Result(outcome, plan, touches, readings, moments, message, interaction=neighbours, error_estimate=told,
+                  numerical_error=numerical, cost=_cost(wall, cpu))
 
 
 def _readings(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
@@ -149,19 +151,34 @@ def _fine_enough(touches: list[Touch], scene: Scene) -> bool:
 
 def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings,
            unplanned: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Relative errors "signal" and "depth", and "sigma_max", "A_c" and "strain" where every touch tells them: the
-    signal's is the sum of mechanics (the worst touch), electrics, what the plan left out, and what its neighbours may
-    change of a touch beyond that."""
-    mechanics = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
-                 "depth": max(t.depth_error for t in touches)}
+    """Relative errors as in `numerical_errors`, with what the plan left out and what neighbours may change beyond that.
+    """
+    return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
+            + (unplanned or {}).get(key, 0.0) for key, value in numerical_errors(touches, readings).items()}
+
+
+def numerical_errors(touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
+    """Relative errors of the worst touch by what was solved: "signal", its electrics added, and "depth", and
+    "sigma_max", "A_c" and "strain" where every touch tells them."""
+    out = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
+           "depth": max(t.depth_error for t in touches)}
     for key, told in {"sigma_max": [t.sigma_max_error for t in touches],
                       "A_c": [t.contact_area_error for t in touches],
                       "strain": [t.strain_error for t in touches]}.items():
         known = [error for error in told if error is not None]
         if len(known) == len(told):
-            mechanics[key] = max(known)
-    return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
-            + (unplanned or {}).get(key, 0.0) for key, value in mechanics.items()}
+            out[key] = max(known)
+    return out
+
+
+def _missed(wanted: float, told: float, numerical: float, plan: Plan) -> str:
+    """What keeps the signal's error from the wanted one; empty where nothing does."""
+    if told <= wanted:
+        return ""
+    largest = max(plan.decisions, key=lambda d: d.error_bound)
+    return (f"the signal's error may be {told:.2g}, more than the {wanted:g} asked for (signal in [accuracy]): "
+            f"{numerical:.2g} is numerical, {plan.error_bound:.2g} what the plan left out, most of that "
+            f"\"{largest.decision}\".")
 
 
 def _cost(wall: float, cpu: float) -> dict[str, float]:
@@ -187,7 +204,8 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
         "readings_V": result.readings.touched_V.tolist(), "baseline_V": result.readings.baseline_V.tolist(),
         "impedance_Ohm": result.readings.impedance_Ohm.tolist(),
         **({"interaction": dict(result.interaction)} if result.interaction else {}),
-        "error_estimate": dict(result.error_estimate), "electrics_method": result.readings.method,
+        "error_estimate": dict(result.error_estimate), "numerical_error": dict(result.numerical_error),
+        "electrics_method": result.readings.method,
         "stability": {"elliptic": all(t.fraction_non_elliptic == 0 for t in result.touches),
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
                       "non_elliptic_mm": [non_elliptic_mm(touch) for touch in result.touches],

@@ -1,15 +1,18 @@
-"""When half the element size is tried, and when it is out of reach."""
+"""When half the element size is tried, when it is out of reach, and what is said where the wanted error is missed."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from eitsim import simulate as simulation
 from eitsim.axisymmetric import solve_touch
 from eitsim.mesh import default_element_m
 from eitsim.scene import Body, Punch, scene_from
+from matcal.card import MaterialCard
+from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
@@ -37,3 +40,14 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
     told = simulation._touch(FOAM, scene, scene.punches[0], exact=False)
     assert len(sizes) == tries
     assert told.signal_error == error
+
+
+def test_a_missed_accuracy_is_said_with_its_cause():
+    card = MaterialCard("foam", FOAM, None, Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
+    met, missed = (simulation.simulate(scene_from({"accuracy": {"signal": wanted}}), card) for wanted in (0.01, 1e-4))
+    assert met.outcome == missed.outcome == "ok"
+    assert met.message == ""
+    assert "asked for (signal in [accuracy])" in missed.message
+    assert met.numerical_error.keys() == met.error_estimate.keys()
+    for key, told in met.error_estimate.items():
+        assert 0 < met.numerical_error[key] <= told
