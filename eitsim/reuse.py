@@ -76,7 +76,11 @@ def _rim_arrays(rim: RimTable) -> dict[str, Any]:
 
 def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
     """The shape that serves every force on a scene's punch; ValueError where load paths are not reused."""
-    return _shape(scene, card, sorted({punch.diameter_m for punch in scene.punches}), False)
+    law = law_of(scene, card)
+    try:
+        return _shape(scene, law, sorted({punch.diameter_m for punch in scene.punches}), False)
+    except ValueError as error:
+        raise ValueError(f"{error} Leave out --reuse: the touch is then solved afresh.") from None
 
 
 def design_shape(design: Design, card: MaterialCard) -> Shape:
@@ -90,7 +94,8 @@ def design_shape(design: Design, card: MaterialCard) -> Shape:
     spans = any(spans for _, spans in found) or len(diameters) > _MOST
     if spans and diameters[0] == diameters[-1]:
         diameters, spans = diameters[:1], False
-    return _shape(scene_at(design, 0), card, diameters if not spans else [diameters[0], diameters[-1]], spans)
+    first = scene_at(design, 0)
+    return _shape(first, law_of(first, card), diameters if not spans else [diameters[0], diameters[-1]], spans)
 
 
 def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
@@ -106,16 +111,20 @@ def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
     return [float(d) / 1e3 for d in given["choice"]], False
 
 
-def _shape(scene: Scene, card: MaterialCard, diameters_m: list[float], spans: bool) -> Shape:
-    strain, law = scene.skin.strain, law_of(scene, card)
+def _shape(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> Shape:
     if scene.hold.time_s:
-        raise ValueError("a hold is solved in time, not along a load path.")
-    if any(punch.friction != "none" for punch in scene.punches):
-        raise ValueError("load paths are kept for punches without friction only.")
-    shapes = {shape_of(law, scene.body, punch, strain, diameters_m, spans=spans) for punch in scene.punches}
+        raise ValueError("a hold (time_s in [hold]) is solved in time, not along a load path.")
+    for punch in scene.punches:
+        if punch.friction != "none":
+            raise ValueError(f"friction = \"{punch.friction}\" in [punch]: load paths are stored for punches without "
+                             "friction only.")
+    shapes = {shape_of(law, scene.body, punch, scene.skin.strain, diameters_m, spans=spans) for punch in scene.punches}
     if len(shapes) > 1:
         raise ValueError("the punches differ in more than their diameters, and a table of load paths serves one kind.")
-    return shapes.pop()
+    (shape,) = shapes
+    if shape.profile != "flat":
+        raise ValueError(f"profile = \"{shape.profile}\" in [punch]: load paths of spheres and cones are not stored.")
+    return shape
 
 
 def repays(design: Design, shape: Shape) -> bool:

@@ -92,7 +92,7 @@ def _wanted(design: Design, card: MaterialCard, reuse: bool | None, exact: bool)
         shape = design_shape(design, card)
     except ValueError as error:
         if reuse:
-            raise
+            raise ValueError(f"{error} Leave out --reuse: every touch is then solved afresh.") from None
         return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
     repaid = repays(design, shape)
     used = bool(reuse or repaid)

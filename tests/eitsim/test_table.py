@@ -150,7 +150,8 @@ def test_a_design_has_one_shape(punch: dict, diameters: tuple, spans: bool) -> N
 @pytest.mark.parametrize(("raw", "named"), [
     ({"punch": {"fillet_mm": [0.4, 0.6]}}, "fillet_mm"), ({"body": {"thickness_mm": [9, 11]}}, "thickness_mm"),
     ({"punch": {"diameter_mm": {"dist": "normal", "mean": 14, "sd": 0.1}}}, "without ends"),
-    ({"punch": {"friction": "stick"}}, "friction"), ({"hold": {"control": {"choice": ["force", "depth"]}}}, "control")])
+    ({"punch": {"friction": "stick"}}, "friction"), ({"punch": {"profile": "sphere"}}, "profile = \"sphere\""),
+    ({"hold": {"control": {"choice": ["force", "depth"]}}}, "control")])
 def test_a_design_that_no_table_serves_says_why(raw: dict, named: str) -> None:
     with pytest.raises(ValueError, match=named):
         design_shape(design_from(raw, 10), CARD)
@@ -159,6 +160,14 @@ def test_a_design_that_no_table_serves_says_why(raw: dict, named: str) -> None:
 def test_punches_of_two_kinds_have_no_shape() -> None:
     with pytest.raises(ValueError, match="differ"):
         scene_shape(scene_from({"punch": [{"x_mm": 20}, {"x_mm": -20, "profile": "sphere"}]}), CARD)
+
+
+@pytest.mark.parametrize(("raw", "named"), [
+    ({"punch": {"profile": "cone"}}, r"profile = \"cone\" in \[punch\].*Leave out --reuse"),
+    ({"punch": {"friction": "stick"}}, r"friction = \"stick\" in \[punch\].*Leave out --reuse")])
+def test_a_scene_that_no_table_serves_says_why_and_the_mend(raw: dict, named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        scene_shape(scene_from(raw), CARD)
 
 
 def test_a_table_is_made_where_it_repays_its_cost() -> None:
