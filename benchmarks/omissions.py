@@ -68,11 +68,11 @@ def timed(solved: Callable[[], Touch]) -> tuple[Touch, float]:
 
 
 def random_punch(rng: np.random.Generator, gap_m: float | None = None) -> Punch:
-    """A punch at a random place, or at a distance from its edge to the rim."""
+    """A punch at a random place, 10 mm from the rim or more, or at a distance from its edge to the rim."""
     diameter = rng.uniform(0.008, 0.02)
     force = np.exp(rng.uniform(np.log(LEAST_N), np.log(MOST * TABLE_1.mu_0_Pa * np.pi * diameter**2)))
     room = BODY.radius_m - diameter / 2
-    away = room * np.sqrt(rng.uniform()) if gap_m is None else room - gap_m
+    away = (room - 0.01) * np.sqrt(rng.uniform()) if gap_m is None else room - gap_m
     angle = rng.uniform(0, 2 * np.pi)
     return Punch(x_m=away * np.cos(angle), y_m=away * np.sin(angle), diameter_m=diameter, force_N=float(force))
 

@@ -43,6 +43,8 @@ _WIDEST = 0.5
 _INSIDE, _OUTSIDE = 0.05, 0.2
 # Lines closer than this are one, thicknesses.
 _NEAR = 1e-9
+# Least gap between the punch's edge and the rim, over the disc's radius: with less the rim cuts slivers off elements.
+_LEAST_GAP = 1e-5
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, ANGLES = 3, 25
 # Least error of the added depth, relative: what two finenesses may happen to share.
@@ -144,9 +146,12 @@ class Load:
 def rim_problem(body: Body, punch: Punch) -> str:
     """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
     gap = body.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    if gap <= 0:
-        return (f"the punch's edge lies {-gap * 1e3:.1f} mm beyond the rim of the disc; move it inwards by more than "
-                "that")
+    least = _LEAST_GAP * body.radius_m
+    if gap < least:
+        where = f"{-gap * 1e3:.1f} mm beyond" if gap <= -5e-5 else "on"
+        inwards = (math.floor((least - gap) * 1e5) + 1) / 100
+        return (f"the punch's edge lies {where} the rim of the disc; change x_mm and y_mm so that the punch lies "
+                f"{inwards:.2f} mm further inwards")
     if punch.conductor:
         return "only an insulated punch is built"
     if 0 < friction.coefficient(punch) < np.inf:
@@ -184,12 +189,30 @@ def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain:
     if punch.friction == "stick":
         unlike += _WAY * signal_difference(touch, _unchanged(change.field), change.field, strain)
     touch = replace(changed(touch, change), depth_error=touch.depth_error + apart,
-                    signal_error=touch.signal_error + unlike)
+                    signal_error=touch.signal_error + unlike,
+                    sigma_max_error=added_error(touch.sigma_max_error, rough.pressure, change.pressure),
+                    contact_area_error=added_error(touch.contact_area_error, rough.area, change.area))
+    touch = within_face(touch, punch)
     volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
                        math.atan2(punch.y_m, punch.x_m))
     return replace(touch, volume=volume, iterations=touch.iterations + len(rough.residuals) + len(change.residuals),
                    residuals=touch.residuals + rough.residuals + change.residuals,
                    cpu_s=touch.cpu_s + time.process_time() - started)
+
+
+def added_error(error: float | None, rough: float, fine: float) -> float | None:
+    """An error with the relative difference of two ratios added, at least a part of what the finer one changes."""
+    return None if error is None else error + max(abs(rough / fine - 1), LEAST_ERROR * abs(fine - 1))
+
+
+def within_face(touch: Touch, punch: Punch) -> Touch:
+    """The touch with a contact no larger than the punch's face; ratios of reference areas, which a change gives, may
+    exceed it where the foam is drawn under the punch, and the excess counts in the area's error."""
+    face = math.pi * punch.diameter_m**2 / 4
+    excess = max(touch.contact_area_m2 / face - 1, 0.0)
+    error = None if touch.contact_area_error is None else touch.contact_area_error + excess
+    area = min(touch.contact_area_m2, face)
+    return replace(touch, contact_area_m2=area, sigma_ave_Pa=touch.force_N / area, contact_area_error=error)
 
 
 def _unchanged(field: RimField) -> RimField:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
-from eitsim.near_rim import Change, changed, corrected, signal_difference
+from eitsim.near_rim import Change, changed, corrected, signal_difference, within_face
 from eitsim.path import Deviation
 from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch
@@ -200,7 +200,7 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
     field = replace(field, radius_m=field.radius_m * unit, displacement_m=field.displacement_m * unit,
                     disc_m=body.radius_m, offset_m=float(np.hypot(punch.x_m, punch.y_m)))
     with_rim = changed(touch, replace(found.change, field=field, depth_m=found.change.depth_m * unit))
-    return replace(with_rim, depth_error=touch.depth_error + found.depth_error,
+    return replace(within_face(with_rim, punch), depth_error=touch.depth_error + found.depth_error,
                    signal_error=touch.signal_error + found.signal_error)
 
 

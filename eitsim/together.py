@@ -29,6 +29,7 @@ from eitsim.near_rim import (
     Change,
     Fineness,
     Solution,
+    added_error,
     carried_over,
     changed,
     contact_ratios,
@@ -38,6 +39,7 @@ from eitsim.near_rim import (
     set_up,
     signal_difference,
     top_points,
+    within_face,
 )
 from eitsim.neighbours import edge_gap_m
 from eitsim.newton import Minimum
@@ -128,8 +130,8 @@ def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punche
     rough = _settled(_frames(law, body, punches, coarse))
     found = _settled(_frames(law, body, punches, fine), rough)
     spent = (time.process_time() - started) / 2
-    one, other = (_told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), found, strain, spent)
-                  for i, touch in enumerate(touches))
+    one, other = (within_face(_told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), found,
+                                    strain, spent), punches[i]) for i, touch in enumerate(touches))
     return one, other
 
 
@@ -140,6 +142,8 @@ def _told(touch: Touch, rough: Change, change: Change, pair: _Pair, strain: str,
     apart = max(apart, abs(change.force - rough.force), LEAST_ERROR * abs(change.force - 1)) + pair.moved
     signal = signal_difference(touch, rough.field, change.field, strain) + pair.moved
     return replace(out, depth_error=float(touch.depth_error + apart), signal_error=touch.signal_error + signal,
+                   sigma_max_error=added_error(touch.sigma_max_error, rough.pressure, change.pressure),
+                   contact_area_error=added_error(touch.contact_area_error, rough.area, change.area),
                    strain_error=None, iterations=touch.iterations + len(change.residuals),
                    residuals=touch.residuals + change.residuals, cpu_s=touch.cpu_s + spent)
 

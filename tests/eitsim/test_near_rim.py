@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from eitsim.circles import Outline, circles
 from eitsim.clipped_disc import amplitudes, clipped_disc, unknowns_of
 from eitsim.clipped_solution import energy, linearised, product, seen, solve, touching
 from eitsim.fourier import forces, forces_plainly, gradients, gradients_plainly, stiffened
-from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
+from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change, rim_problem, solve_near_rim, within_face
 from eitsim.plan import near_rim, rim_effect
 from eitsim.punch import pressure
 from eitsim.results import RimField
@@ -259,6 +260,15 @@ def test_what_the_rim_does_not_allow_is_named():
             solve_near_rim(FOAM, BODY, punch)
 
 
+@pytest.mark.parametrize(("gap", "named"), [
+    (0.0, "on the rim"), (5e-7, "on the rim"), (-1e-5, "on the rim"), (-1e-3, "1.0 mm beyond the rim")])
+def test_an_edge_on_the_rim_is_told_how_far_to_move(gap, named):
+    problem = rim_problem(BODY, at_gap(gap))
+    assert named in problem
+    (inwards,) = re.findall(r"x_mm and y_mm .* (\S+) mm further inwards", problem)
+    assert rim_problem(BODY, at_gap(gap + float(inwards) / 1e3)) == ""
+
+
 def test_the_skin_takes_the_rims_metric_as_it_is():
     touch, rng = solve_touch(FOAM, BODY, Punch(force_N=0.1)), np.random.default_rng(4)
     radius, share = np.linspace(0.001, 0.05, 20), np.linspace(0, 1, 9)
@@ -279,3 +289,12 @@ def test_forces_are_the_adjoint_of_the_amplitudes():
     disc, rng = disc_at(0.002, TINY), np.random.default_rng(5)
     x, force = rng.normal(size=disc.unknowns), rng.normal(size=disc.base.shape)
     assert np.sum(amplitudes(disc, x) * force) == pytest.approx(float(x @ unknowns_of(disc, force)))
+
+
+def test_a_contact_is_no_larger_than_the_face_and_the_excess_is_told():
+    far = solve_touch(FOAM, Body(), Punch(force_N=0.1), element_m=0.24e-3)
+    wide = replace(far, contact_area_m2=1.1 * np.pi * 0.007**2, contact_area_error=0.01)
+    kept = within_face(wide, Punch(diameter_m=0.014))
+    assert kept.contact_area_m2 == pytest.approx(np.pi * 0.007**2, rel=1e-12)
+    assert kept.contact_area_error == pytest.approx(0.11)
+    assert kept.sigma_ave_Pa == pytest.approx(far.force_N / kept.contact_area_m2)
