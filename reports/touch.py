@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from matcal.errors import TestFileError
-from reports import provenance, readings, touch_plates
+from reports import hold, provenance, readings, touch_plates
 from reports.numerals import counted, number, percent
 from reports.page import Plate, Report, Table
 
@@ -20,6 +20,9 @@ MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of 
              "sigma_ave_kPa": ("Mean contact pressure, force over contact area", "kPa"),
              "A_c_mm2": ("Contact area on the punch face", "mm²"),
              "wall_contact_mm2": ("Contact area on the wall of the hole", "mm²")}
+# key of an error estimate -> what it is the error of
+ERRORS = {"signal": "signal", "depth": "depth", "sigma_max": "largest pressure", "A_c": "contact area",
+          "strain": "surface strain"}
 NO_VOLTAGES = "No voltages: the result holds no readings, since its outcome is \"{outcome}\"."
 
 
@@ -33,6 +36,8 @@ def report(path: Path) -> Report:
         tables["mechanics"] = _mechanics_table(result)
     else:
         absent["mechanics"] = f"No mechanical outputs: the outcome is \"{result['outcome']}\"."
+    if times := result.get("times", []):
+        tables["hold"] = hold.table(times, _voltages(result)[1])
     if "scene" in result:
         tables["scene"] = _scene_table(result["scene"])
     else:
@@ -72,7 +77,8 @@ def _findings(result: Mapping[str, Any]) -> list[str]:
         depths, forces = touches(result, "delta_max_mm"), touches(result, "force_N")
         peaks = touches(result, "sigma_max_kPa")
         names = ["the punch"] if len(depths) == 1 else [f"punch {i}" for i in range(1, len(depths) + 1)]
-        found += [f"{number(force)} N presses {name} {number(depth, 4)} mm deep; the peak contact pressure is "
+        at = f"{when.capitalize()}, " if (when := hold.when(result)) else ""
+        found += [f"{at}{number(force)} N presses {name} {number(depth, 4)} mm deep; the peak contact pressure is "
                   f"{number(peak)} kPa." for name, force, depth, peak in zip(names, forces, depths, peaks, strict=True)]
     if "readings_V" in result:
         touched, baseline = _voltages(result)
@@ -93,7 +99,8 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
     if "scene" in result:
         plates.append(touch_plates.scene(result["scene"]))
     if profiles := result.get("profile", []):
-        plates += [touch_plates.profile(block, i, len(profiles)) for i, block in enumerate(profiles)]
+        alone = _drawn_alone(result["plan"])
+        plates += [touch_plates.profile(block, i, len(profiles), alone) for i, block in enumerate(profiles)]
     else:
         absent["profile"] = "No surface profile: the result holds none."
     if "readings_V" in result:
@@ -104,15 +111,29 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
     return plates
 
 
+def _drawn_alone(plan: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the rim or a neighbour changes the surface beyond the profile, which is of the touch alone."""
+    return any(words in d["decision"] for d in plan for words in ("mechanics in three dimensions", "solved together"))
+
+
 def _mechanics_table(result: Mapping[str, Any]) -> Table:
     columns = {key: touches(result, key) for key in MECHANICS if key in result}
     count = len(next(iter(columns.values())))
     rows = [[MECHANICS[key][0], MECHANICS[key][1], *(number(v, 4) for v in values)] for key, values in columns.items()]
     heads = ["value"] if count == 1 else [f"touch {i + 1}" for i in range(count)]
-    pairs = zip(columns["sigma_max_kPa"], columns["sigma_ave_kPa"], strict=True)
-    ratios = [peak / mean for peak, mean in pairs if mean]
-    caption = f"The mechanical outputs; the peak pressure is {', '.join(number(r) for r in ratios)} times the mean."
+    at = f" {when}" if (when := hold.when(result)) else ""
+    caption = f"The mechanical outputs{at}{_peaks(columns['sigma_max_kPa'], columns['sigma_ave_kPa'])}."
     return Table(caption, ["output", "unit", *heads], rows, "wl" + "r" * count)
+
+
+def _peaks(peaks: Sequence[float], means: Sequence[float]) -> str:
+    """What the peak pressures are of the means, one a touch; said once where all touches have the same."""
+    ratios = [(i, number(peak / mean)) for i, (peak, mean) in enumerate(zip(peaks, means, strict=True), 1) if mean]
+    if not ratios:
+        return ""
+    if len({ratio for _, ratio in ratios}) > 1:
+        return f"; the peak pressure is {', '.join(f'{ratio} (touch {i})' for i, ratio in ratios)} times the mean"
+    return f"; the peak pressure is {ratios[0][1]} times the mean" + (" in each touch" if len(ratios) > 1 else "")
 
 
 def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
@@ -147,7 +168,7 @@ def _cell(value: Any) -> str:
 def _quality_table(result: Mapping[str, Any]) -> Table:
     rows = []
     for key, value in result.get("error_estimate", {}).items():
-        rows.append([f"estimated relative error of the {key}", percent(value)])
+        rows.append([f"estimated relative error of the {ERRORS.get(key, key)}", percent(value)])
     for key, value in result.get("interaction", {}).items():
         rows.append([f"most that its neighbours change of a touch, {key}", percent(value)])
     stability = result.get("stability", {})

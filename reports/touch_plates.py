@@ -62,8 +62,9 @@ def _punches(punches: Sequence[Mapping[str, Any]]) -> str:
     return "the punches " + ", ".join(f"{i} of {place}" for i, place in enumerate(placed, 1))
 
 
-def profile(block: Mapping[str, Sequence[float]], index: int, count: int) -> Plate:
-    """Displacement, pressure and stretches of the surface along the radius from the axis of punch `index`."""
+def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone: bool) -> Plate:
+    """Displacement, pressure and stretches of the surface along the radius from the axis of punch `index`; `alone`:
+    the rim or a neighbour changes them, which these values do not hold."""
     fields = {name: np.asarray(values, dtype=float) for name, values in block.items()}
     r = fields["radius_mm"]
     figure = style.sheet(108)
@@ -83,7 +84,7 @@ def profile(block: Mapping[str, Sequence[float]], index: int, count: int) -> Pla
     reach = _reach(r, fields["u_z_mm"])
     down.set_xlim(0, reach)
     name = "profile" if count == 1 else f"profile_{index + 1}"
-    return Plate(name, figure, _profile_caption(fields, reach, index, count), {name: pd.DataFrame(fields)})
+    return Plate(name, figure, _profile_caption(fields, reach, index, count, alone), {name: pd.DataFrame(fields)})
 
 
 def _reach(r: Array, u_z: Array) -> float:
@@ -97,9 +98,12 @@ def _last_above(r: Array, u_z: Array, fraction: float) -> float:
     return float(r[above[-1]]) if above.size else float(r[-1])
 
 
-def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, count: int) -> str:
+def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, count: int,
+                     alone: bool) -> str:
     r, u_z, pressure, normal = (fields[k] for k in ("radius_mm", "u_z_mm", "pressure_kPa", "stretch_normal"))
     which = "" if count == 1 else f"Touch {index + 1}. "
+    if alone:
+        which += "The touch alone, before what the rim or its neighbour changes is added; the table holds it. "
     peak, least = int(np.argmax(pressure)), int(np.argmin(normal))
     return (f"{which}The surface sinks by up to {number(-u_z.min())} mm; beyond {number(_last_above(r, u_z, 0.01))} mm "
             f"from the axis it moves by less than 1 % of that. Contact pressure peaks at {number(pressure[peak])} kPa, "

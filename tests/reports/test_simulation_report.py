@@ -95,6 +95,47 @@ def test_two_touches_get_a_profile_each(tmp_path: Path, write_result: Make, read
     assert (tmp_path / "t_files" / "profile_2.svg").is_file()
 
 
+@pytest.mark.parametrize("decision", ["mechanics in three dimensions near the rim", "touches 1 and 2 solved together"])
+def test_a_profile_of_the_touch_alone_is_said(decision: str, tmp_path: Path, write_result: Make,
+                                              read_pdf: Reader) -> None:
+    said = "The touch alone, before what the rim or its neighbour changes is added; the table holds it."
+    write(write_result(), tmp_path / "axisymmetric.pdf")
+    assert said not in read_pdf(tmp_path / "axisymmetric.pdf").whole
+    write(write_result(plan=[{"decision": decision, "reason": "near", "error_bound": 0.0}]), tmp_path / "t.pdf")
+    assert said in read_pdf(tmp_path / "t.pdf").whole
+
+
+def test_a_hold_says_its_time_and_shows_all_times(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    baseline = np.ones((16, 13))
+    touched = baseline.copy()
+    touched[5, 9] -= 4.37e-3
+    early = {"time_s": 0.0, "force_N": 1.0, "delta_max_mm": 2.917, "sigma_max_kPa": 17.71,
+             "readings_V": (baseline + 1.23e-3).tolist()}
+    late = early | {"time_s": 180.0, "delta_max_mm": 3.646, "sigma_max_kPa": 18.87, "readings_V": touched.tolist()}
+    write(write_result(readings_V=touched.tolist(), baseline_V=baseline.tolist(), times=[early, late]),
+          tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf")
+    assert "After 180 s, 1.00 N presses the punch 3.646 mm deep" in text.pages[0]
+    for words in ("time (s)", "force (N)", "depth (mm)", "largest signal (mV)", "0 1.000 2.917 17.71 1.23",
+                  "180 1.000 3.646 18.87 4.37", "timed from the end of loading", "The mechanical outputs after 180 s",
+                  "the force stays at 1.000 N and the depth goes from 2.917 to 3.646 mm"):
+        assert words in text.whole, words
+    write(write_result(), tmp_path / "t.pdf")
+    assert "timed from the end of loading" not in read_pdf(tmp_path / "t.pdf").whole
+
+
+def test_errors_and_equal_ratios_are_told_in_words(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    keys = ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2")
+    one = json.loads(write_result().read_text())
+    write(write_result(**{key: [one[key]] * 2 for key in keys}, profile=2 * one["profile"],
+                       error_estimate={"signal": 0.004, "depth": 0.001, "sigma_max": 0.02, "A_c": 0.003,
+                                       "strain": 0.05}), tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf").whole
+    for words in ("error of the largest pressure 2.0 %", "error of the contact area 0.30 %",
+                  "error of the surface strain 5.0 %", "the peak pressure is 2.90 times the mean in each touch."):
+        assert words in text, words
+
+
 @pytest.mark.parametrize(("name", "content"), [("a.json", "not json"), ("a.json", '{"mu_Pa": 1}'), ("a.json", "[1]")])
 def test_a_file_that_is_no_result_is_named(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
