@@ -67,6 +67,8 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     for place, flag in ((out, "--out"), (fields, "--fields"), (report, "--report")):
         if place is not None:
             check_out(place, flag)
+    if fields is not None and fields.suffix != ".vtu":
+        raise ValueError(f"--fields {fields}: the file is a VTU file; give a name that ends in .vtu.")
     parsed = read_scene(scene)
     if fields is not None and parsed.hold.time_s:
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")

@@ -268,8 +268,10 @@ def _check(scene: Scene) -> None:
     _choice("control in [hold]", scene.hold.control, CONTROLS)
     _choice("moduli in [hold]", scene.hold.moduli, MODULI)
     _require(electrodes.count >= 4, "count in [electrodes]", "must be at least 4", electrodes.count)
-    _require(electrodes.count * electrodes.width_m < 2 * math.pi * body.radius_m, "width_mm in [electrodes]",
-             "leaves no gap between the electrodes", electrodes.width_m * 1e3)
+    widest_m = 2 * math.pi * body.radius_m / electrodes.count
+    _require(electrodes.width_m < widest_m, "width_mm in [electrodes]",
+             f"leaves no gap between the electrodes: {electrodes.count} of them at radius_mm = {body.radius_m * 1e3:g} "
+             f"may be {math.floor(widest_m * 1e6) / 1e3:g} wide at most", electrodes.width_m * 1e3)
     _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
     _require(scene.hold.loading_s >= 0, "loading_s in [hold]", "must not be negative", scene.hold.loading_s)
     _require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",

@@ -33,6 +33,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "bare.toml").write_text("[punch]\nforce_N = 0.5\n")
     (tmp_path / "wrong.toml").write_text("[punch]\nradius = 3\n")
     (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 98\n")
+    (tmp_path / "stick.toml").write_text('[punch]\nfriction = "stick"\n')
     (tmp_path / "hopeless.toml").write_text("[punch]\nforce_N = 200\n")
     return tmp_path
 
@@ -53,6 +54,8 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "wrong.toml", "--card", "card.json"], "radius"), (["run", "rim.toml", "--card", "card.json"], "rim"),
     (["run", "bare.toml", "--card", "dry.json"], "no conductivity"),
     (["run", "bare.toml", "--card", "skin.json"], "no hyperfoam"),
+    (["run", "scene.toml", "--fields", "f.txt"], "f.txt: the file is a VTU file; give a name that ends in .vtu"),
+    (["run", "stick.toml", "--card", "card.json", "--reuse"], "--reuse"),
     (["run", "scene.toml", "--report", "touch.pdf"], "--out"), (["report", "nothing", "--out", "x.pdf"], "nothing"),
     (["sweep", "wrong.toml", "--card", "card.json", "--out", "set"], "scenes")])
 def test_mistakes_are_named_with_status_2(folder: Path, words: list[str], named: str) -> None:
