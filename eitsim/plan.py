@@ -28,6 +28,8 @@ _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.029, 0.008]),
 # Parts of the wanted signal error that neglecting the rim and solving touches apart may use up.
 _RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
 STEEL_E_PA = 210e9
+# Prescribed depth over the thickness up to which equilibria are found in seconds.
+_DEEPEST = 0.97
 _RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
 
 
@@ -105,7 +107,8 @@ def _neighbour_refusal(scene: Scene) -> str:
     gap, i, j = min((edge_gap_m(scene.punches[i], scene.punches[j]), i, j) for i, j in pairs)
     where = f"the edges of touches {i + 1} and {j + 1}"
     if gap <= 0:
-        return f"{where} overlap by {-gap * 1e3:.1f} mm; move the punches apart by more than that."
+        return (f"{where} overlap by {max(-gap, 0.0) * 1e3:.1f} mm; move the punches apart by that and, for punches "
+                "solved together, a gap of 3 mm more.")
     if scene.hold.time_s:
         return (f"a hold (time_s in [hold]) is built for one touch, {len(scene.punches)} are given; give one [punch] "
                 "or leave out time_s.")
@@ -146,6 +149,9 @@ def together(scene: Scene, *, exact: bool = False) -> tuple[tuple[int, ...], ...
 
 
 def _punch_refusal(scene: Scene, punch: Punch) -> str:
+    if punch.depth_m is not None and punch.depth_m > _DEEPEST * scene.body.thickness_m:
+        return (f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is beyond {_DEEPEST:.0%} of the foam's thickness, "
+                f"which squeezes it flat; give at most {_DEEPEST * scene.body.thickness_m * 1e3:g}.")
     if scene.electrodes.kind != "line":
         return f"kind in [electrodes] = \"{scene.electrodes.kind}\" is not built; built: line."
     if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:
@@ -234,7 +240,8 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
 def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     gap = rim_gap_m(scene, punch)
     where = f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses"
-    if exact and not rim_problem(scene.body, punch):
+    creeps = bool(scene.hold.time_s) and not scene.hold.keeps_deformation
+    if exact and not creeps and not rim_problem(scene.body, punch):
         return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",
                         f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
                         "own", 0.0)

@@ -70,3 +70,16 @@ def test_more_accuracy_needs_more_distance() -> None:
     closer = make_plan(scene_from(raw | {"accuracy": {"signal": 0.001}}), CARD)
     assert closer.refusal == ""
     assert "three dimensions" in closer.decisions[0].decision
+
+
+def test_a_depth_that_squeezes_the_foam_flat_is_refused_with_the_most_that_is_not():
+    refused, allowed = (make_plan(scene_from({"punch": {"depth_mm": depth}}), CARD).refusal for depth in (9.9, 9.7))
+    assert "at most 9.7" in refused
+    assert allowed == ""
+
+
+def test_an_exact_hold_that_creeps_stays_axisymmetric_and_says_so():
+    held, plain = ([d.decision for d in make_plan(scene_from(raw), CARD, exact=True).decisions]
+                   for raw in ({"hold": {"time_s": [2.0]}}, {}))
+    assert "mechanics axisymmetric about the punch" in held
+    assert any("on the whole disc" in decision for decision in plain)
