@@ -44,7 +44,7 @@ _INSIDE, _OUTSIDE = 0.05, 0.2
 # Lines closer than this are one, thicknesses.
 _NEAR = 1e-9
 # Least gap between the punch's edge and the rim, over the disc's radius: with less the rim cuts slivers off elements.
-_LEAST_GAP = 1e-5
+LEAST_GAP = 1e-5
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, ANGLES = 3, 25
 # Least error of the added depth, relative: what two finenesses may happen to share.
@@ -146,7 +146,7 @@ class Load:
 def rim_problem(body: Body, punch: Punch) -> str:
     """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
     gap = body.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    least = _LEAST_GAP * body.radius_m
+    least = LEAST_GAP * body.radius_m
     if gap < least:
         where = f"{-gap * 1e3:.1f} mm beyond" if gap <= -5e-5 else "on"
         inwards = (math.floor((least - gap) * 1e5) + 1) / 100

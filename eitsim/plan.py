@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eitsim.near_rim import rim_problem
+from eitsim.near_rim import LEAST_GAP, rim_problem
 from eitsim.neighbours import clusters, edge_gap_m, expected, gap_for
 from eitsim.results import Decision, Plan
 from eitsim.scene import Punch, Scene
@@ -168,7 +168,7 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
         problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
                    "loading_s = 0")
     gap, allowed = rim_gap_m(scene, punch), _RIM_SHARE * scene.accuracy.signal
-    if not problem or gap <= 0:
+    if not problem or gap < LEAST_GAP * scene.body.radius_m:
         return problem and f"{problem}."
     return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
             f"rim may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "

@@ -63,6 +63,13 @@ def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
     assert named in make_plan(scene_from(raw), CARD).refusal
 
 
+def test_an_edge_on_the_rim_is_refused_with_what_to_change() -> None:
+    assert make_plan(scene_from({"punch": {"x_mm": 93}}), CARD).refusal == (
+        "the punch's edge lies on the rim of the disc; change x_mm and y_mm so that the punch lies 0.01 mm further "
+        "inwards.")
+    assert make_plan(scene_from({"punch": {"x_mm": 92.99}}), CARD).refusal == ""
+
+
 def test_more_accuracy_needs_more_distance() -> None:
     raw = {"punch": {"x_mm": 45}}
     assert make_plan(scene_from(raw), CARD).refusal == ""
