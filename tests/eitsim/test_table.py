@@ -21,6 +21,7 @@ from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
+from matcal.prony import Prony
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
 CARD = MaterialCard("Table 1", FOAM, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
@@ -163,11 +164,12 @@ def test_punches_of_two_kinds_have_no_shape() -> None:
 
 
 @pytest.mark.parametrize(("raw", "named"), [
+    ({"hold": {"time_s": [60]}}, r"time_s in \[hold\].*Leave out --reuse"),
     ({"punch": {"profile": "cone"}}, r"profile = \"cone\" in \[punch\].*Leave out --reuse"),
     ({"punch": {"friction": "stick"}}, r"friction = \"stick\" in \[punch\].*Leave out --reuse")])
 def test_a_scene_that_no_table_serves_says_why_and_the_mend(raw: dict, named: str) -> None:
     with pytest.raises(ValueError, match=named):
-        scene_shape(scene_from(raw), CARD)
+        scene_shape(scene_from(raw), replace(CARD, prony=Prony([0.3], [6.0])))
 
 
 def test_a_table_is_made_where_it_repays_its_cost() -> None:
