@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from eitsim.axisymmetric import solve_touch
+from eitsim.change import unchanged
 from eitsim.electrics import solve
 from eitsim.holding import solve_hold
 from eitsim.mesh import default_element_m
@@ -91,9 +92,8 @@ def rim_left_out(rng: np.random.Generator) -> Pair:
     gap = BODY.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
     bound = rim_effect(gap, BODY.thickness_m)
     assert full.rim is not None
-    none = replace(full.rim, displacement_m=0 * full.rim.displacement_m, normal=0 * full.rim.normal + 1,
-                   metric=0 * full.rim.metric + [1.0, 0.0, 1.0])
-    return Pair(punch, replace(left_out, rim=none), full, (first, second), bound, bound, bound, ("mesh", "mesh"))
+    left_out = replace(left_out, rim=unchanged(full.rim))
+    return Pair(punch, left_out, full, (first, second), bound, bound, bound, ("mesh", "mesh"))
 
 
 def finer_mesh_left_out(rng: np.random.Generator) -> Pair:

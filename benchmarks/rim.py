@@ -20,10 +20,11 @@ import pandas as pd
 from scipy.interpolate import RegularGridInterpolator
 
 from eitsim.axisymmetric import solve_touch
+from eitsim.change import changed, unchanged
 from eitsim.circles import Outline
 from eitsim.electrics import solve
 from eitsim.mesh import default_element_m
-from eitsim.near_rim import COARSE, FINE, Fineness, changed, corrected, rim_change
+from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change
 from eitsim.plan import near_rim
 from eitsim.results import RimField, Touch
 from eitsim.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
@@ -47,11 +48,6 @@ WHOLE_DISC = replace(FINER, beyond=np.inf)
 
 def at(diameter_m: float, force_N: float, gap_m: float) -> Punch:
     return Punch(x_m=Body().radius_m - diameter_m / 2 - gap_m, diameter_m=diameter_m, force_N=force_N)
-
-
-def no_change(field: RimField) -> RimField:
-    return replace(field, displacement_m=0 * field.displacement_m, metric=0 * field.metric + [1.0, 0.0, 1.0],
-                   normal=0 * field.normal + 1)
 
 
 def places(touch: Touch, field: RimField) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +121,7 @@ def effect(diameter_m: float, force_N: float, gaps_m: Sequence[float] = GAPS_M,
         punch, begun = at(diameter_m, force_N, gap), time.process_time()
         change = rim_change(TABLE_1, Body(), punch)
         seconds, near = time.process_time() - begun, changed(far, change)
-        plain = replace(far, rim=no_change(change.field))
+        plain = replace(far, rim=unchanged(change.field))
         out.append({"what": what, "d_mm": diameter_m * 1e3, "force_N": force_N, "gap_mm": gap * 1e3,
                     **apart(punch, plain, near), "depth": change.depth_m / far.depth_m, "cpu_s": seconds})
         print(pd.DataFrame(out[-1:]).to_string(index=False, header=len(out) == 1), flush=True)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
-from eitsim.near_rim import Change, changed, corrected, signal_difference, within_face
+from eitsim.change import Change, changed, signal_difference, within_face
+from eitsim.near_rim import corrected
 from eitsim.path import Deviation
 from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch

@@ -17,30 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim import solid3d
-from eitsim.circles import Circles, Outline, harmonics_at
+from eitsim.change import Change, told
+from eitsim.circles import Outline
 from eitsim.clipped_disc import ClippedDisc, Outside, amplitudes, clipped_disc
 from eitsim.clipped_solution import fraction_non_elliptic, reaction, solve
-from eitsim.near_rim import (
-    ANGLES,
-    COARSE,
-    FINE,
-    LEAST_ERROR,
-    METRIC,
-    Change,
-    Fineness,
-    Solution,
-    added_error,
-    carried_over,
-    changed,
-    contact_ratios,
-    deformation,
-    displacement,
-    force_ratio,
-    set_up,
-    signal_difference,
-    top_points,
-    within_face,
-)
+from eitsim.clipped_surface import contact_ratios, deformation, displacement, field, samples
+from eitsim.near_rim import COARSE, FINE, Fineness, Solution, carried_over, force_ratio, set_up
 from eitsim.neighbours import edge_gap_m
 from eitsim.newton import Minimum
 from eitsim.other_axis import View, view
@@ -129,23 +111,12 @@ def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punche
     started = time.process_time()
     rough = _settled(_frames(law, body, punches, coarse))
     found = _settled(_frames(law, body, punches, fine), rough)
-    spent = (time.process_time() - started) / 2
-    one, other = (within_face(_told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), found,
-                                    strain, spent), punches[i]) for i, touch in enumerate(touches))
-    return one, other
-
-
-def _told(touch: Touch, rough: Change, change: Change, pair: _Pair, strain: str, spent: float) -> Touch:
-    """A touch with its change, which a rougher one and the last pass tell the error of."""
-    out = changed(touch, change)
-    apart = max(abs(change.depth_m - rough.depth_m), LEAST_ERROR * abs(change.depth_m)) / out.depth_m
-    apart = max(apart, abs(change.force - rough.force), LEAST_ERROR * abs(change.force - 1)) + pair.moved
-    signal = signal_difference(touch, rough.field, change.field, strain) + pair.moved
-    return replace(out, depth_error=float(touch.depth_error + apart), signal_error=touch.signal_error + signal,
-                   sigma_max_error=added_error(touch.sigma_max_error, rough.pressure, change.pressure),
-                   contact_area_error=added_error(touch.contact_area_error, rough.area, change.area),
-                   strain_error=None, iterations=touch.iterations + len(change.residuals),
-                   residuals=touch.residuals + change.residuals, cpu_s=touch.cpu_s + spent)
+    spent, out = (time.process_time() - started) / 2, []
+    for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
+        one = told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), punch, strain)
+        out.append(replace(one, depth_error=one.depth_error + found.moved, signal_error=one.signal_error + found.moved,
+                           cpu_s=touch.cpu_s + spent))
+    return out[0], out[1]
 
 
 def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Fineness) -> tuple[_Frame, ...]:
@@ -259,41 +230,16 @@ def _surface_field(pair: _Pair, i: int, unit: float, towards: Array) -> RimField
     must have so that, with the other's alone, they are those of the whole."""
     frame, theirs = pair.frames[i], pair.frames[1 - i]
     added, other_added = (amplitudes(pair.frames[k].disc, pair.x[k][:-1]) for k in (i, 1 - i))
-    points, radius = top_points(frame.disc, frame.model)
-    share = np.linspace(0, 1, ANGLES)
     plane = Outline(_PLANE, _PLANE - frame.half)
-    start = plane.start(radius)[:, None]
-    angle = start + (np.pi - start) * share
-    points = replace(points, circles=Circles(np.ones_like(angle), *harmonics_at(angle, len(frame.disc.fixed))))
-    flat = np.broadcast_to(radius[:, None], angle.shape).ravel()
+    at = samples(frame.disc, frame.model, plane)
+    flat = np.broadcast_to(at.radius[:, None], at.angle.shape).ravel()
     seen = view(theirs.disc.columns, theirs.model.grid.lines[1], len(theirs.disc.fixed), frame.apart, flat,
-                angle.ravel(), np.zeros(flat.size))
+                at.angle.ravel(), np.zeros(flat.size))
 
     def others(amplitude: Array) -> Array:
-        return seen.gradient(amplitude).reshape(*angle.shape, 3, 3)
+        return seen.gradient(amplitude).reshape(*at.angle.shape, 3, 3)
 
-    alone, neighbour = deformation(points, frame.disc.base), np.eye(3) + others(theirs.disc.base)
-    whole = deformation(points, frame.disc.base + added) + others(theirs.disc.base + other_added)
-    metric, normal = _beside(alone, neighbour, whole)
-    turn = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), (0, 1), (-2, -1))
-    metric = turn @ metric @ np.swapaxes(turn, -1, -2)
-    moved = displacement(points, added) + seen.displacement(other_added).reshape(*angle.shape, 3)
-    moved[..., :2] = (turn @ moved[..., :2, None])[..., 0]
-    return RimField(radius * unit, share, moved * unit, metric[..., *METRIC], normal, plane.disc * unit,
-                    plane.offset * unit, towards)
-
-
-def _beside(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:
-    """In-plane metric (..., 2, 2) of the whole less the neighbour's strain, seen from the stretches alone, and the
-    normal stretch of the whole over both. NotConverged where it is none."""
-    metrics = [np.swapaxes(f[..., :2], -1, -2) @ f[..., :2] for f in (alone, neighbour, whole)]
-    value, vector = np.linalg.eigh(metrics[0])
-    inverse = (vector / np.sqrt(value)[..., None, :]) @ np.swapaxes(vector, -1, -2)
-    metric = inverse @ (metrics[2] - metrics[1] + np.eye(2)) @ inverse
-    one, other, all_of_it = (np.linalg.det(f) / np.sqrt(np.linalg.det(m))
-                             for f, m in zip((alone, neighbour, whole), metrics, strict=True))
-    normal = all_of_it / one / other
-    if not (np.all(normal > 0) and np.all(np.linalg.eigvalsh(metric) > 0)):
-        raise NotConverged("what two touches change of each other turns the surface inside out between the points of "
-                           f"its mesh. {_MEND}")
-    return metric, normal
+    alone, neighbour = deformation(at.points, frame.disc.base), np.eye(3) + others(theirs.disc.base)
+    whole = deformation(at.points, frame.disc.base + added) + others(theirs.disc.base + other_added)
+    moved = displacement(at.points, added) + seen.displacement(other_added).reshape(*at.angle.shape, 3)
+    return field(at, alone, whole, moved, unit, neighbour, towards)

@@ -11,11 +11,12 @@ import pytest
 
 from eitsim import loading, solid3d
 from eitsim.axisymmetric import force_unit, pressings, solve_touch, under_force
+from eitsim.change import within_face
 from eitsim.circles import Outline, circles
 from eitsim.clipped_disc import amplitudes, clipped_disc, unknowns_of
 from eitsim.clipped_solution import energy, linearised, product, seen, solve, touching
 from eitsim.fourier import forces, forces_plainly, gradients, gradients_plainly, stiffened
-from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change, rim_problem, solve_near_rim, within_face
+from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
 from eitsim.plan import near_rim, rim_effect
 from eitsim.punch import pressure
 from eitsim.results import RimField

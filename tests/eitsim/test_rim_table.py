@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eitsim.change import signal_difference
 from eitsim.design import design_from
-from eitsim.near_rim import signal_difference, solve_near_rim
+from eitsim.near_rim import solve_near_rim
 from eitsim.results import Touch
 from eitsim.reuse import decision, rim_repays, scene_shape, served
 from eitsim.rim_table import build_rim, near_rim_from
