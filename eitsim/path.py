@@ -72,7 +72,7 @@ class Node:
     slopes: Array
     # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
     numbers: Array
-    # (5,) TOLD
+    # (6,) TOLD
     told: Array
     # derivative of the mean pressure by the depth
     stiffness: float

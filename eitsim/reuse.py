@@ -118,13 +118,13 @@ def _shape(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) 
         if punch.friction != "none":
             raise ValueError(f"friction = \"{punch.friction}\" in [punch]: load paths are stored for punches without "
                              "friction only.")
+        if punch.profile != "flat":
+            raise ValueError(f"profile = \"{punch.profile}\" in [punch]: load paths of spheres and cones are not "
+                             "stored.")
     shapes = {shape_of(law, scene.body, punch, scene.skin.strain, diameters_m, spans=spans) for punch in scene.punches}
     if len(shapes) > 1:
         raise ValueError("the punches differ in more than their diameters, and a table of load paths serves one kind.")
-    (shape,) = shapes
-    if shape.profile != "flat":
-        raise ValueError(f"profile = \"{shape.profile}\" in [punch]: load paths of spheres and cones are not stored.")
-    return shape
+    return shapes.pop()
 
 
 def repays(design: Design, shape: Shape) -> bool:

@@ -51,9 +51,10 @@ def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Ta
         for touch in stored])
     if plan.refusal:
         return Result("refused", plan, message=plan.refusal, cost=_cost(wall, cpu))
+    groups = together(scene, exact=exact)
     try:
         moments = _moments(law, scene, card, skin_law, exact) if scene.hold.time_s else ()
-        touches = (moments[-1].touch,) if moments else _touches(law, scene, stored, exact)
+        touches = (moments[-1].touch,) if moments else _touches(law, scene, stored, groups, exact)
         readings = moments[-1].readings if moments else _readings(scene, touches, skin_law, exact)
     except NotConverged as error:
         return Result("bottomed_out" if isinstance(error, BottomedOut) else "not_converged", plan, message=str(error),
@@ -63,11 +64,11 @@ def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False, table: Ta
     if deepest > BOTTOM * scene.body.thickness_m:
         outcome = "bottomed_out"
         message = f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
-    groups = together(scene, exact=exact)
     neighbours = interaction(tuple(zip(scene.punches, touches, strict=True)), groups) if len(touches) > 1 else {}
     planned = expected(scene.body, scene.punches, groups)
     unplanned = {key: max(value - planned, 0.0) for key, value in neighbours.items()}
-    told, numerical = errors(plan, touches, readings, unplanned), numerical_errors(touches, readings)
+    numerical = numerical_errors(touches, readings)
+    told = errors(plan, numerical, unplanned)
     message = message or _missed(scene.accuracy.signal, told["signal"], numerical["signal"], plan)
     return Result(outcome, plan, touches, readings, moments, message, interaction=neighbours, error_estimate=told,
                   numerical_error=numerical, cost=_cost(wall, cpu))
@@ -92,9 +93,9 @@ def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conduct
     return tuple(Moment(t, touch, reading) for (t, touch), reading in zip(held, readings, strict=True))
 
 
-def _touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], exact: bool) -> tuple[Touch, ...]:
-    """All touches, each alone, and what those solved together change of each other."""
-    groups = together(scene, exact=exact)
+def _touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], groups: Sequence[tuple[int, ...]],
+             exact: bool) -> tuple[Touch, ...]:
+    """All touches, each alone, and what those of a group, solved together, change of each other."""
     touches = [kept or _touch(law, scene, punch, exact, paired=any(i in group for group in groups))
                for i, (punch, kept) in enumerate(zip(scene.punches, stored, strict=True))]
     for i, j in groups:
@@ -149,12 +150,11 @@ def _fine_enough(touches: list[Touch], scene: Scene) -> bool:
                or touch.depth_m > BOTTOM * scene.body.thickness_m for touch in touches)
 
 
-def errors(plan: Plan, touches: tuple[Touch, ...], readings: Readings,
-           unplanned: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Relative errors as in `numerical_errors`, with what the plan left out and what neighbours may change beyond that.
-    """
+def errors(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None
+           ) -> dict[str, float]:
+    """`numerical_errors`, with what the plan left out and what neighbours may change beyond that."""
     return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
-            + (unplanned or {}).get(key, 0.0) for key, value in numerical_errors(touches, readings).items()}
+            + (unplanned or {}).get(key, 0.0) for key, value in numerical.items()}
 
 
 def numerical_errors(touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
@@ -225,7 +225,7 @@ def decisions(plan: Plan) -> list[dict[str, Any]]:
 def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:
     """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
     return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": moment.readings.touched_V.tolist(),
-            "error_estimate": errors(plan, (moment.touch,), moment.readings)}
+            "error_estimate": errors(plan, numerical_errors((moment.touch,), moment.readings))}
 
 
 def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:

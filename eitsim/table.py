@@ -1,4 +1,5 @@
-"""A table of touches over force and diameter, without units: load paths at a few diameters and polynomials between.
+"""A table of flat punches' touches over force and diameter, without units: load paths at a few diameters and
+polynomials between.
 
 At equal depth the surface about the punch's edge is nearly the same for every diameter, so that radii are carried over
 from one punch to another with the edge and the start of the fillet in place, and few diameters suffice.
@@ -42,9 +43,7 @@ class Shape:
     nu: tuple[float, ...]
     # radius of the disc
     disc: float
-    profile: str
     fillet: float
-    half_angle_rad: float
     # the skin's driving strain, for which errors of signals are told
     strain: str
     # increasing diameters: the ends of a range, or all there are
@@ -89,7 +88,7 @@ class Table:
     # (diameters, k, 6 r + 6) FIELDS and NUMBERS, and their derivatives by the depth
     values: Array
     slopes: Array
-    # (diameters, k, 5) TOLD
+    # (diameters, k, 6) TOLD
     told: Array
     # largest deviation from touches solved afresh at held-out depths and diameters
     error: Deviation
@@ -103,14 +102,12 @@ class Table:
 
 def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m: Iterable[float] = (), *,
              spans: bool = False) -> Shape:
-    """The shape of a touch, for its own diameter or for others; all moduli times a factor have the same shape."""
+    """The shape of a flat punch's touch, for its own diameter or for others; all moduli times a factor have the same
+    shape."""
     unit = body.thickness_m
-    fillet = punch.diameter_m / 2 if punch.profile == "sphere" else punch.fillet_m
     return Shape(
         mu=_rounded(law.mu_Pa / law.mu_0_Pa), alpha=_rounded(law.alpha), nu=_rounded(law.nu),
-        disc=_rounded([body.radius_m / unit])[0], profile=punch.profile,
-        fillet=0.0 if punch.profile == "sphere" else _rounded([fillet / unit])[0],
-        half_angle_rad=_rounded([punch.half_angle_rad])[0] if punch.profile == "cone" else 0.0, strain=strain,
+        disc=_rounded([body.radius_m / unit])[0], fillet=_rounded([punch.fillet_m / unit])[0], strain=strain,
         diameters=_rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]]), spans=spans)
 
 
@@ -120,11 +117,8 @@ def _rounded(values: Iterable[float]) -> tuple[float, ...]:
 
 def parts_of(shape: Shape, diameter: float) -> tuple[Hyperfoam, Body, Punch]:
     """Law, body and punch of a shape, without units; the force is yet to be set."""
-    fillet = diameter / 2 if shape.profile == "sphere" else shape.fillet
-    punch = Punch(diameter_m=diameter, fillet_m=fillet, profile=shape.profile,
-                  half_angle_rad=shape.half_angle_rad or Punch().half_angle_rad)
     law = Hyperfoam(np.array(shape.mu), np.array(shape.alpha), np.array(shape.nu))
-    return law, Body(shape.disc, 1.0), punch
+    return law, Body(shape.disc, 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
 
 
 def carried_over(shape: Shape, radius: Array, old: float, new: float) -> Array:
@@ -132,7 +126,7 @@ def carried_over(shape: Shape, radius: Array, old: float, new: float) -> Array:
     if old == new:
         return radius
     outer = [old / 2, new / 2]
-    inner = [r - (r if shape.profile == "sphere" else shape.fillet) for r in outer]
+    inner = [r - shape.fillet for r in outer]
     inside = inner[1] - _stretched(inner[0] - np.minimum(radius, inner[0]), inner[0], inner[1], _INWARDS)
     share = (np.clip(radius, inner[0], outer[0]) - inner[0]) / (outer[0] - inner[0])
     under = inner[1] + share * (outer[1] - inner[1])
@@ -211,7 +205,8 @@ def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: s
     """The touch under the punch's force or at its depth; None where the table does not hold it."""
     shape, unit = table.shape, body.thickness_m
     own = shape_of(law, body, punch, strain)
-    if punch.friction != "none" or replace(own, diameters=shape.diameters, spans=shape.spans) != shape:
+    of_kind = punch.profile == "flat" and punch.friction == "none"
+    if not of_kind or replace(own, diameters=shape.diameters, spans=shape.spans) != shape:
         return None
     started = time.process_time()
     diameter = own.diameters[0]

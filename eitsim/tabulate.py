@@ -79,7 +79,7 @@ def _fresh(shape: Shape, depths: Array, diameter: float) -> tuple[list[Node], fl
 
 
 def _arrays(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
-    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and TOLD (k, 5) there."""
+    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and TOLD (k, 6) there."""
     if len(nodes) < _FEWEST:
         raise NotConverged(f"a load path was found at {len(nodes)} depths only, too few for a table.",
                            estimate=depths)

@@ -160,7 +160,7 @@ def test_a_design_that_no_table_serves_says_why(raw: dict, named: str) -> None:
 
 def test_punches_of_two_kinds_have_no_shape() -> None:
     with pytest.raises(ValueError, match="differ"):
-        scene_shape(scene_from({"punch": [{"x_mm": 20}, {"x_mm": -20, "profile": "sphere"}]}), CARD)
+        scene_shape(scene_from({"punch": [{"x_mm": 20}, {"x_mm": -20, "fillet_mm": 0.6}]}), CARD)
 
 
 @pytest.mark.parametrize(("raw", "named"), [
