@@ -90,7 +90,7 @@ def system(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: fl
     """
     if not contact_impedance_Ohm_m > 0:
         raise ValueError(f"the contact impedance must be positive, got {contact_impedance_Ohm_m} Ohm m.")
-    values = [_stiffness(mesh, np.asarray(conductance_S, dtype=float)), _contact(mesh) / contact_impedance_Ohm_m]
+    values = [_stiffness(mesh, np.asarray(conductance_S, dtype=float)), contacts(mesh) / contact_impedance_Ohm_m]
     local = np.concatenate([v.ravel() for v in values])
     return np.bincount(pattern.slot, local, minlength=len(pattern.row)).astype(float, copy=False)
 
@@ -185,8 +185,9 @@ def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Arra
     return np.broadcast_to(xx, shape), np.broadcast_to(yy, shape), np.broadcast_to(xy, shape)
 
 
-def _contact(mesh: SkinMesh) -> Array:
-    """Local matrices (edges, (k+1)^2) of int (v - V)(u - U) ds, the electrode's own potential last."""
+def contacts(mesh: SkinMesh) -> Array:
+    """Local matrices (edges, k + 1, k + 1) of int (v - V)(u - U) ds, m, k nodes an edge, the electrode's own potential
+    last."""
     kind = _KINDS[mesh.element][2]()
     points, weights = get_quadrature(kind, 4)
     basis = [kind.lbasis(points, i) for i in range(mesh.edges.shape[1])]
