@@ -44,8 +44,8 @@ def fixed_mesh(level: int) -> SkinMesh:
     quarters = [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)]
     triangles = [mesh.cells[:, [q[i] for i in corner]] for q in quarters for corner in ((0, 1, 2), (0, 2, 3))]
     cells = np.concatenate([t[(t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 0] != t[:, 2])] for t in triangles])
-    edges = np.concatenate([mesh.edges[:, [0, 2]], mesh.edges[:, [2, 1]]])
-    return replace(mesh, cells=cells, edges=edges, electrode=np.tile(mesh.electrode, 2), element="P1")
+    edges = np.concatenate([mesh.under[:, [0, 2]], mesh.under[:, [2, 1]]])
+    return replace(mesh, cells=cells, under=edges, electrode=np.tile(mesh.electrode, 2), element="P1")
 
 
 def signal_on(mesh: SkinMesh, punch: Punch, touch: Touch) -> np.ndarray:

@@ -20,19 +20,23 @@ ELEMENTS = ("P1", "P2", "Q2")
 # element, degree of exactness of its quadrature, element of its edges
 _KINDS = {"P1": (ElementTriP1, 1, ElementLineP1), "P2": (ElementTriP2, 4, ElementLineP2),
           "Q2": (ElementQuad2, 5, ElementLineP2)}
+# Degree of exactness of the quadrature over areas under patches.
+_AREA_DEGREE = 6
 
 
 @dataclass(frozen=True, eq=False)
 class SkinMesh:
-    """The skin's reference surface cut into elements, and the edges that lie under electrodes."""
+    """The skin's reference surface cut into elements, and what of it lies under electrodes: edges under lines, whole
+    elements under patches."""
 
     # (n, 2) nodes, m; the elements are isoparametric, so middle nodes may lie on curves
     nodes_m: Array
     # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
     cells: Indices
-    # (edges, 2 or 3) node numbers of the edges under electrodes: both ends, then the middle where the element has one
-    edges: Indices
-    # (edges,) the electrode each of them lies under, from 0
+    # (parts, m) node numbers of the edges under electrodes, m = 2 or 3: both ends, then the middle where the element
+    # has one; or of the elements under electrodes, m = k, ordered as in `cells`
+    under: Indices
+    # (parts,) the electrode each of them lies under, from 0
     electrode: Indices
     # how many electrodes
     count: int
@@ -44,7 +48,8 @@ class SkinMesh:
             raise ValueError(f"element '{self.element}' is unknown; known: {', '.join(ELEMENTS)}.")
         bare = np.setdiff1d(np.arange(self.count), self.electrode)
         if bare.size:
-            raise ValueError(f"electrode {bare[0]} (from 0) has no edge of the mesh; give each at least one.")
+            raise ValueError(f"electrode {bare[0]} (from 0) has no edge or element of the mesh; give each at least "
+                             "one.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +58,7 @@ class Sparsity:
 
     # order of the global matrix
     size: int
-    # (entries,) slot of every entry of the local matrices: cells first, then edges
+    # (entries,) slot of every entry of the local matrices: cells first, then what lies under electrodes
     slot: Indices
     # (slots,) row and column of every slot, sorted by column, then row
     row: Indices
@@ -70,11 +75,11 @@ def quadrature_points(mesh: SkinMesh) -> Array:
 
 
 def sparsity(mesh: SkinMesh) -> Sparsity:
-    """Sparsity of the system of a mesh; depends on its cells, edges and electrodes, not on where its nodes are."""
+    """Sparsity of the system of a mesh; depends on its cells and electrodes, not on where its nodes are."""
     size = len(mesh.nodes_m) + mesh.count
-    edges = np.column_stack([mesh.edges, len(mesh.nodes_m) + mesh.electrode])
-    row = np.concatenate([np.repeat(block, block.shape[1], axis=1).ravel() for block in (mesh.cells, edges)])
-    column = np.concatenate([np.tile(block, block.shape[1]).ravel() for block in (mesh.cells, edges)])
+    under = np.column_stack([mesh.under, len(mesh.nodes_m) + mesh.electrode])
+    row = np.concatenate([np.repeat(block, block.shape[1], axis=1).ravel() for block in (mesh.cells, under)])
+    column = np.concatenate([np.tile(block, block.shape[1]).ravel() for block in (mesh.cells, under)])
     unique, slot = np.unique(column.astype(np.int64) * size + row, return_inverse=True)
     row, column = unique % size, unique // size
     kept = np.flatnonzero((row < size - 1) & (column < size - 1))
@@ -82,28 +87,42 @@ def sparsity(mesh: SkinMesh) -> Sparsity:
     return Sparsity(size, slot, row, column, kept, row[kept].astype(np.int32), pointer.astype(np.int32))
 
 
-def system(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, pattern: Sparsity) -> Array:
-    """Values (slots,) of the CEM's matrix: sum of int grad v . sigma grad u and (1/z) int (v - V)(u - U) ds.
+def system(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, pattern: Sparsity) -> Array:
+    """Values (slots,) of the CEM's matrix: sum of int grad v . sigma grad u and (1/z) int (v - V)(u - U), the latter
+    over the length of lines or the area of patches.
 
-    Conductance is (cells,) or (cells, q) where isotropic, (cells, q, 2, 2) where a tensor. ValueError where z or a
-    conductance is not positive. Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060.
+    Conductance is (cells,) or (cells, q) where isotropic, (cells, q, 2, 2) where a tensor; z one number or (count,),
+    Ohm m for lines and Ohm m^2 for patches. ValueError where z or a conductance is not positive.
+    Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060.
     """
-    if not contact_impedance_Ohm_m > 0:
-        raise ValueError(f"the contact impedance must be positive, got {contact_impedance_Ohm_m} Ohm m.")
-    values = [_stiffness(mesh, np.asarray(conductance_S, dtype=float)), contacts(mesh) / contact_impedance_Ohm_m]
-    local = np.concatenate([v.ravel() for v in values])
-    return np.bincount(pattern.slot, local, minlength=len(pattern.row)).astype(float, copy=False)
+    local = contacts(mesh) / _per_electrode(mesh, contact_impedance)[mesh.electrode, None, None]
+    values = [_stiffness(mesh, np.asarray(conductance_S, dtype=float)), local]
+    return np.bincount(pattern.slot, np.concatenate([v.ravel() for v in values]), minlength=len(pattern.row)).astype(
+        float, copy=False)
 
 
-def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, *,
+def _per_electrode(mesh: SkinMesh, contact_impedance: ArrayLike) -> Array:
+    """(count,) contact impedances, checked."""
+    z = np.asarray(contact_impedance, dtype=float)
+    if z.shape not in ((), (mesh.count,)):
+        raise ValueError(f"the contact impedance must be one number or one of each of {mesh.count} electrodes, got an "
+                         f"array of shape {z.shape}.")
+    if not np.all((z > 0) & np.isfinite(z)):
+        wrong = np.ravel(z)[np.ravel(~((z > 0) & np.isfinite(z)))][0]
+        raise ValueError(f"the contact impedance must be positive and finite, got {wrong}; leave electrodes that do "
+                         "not touch out of the mesh.")
+    return np.broadcast_to(z, mesh.count)
+
+
+def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
               pattern: Sparsity | None = None, refinements: int = 1, factorised: Factorise = factorise) -> Array:
     """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero."""
-    electrodes = potentials(mesh, conductance_S, contact_impedance_Ohm_m, pattern=pattern,
+    electrodes = potentials(mesh, conductance_S, contact_impedance, pattern=pattern,
                             refinements=refinements, factorised=factorised)[len(mesh.nodes_m):]
     return electrodes - electrodes.mean(axis=0)
 
 
-def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: float, *,
+def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
                pattern: Sparsity | None = None, refinements: int = 1, factorised: Factorise = factorise) -> Array:
     """Potentials (nodes + count, count), Ohm, of nodes, then electrodes, the last one earthed; column k is for 1 A into
     electrode k and 1/count A out of every one.
@@ -113,7 +132,7 @@ def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m
     zero).
     """
     pattern = sparsity(mesh) if pattern is None else pattern
-    values = system(mesh, conductance_S, contact_impedance_Ohm_m, pattern)
+    values = system(mesh, conductance_S, contact_impedance, pattern)
     order = pattern.size - 1
     solve = factorised(csc_matrix((values[pattern.kept], pattern.kept_row, pattern.kept_pointer), (order, order)))
     currents = np.zeros((order, mesh.count - 1))
@@ -143,10 +162,12 @@ def _applied(pattern: Sparsity, values: Array, potential: Array) -> Array:
     return np.add.reduceat(flow, starts, axis=0)[:-1]
 
 
-@lru_cache(maxsize=len(ELEMENTS))
-def _reference(element: str) -> tuple[Array, Array, Array, Array]:
-    """Reference element: values (q, k), gradients (q, k, 2), weights (q,) and the products of gradients (3 q, k k)."""
-    kind, degree, _ = _KINDS[element]
+@lru_cache(maxsize=2 * len(ELEMENTS))
+def _reference(element: str, degree: int | None = None) -> tuple[Array, Array, Array, Array]:
+    """Reference element: values (q, k), gradients (q, k, 2), weights (q,) and the products of gradients (3 q, k k), by
+    default on the points of its stiffness."""
+    kind = _KINDS[element][0]
+    degree = _KINDS[element][1] if degree is None else degree
     points, weights = get_quadrature(kind(), degree)
     basis = [kind().lbasis(points, i) for i in range(len(kind().doflocs))]
     value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis], axis=1)
@@ -186,12 +207,25 @@ def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Arra
 
 
 def contacts(mesh: SkinMesh) -> Array:
-    """Local matrices (edges, k + 1, k + 1) of int (v - V)(u - U) ds, m, k nodes an edge, the electrode's own potential
-    last."""
+    """Local matrices (parts, m + 1, m + 1) of int (v - V)(u - U) over what lies under electrodes, m nodes a part, the
+    electrode's own potential last; m under lines, m^2 under patches."""
+    value, measure = _on_cells(mesh) if mesh.under.shape[1] == mesh.cells.shape[1] else _on_edges(mesh)
+    value = np.column_stack([value, -np.ones(len(value))])
+    return np.einsum("eq,qi,qj->eij", measure, value, value)
+
+
+def _on_edges(mesh: SkinMesh) -> tuple[Array, Array]:
+    """Nodal functions (q, m) at quadrature points of edges, and the lengths (parts, q) that these stand for."""
     kind = _KINDS[mesh.element][2]()
     points, weights = get_quadrature(kind, 4)
-    basis = [kind.lbasis(points, i) for i in range(mesh.edges.shape[1])]
-    value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis] + [-np.ones_like(weights)])
+    basis = [kind.lbasis(points, i) for i in range(mesh.under.shape[1])]
+    value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis], axis=1)
     slope = np.stack([np.broadcast_to(b[1][0], weights.shape) for b in basis])
-    speed = np.linalg.norm(np.einsum("kq,ekx->eqx", slope, mesh.nodes_m[mesh.edges]), axis=-1)
-    return np.einsum("eq,q,iq,jq->eij", speed, weights, value, value)
+    return value, weights * np.linalg.norm(np.einsum("kq,ekx->eqx", slope, mesh.nodes_m[mesh.under]), axis=-1)
+
+
+def _on_cells(mesh: SkinMesh) -> tuple[Array, Array]:
+    """As `_on_edges`, of whole elements: functions (q, k), areas (parts, q)."""
+    value, gradient, weights, _ = _reference(mesh.element, _AREA_DEGREE)
+    jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[mesh.under], gradient)
+    return value, weights * np.abs(np.linalg.det(jacobian))

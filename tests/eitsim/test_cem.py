@@ -61,8 +61,8 @@ def curved(mesh: SkinMesh) -> SkinMesh:
     middle, rim = mesh.nodes_m[triangles.facets].mean(axis=0), triangles.boundary_facets()
     middle[rim] *= 0.1 / np.linalg.norm(middle[rim], axis=1)[:, None]
     first, number = len(mesh.nodes_m), {tuple(sorted(f)): i for i, f in enumerate(triangles.facets.T.tolist())}
-    edges = np.column_stack([mesh.edges, [first + number[tuple(sorted(edge))] for edge in mesh.edges.tolist()]])
-    return replace(mesh, nodes_m=np.vstack([mesh.nodes_m, middle]), edges=edges, element="P2",
+    edges = np.column_stack([mesh.under, [first + number[tuple(sorted(edge))] for edge in mesh.under.tolist()]])
+    return replace(mesh, nodes_m=np.vstack([mesh.nodes_m, middle]), under=edges, element="P2",
                    cells=np.hstack([triangles.t.T, first + triangles.t2f.T]))
 
 
@@ -138,11 +138,11 @@ def test_reciprocity():
 def test_currents_through_the_electrodes_are_those_driven():
     mesh, contact = plain_mesh(), 0.7
     potential = potentials(mesh, random_conductance(mesh), contact)
-    under, voltage = potential[mesh.edges], potential[len(mesh.nodes_m) + mesh.electrode]
+    under, voltage = potential[mesh.under], potential[len(mesh.nodes_m) + mesh.electrode]
     s, weight = np.polynomial.legendre.leggauss(3)
     shape = np.stack([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s**2])
     slope = np.stack([s - 0.5, s + 0.5, -2 * s])
-    speed = np.linalg.norm(np.einsum("kq,ekx->eqx", slope, mesh.nodes_m[mesh.edges]), axis=-1)
+    speed = np.linalg.norm(np.einsum("kq,ekx->eqx", slope, mesh.nodes_m[mesh.under]), axis=-1)
     drop = voltage[:, None] - np.einsum("kq,ekp->eqp", shape, under)
     flow = np.einsum("eq,q,eqp->ep", speed, weight, drop) / contact
     current = np.stack([flow[mesh.electrode == k].sum(axis=0) for k in range(16)])
@@ -208,6 +208,6 @@ def test_wrong_input_is_refused():
     with pytest.raises(ValueError, match=r"'Q3' is unknown; known: P1, P2, Q2"):
         replace(mesh, element="Q3")
     with pytest.raises(ValueError, match="electrode 3"):
-        replace(mesh, edges=mesh.edges[mesh.electrode != 3], electrode=mesh.electrode[mesh.electrode != 3])
+        replace(mesh, under=mesh.under[mesh.electrode != 3], electrode=mesh.electrode[mesh.electrode != 3])
     with pytest.raises(ValueError, match="folded over"):
         impedance(replace(mesh, cells=mesh.cells[:, [0, 2, 1, 3, 4, 5, 6, 7, 8]]), np.ones(len(mesh.cells)), 1.0)

@@ -63,7 +63,7 @@ def test_the_triangulation_covers_the_disc_with_circles_at_the_contacts(name):
     _, area = gradients(mesh, np.zeros((len(mesh.nodes_m), 1)))
     assert area.min() > 0
     assert area.sum() == pytest.approx(np.pi * 0.01, rel=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(mesh.nodes_m[mesh.edges], axis=-1), 0.1, rtol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(mesh.nodes_m[mesh.under], axis=-1), 0.1, rtol=1e-14)
     for punch, _ in touches:
         radius = np.hypot(*(mesh.nodes_m - [punch.x_m, punch.y_m]).T)
         assert np.sum(np.abs(radius - punch.diameter_m / 2) < 1e-12) >= 64

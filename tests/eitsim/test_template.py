@@ -26,7 +26,7 @@ def test_the_mesh_covers_the_disc_wherever_the_punch_fits(punch):
     _, area = gradients(mesh, np.zeros((len(mesh.nodes_m), 1)))
     assert area.min() > 0
     assert area.sum() == pytest.approx(np.pi * 0.01, rel=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(mesh.nodes_m[mesh.edges], axis=-1), 0.1, rtol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(mesh.nodes_m[mesh.under], axis=-1), 0.1, rtol=1e-14)
 
 
 @pytest.mark.parametrize("punch", PLACES)
@@ -42,7 +42,7 @@ def test_lines_follow_the_fillet_the_edge_and_the_end_of_contact(punch):
 def test_every_electrode_has_its_own_width():
     electrodes = Electrodes(count=12, width_m=0.02, first_angle_rad=0.3)
     mesh = template(Body(), electrodes, Punch(x_m=0.03), contact(7e-3), 4)
-    start, stop, middle = (mesh.nodes_m[mesh.edges[:, i]] for i in range(3))
+    start, stop, middle = (mesh.nodes_m[mesh.under[:, i]] for i in range(3))
     # Simpson's rule for the length of short quadratic arcs
     first, last = np.linalg.norm(4 * middle - 3 * start - stop, axis=1), np.linalg.norm(
         3 * stop + start - 4 * middle, axis=1)
