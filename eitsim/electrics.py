@@ -181,7 +181,7 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
 
 
 def _on_mesh(sensor: _Sensor, touches: Touches, level: int) -> tuple[Array, int]:
-    mesh = _mesh(sensor, touches, level)
+    mesh = following_mesh(sensor.body, sensor.electrodes, touches, level)
     pattern, z = sparsity(mesh), sensor.electrodes.contact_impedance_Ohm_m
     touched = touched_conductance(quadrature_points(mesh), touches, sensor.skin, sensor.law)
     untouched = np.full(len(mesh.cells), sensor.conductance_S)
@@ -189,10 +189,11 @@ def _on_mesh(sensor: _Sensor, touches: Touches, level: int) -> tuple[Array, int]
     return first - second, pattern.size - 1
 
 
-def _mesh(sensor: _Sensor, touches: Touches, level: int) -> SkinMesh:
+def following_mesh(body: Body, electrodes: Electrodes, touches: Touches, level: int) -> SkinMesh:
+    """The mesh that follows one touch (`template`) or several (`triangulation`); a level halves all sizes."""
     if len(touches) == 1:
-        return template(sensor.body, sensor.electrodes, *touches[0], level)
-    return triangulation(sensor.body, sensor.electrodes, touches, level)
+        return template(body, electrodes, *touches[0], level)
+    return triangulation(body, electrodes, touches, level)
 
 
 def _difference(sensor: _Sensor, change: Array, other: Array) -> float:
