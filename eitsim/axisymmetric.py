@@ -46,8 +46,9 @@ _PEAK_FLOOR, _AREA_FLOOR = 0.01, 1e-3
 _FINEST = 1 / 8
 # Least size of the coarsest level's elements, in default sizes: there a start from rest is cheapest.
 _COARSEST = 3.0
-# A prescribed depth: relative error at which it is reached, steps towards it, and the largest in the force's logarithm.
-_DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP = 1e-9, 40, 0.5
+# A prescribed depth: relative error at which it is reached, steps towards it, the largest in the force's logarithm, and
+# the part of the last step's miss above which the next one halves the interval of forces.
+_DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP, _SLOW = 1e-9, 60, 0.5, 0.5
 
 
 def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None, strain: str = "normal",
@@ -168,21 +169,44 @@ def at_depth(levels: list[Pressing], depth: float) -> list[Equilibrium]:
 
 
 def reached(model: Pressing, depth: float, state: Equilibrium) -> Equilibrium:
-    """The equilibrium whose corrected depth is the given one, from a near one."""
-    spent = state.residuals
+    """The equilibrium whose corrected depth is the given one, from a near one: Newton's method in the logarithm of the
+    force, kept between two forces that miss the depth on either side.
+
+    The derivative by the force, and with it the correction, jumps where a point of contact comes or goes, by up to 7e-4
+    of the depth in 108 touches of Table 1, 4e-5 in half of them; the equilibrium itself does not jump. Where this leaps
+    over the depth, the equilibrium there is the one returned.
+    """
+    spent, last, short, beyond = state.residuals, np.inf, None, None
     for _ in range(_DEPTH_STEPS):
-        missing = depth - state.depth
-        if abs(missing) <= _DEPTH_TOLERANCE * depth:
-            return replace(state, residuals=spent)
-        growth = np.exp(np.clip(missing / (state.by_force[-1] * state.force), -_LARGEST_STEP, _LARGEST_STEP))
-        force = float(state.force * growth)
-        try:
-            state = equilibrium(model, force, state.x + state.by_force * (force - state.force))
-        except NotConverged:
-            state = equilibrium(model, force, state.x)
+        missing, tolerance = depth - state.depth, _DEPTH_TOLERANCE * depth
+        short, beyond = (state, beyond) if missing > 0 else (short, state)
+        leapt = short and beyond and abs(beyond.x[-1] - short.x[-1]) <= tolerance
+        if leapt or abs(missing) <= tolerance:
+            return replace(state, depth=depth if leapt else state.depth, residuals=spent)
+        force = _towards(depth, state)
+        if short and beyond:
+            low, high = sorted((short.force, beyond.force))
+            if abs(missing) > _SLOW * last or not low < force < high:
+                force = float(np.sqrt(low * high))
+        state, last = _ahead(model, state, force), abs(missing)
         spent += state.residuals
-    raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest was {state.depth:.4f}.",
+    nearest = " and ".join(f"{near.depth:.4f}" for near in (short, beyond) if near)
+    raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest found: {nearest}.",
                        estimate=state.x, residuals=spent, load_fraction=state.depth / depth)
+
+
+def _towards(depth: float, state: Equilibrium) -> float:
+    """The force of a corrected depth by the slope at a state."""
+    growth = (depth - state.depth) / (state.by_force[-1] * state.force)
+    return float(state.force * np.exp(np.clip(growth, -_LARGEST_STEP, _LARGEST_STEP)))
+
+
+def _ahead(model: Pressing, state: Equilibrium, force: float) -> Equilibrium:
+    """The equilibrium under another force, along the tangent or, where that fails, from the state itself."""
+    try:
+        return equilibrium(model, force, state.x + state.by_force * (force - state.force))
+    except NotConverged:
+        return equilibrium(model, force, state.x)
 
 
 class Unresolved(NotConverged):

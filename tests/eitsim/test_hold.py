@@ -9,7 +9,7 @@ import pytest
 
 from eitsim import punch as contact
 from eitsim import solid
-from eitsim.axisymmetric import PENALTY, solve_touch
+from eitsim.axisymmetric import PENALTY, reached, solve_touch
 from eitsim.holding import Course, Step, solve_hold, states_over, stepped_through
 from eitsim.mesh import tensor_grid
 from eitsim.plan import make_plan
@@ -207,6 +207,42 @@ def test_a_sphere_that_flattens_a_foam_of_one_term_is_held_at_its_depth(alpha):
     assert [touch.depth_m for _, touch in held] == pytest.approx([held[0][1].depth_m] * 3, rel=1e-8)
     assert np.all(np.diff([touch.force_N for _, touch in held]) < 0)
     assert held[0][1].depth_m > 0.95 * Body().thickness_m
+
+
+def beside_a_jump(model, share):
+    """Equilibria just before and after a point of contact comes or goes, between a share of FORCE and a tenth more."""
+    def touched(state):
+        return np.count_nonzero(touching(model, state.x).gap)
+
+    low = equilibrium(model, share * FORCE, at_rest(model, share * FORCE))
+    high, count = equilibrium(model, 1.1 * share * FORCE, low.x), touched(low)
+    while high.force > (1 + 1e-9) * low.force:
+        middle = equilibrium(model, (low.force + high.force) / 2, low.x)
+        low, high = (middle, high) if touched(middle) == count else (low, middle)
+    return low, high
+
+
+@pytest.mark.parametrize("share", [0.1, 0.6, 1.0])
+def test_a_depth_that_the_contact_correction_leaps_over_is_reached(share):
+    model = model_of()
+    low, high = beside_a_jump(model, share)
+    assert high.x[-1] == pytest.approx(low.x[-1], rel=2e-9)
+    assert high.depth > (1 + 1e-4) * low.depth
+    depth = (low.depth + high.depth) / 2
+    found = reached(model, depth, equilibrium(model, 0.9 * low.force, low.x))
+    assert found.depth == depth
+    assert found.x[-1] == pytest.approx(low.x[-1], rel=3e-9)
+    assert found.force == pytest.approx(low.force, rel=3e-9)
+
+
+def test_a_ramp_to_a_depth_that_the_contact_correction_leaps_over_is_held():
+    depth = np.mean([state.depth for state in beside_a_jump(model_of(), 0.2)]) * Body().thickness_m
+    hold = Hold((2.0, 60.0), "depth", loading_s=1e-6)
+    held = solve_hold(TABLE_1, SERIES, Body(), Punch(force_N=None, depth_m=depth), hold, element_m=COARSE_M,
+                      per_decade=2)
+    assert [touch.depth_m for _, touch in held] == pytest.approx([depth] * 3, rel=1e-9)
+    assert [touch.force_N for _, touch in held] == pytest.approx(
+        held[0][1].force_N * relaxation(SERIES, [0.0, 2.0, 60.0]), rel=1e-3)
 
 
 def test_slower_loading_is_deeper_and_forgotten_in_the_end():
