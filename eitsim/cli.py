@@ -56,15 +56,18 @@ def run_scene(scene: SceneFile, card: CardOption = None,
               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
               fields: Annotated[Path | None, typer.Option(
                   help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
+              frames: Annotated[Path | None, typer.Option(
+                  help="Write the untouched and the touched voltages (CSV, a row each) here.")] = None,
               report: Annotated[Path | None, typer.Option(help="Write a PDF report here; needs --out.")] = None,
               as_json: JsonOption = False) -> None:
-    """Solve one scene: depth, pressure, contact area and 16 x 13 voltages, each with its error estimate.
+    """Solve one scene: depth, pressure, contact area and voltages (16 x 13 unless [drive] says otherwise), each with
+    its error estimate.
 
     Example: eitsim run scene.toml --card card.json --out result.json --report touch.pdf
     """
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
-    for place, flag in ((out, "--out"), (fields, "--fields"), (report, "--report")):
+    for place, flag in ((out, "--out"), (fields, "--fields"), (frames, "--frames"), (report, "--report")):
         if place is not None:
             check_out(place, flag)
     if fields is not None and fields.suffix != ".vtu":
@@ -95,6 +98,12 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         write_vtu(touch, fields)
         if not as_json:
             print(f"fields: {fields}")
+    if frames is not None and result.readings is not None:
+        from eitsim.frames import write_frames
+
+        write_frames(frames, [moment.readings for moment in result.moments] or [result.readings])
+        if not as_json:
+            print(f"frames: {frames}")
     if report is not None and out is not None:
         _write_report(out, report)
     if result.outcome != "ok":

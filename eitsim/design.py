@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.drive_files import MATRICES, with_matrices
 from eitsim.scene import Scene, scene_from, scene_keys
 from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
 
 SAMPLERS = ("random", "lhs", "sobol")
 _TOP = ("scenes", "seed", "sampler", "card", "material", "measurement")
+# What decides which readings a row holds, and so cannot vary between rows.
+_SENSOR = (("electrodes", "count"), ("drive", "pattern"), ("drive", "reading"))
 Quantile = Callable[[float], Any]
 
 
@@ -40,7 +43,7 @@ def read_design(path: Path | str, scenes: int | None = None) -> Design:
     path = Path(path)
     raw = read_toml(path)
     try:
-        return design_from(raw, scenes)
+        return design_from(with_matrices(raw, path.parent), scenes)
     except ValueError as error:
         raise TestFileError(path, str(error)) from None
 
@@ -62,6 +65,9 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     if sampler not in SAMPLERS:
         raise ValueError(f"sampler '{sampler}' is unknown; known: {', '.join(SAMPLERS)}.")
     design = Design(count, seed, sampler, {key: value for key, value in raw.items() if key in scene_keys()})
+    if varied := [key for key in drawn_keys(design) if key in _SENSOR]:
+        raise ValueError(f"{varied[0][1]} in [{varied[0][0]}] is drawn, but the readings of all rows stand in the same "
+                         "columns. Fix it, and make one data set for each of its values.")
     if (touches := len(scene_at(design, 0).punches)) > 1:
         raise ValueError(f"{touches} touches are given; a row of a data set holds one. Give one [punch].")
     return design
@@ -114,6 +120,8 @@ def _variables(tables: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str,
         value = tables[name]
         for table in value if isinstance(value, list) else [value]:
             for key in sorted(table):
+                if name == "drive" and key in MATRICES:
+                    continue
                 if (quantile := _quantile(f"{key} in [{name}]", table[key])) is not None:
                     yield table, key, quantile
 

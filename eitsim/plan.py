@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eitsim.drive import protocol
 from eitsim.near_rim import LEAST_GAP, rim_problem
 from eitsim.neighbours import clusters, edge_gap_m, expected, gap_for
 from eitsim.results import Decision, Plan
@@ -233,7 +234,8 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
     yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the wanted "
                    "error, a mesh that follows the touch takes over; the estimate counts in the result's own error",
                    0.0)
-    yield Decision(f"one impedance matrix serves all {scene.electrodes.count} patterns",
+    patterns, _ = protocol(scene.drive, scene.electrodes.count).shape
+    yield Decision(f"one impedance matrix serves all {patterns} patterns",
                    "every pattern is a linear read-out of it", 0.0)
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from eitsim.drive import Drive, protocol
+from eitsim.drive_files import MATRICES, with_matrices
 from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
 
@@ -87,16 +89,6 @@ class Electrodes:
 
 
 @dataclass(frozen=True)
-class Drive:
-    """Current pattern."""
-
-    # injected current, A
-    current_A: float = 5e-3
-    # "adjacent", "opposite" or "skip-N"
-    pattern: str = "adjacent"
-
-
-@dataclass(frozen=True)
 class Hold:
     """How long the touch lasts."""
 
@@ -152,7 +144,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
                    "first_angle_deg": ("first_angle_rad", 180 / math.pi),
                    "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
-    "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None)},
+    "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
+              **{key: (key, None) for key in MATRICES}},
     "hold": {"time_s": ("time_s", None), "control": ("control", None), "loading_s": ("loading_s", 1.0),
              "moduli": ("moduli", None)},
     "accuracy": {"signal": ("signal", 1.0)},
@@ -193,7 +186,7 @@ def read_scene(path: Path | str) -> Scene:
     path = Path(path)
     raw = read_toml(path)
     try:
-        return scene_from(raw)
+        return scene_from(with_matrices(raw, path.parent))
     except ValueError as error:
         raise TestFileError(path, str(error)) from None
 
@@ -225,8 +218,9 @@ def _table(table: str, raw: Any) -> Any:
         if key not in keys:
             raise ValueError(f"unknown key '{key}' in [{table}]; known: {', '.join(keys)}.")
         name, per = keys[key]
-        default = getattr(_CLASSES[table](), name)
-        values[name] = _value(f"{key} in [{table}]", value, per, default)
+        where = f"{key} in [{table}]"
+        values[name] = (_rows(where, value) if table == "drive" and key in MATRICES else
+                        _value(where, value, per, getattr(_CLASSES[table](), name)))
     return _CLASSES[table](**values)
 
 
@@ -241,6 +235,15 @@ def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
     if type(value) is not type(default):
         raise ValueError(f"{where} must be of the kind of {default!r}, got {value!r}.")
     return value
+
+
+def _rows(where: str, value: Any) -> tuple[Any, ...]:
+    """Nested lists of numbers as tuples."""
+    if not (isinstance(value, list | tuple) and value and all(isinstance(row, list | tuple) and row for row in value)):
+        raise ValueError(f"{where} must hold rows of numbers or, in a file, the name of a CSV file of them, got "
+                         f"{value!r:.80}.")
+    return tuple(tuple(_rows(where, [cell])[0] if isinstance(cell, list | tuple) else _value(where, cell, 1.0, 0.0)
+                       for cell in row) for row in value)
 
 
 def _punch(raw: Any) -> Punch:
@@ -279,6 +282,7 @@ def _check(scene: Scene) -> None:
     _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
              "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
              scene.hold.moduli)
+    protocol(scene.drive, electrodes.count)
     for punch in scene.punches:
         _check_punch(punch, body)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import math
 import multiprocessing
 import os
 from collections import Counter
@@ -18,7 +19,7 @@ import numpy as np
 
 from eitsim import dataset
 from eitsim.design import Design, scene_at
-from eitsim.drive import read_electrodes
+from eitsim.drive import protocol
 from eitsim.plan import law_of
 from eitsim.provenance import card_identity, versions
 from eitsim.results import Result
@@ -211,7 +212,7 @@ def solve_rows(design: Design, card: MaterialCard, indices: list[int], *, exact:
                table: Table | None = None) -> list[dict[str, Any]]:
     """Rows of these scenes, solved as by `simulate`; a scene that fails is a row with its outcome."""
     first = scene_at(design, 0)
-    blank = _blank(read_electrodes(first.drive, first.electrodes.count).size)
+    blank = _blank(math.prod(protocol(first.drive, first.electrodes.count).shape))
     return [blank | {"scene": index} | _row(design, card, index, exact, table) for index in indices]
 
 

@@ -137,12 +137,18 @@ def _levels(text: str) -> list[float]:
 
 
 def _frames(model: Model, frames: Path, baseline: Path | None) -> tuple[Any, Any]:
-    from surrogate.frames import Frames, read_frames
+    from eitsim.frames import Frames, read_frames
+    from surrogate.dead_channels import refuse_dead
     from surrogate.predict import untouched
 
-    read = read_frames(frames, len(model.baseline_V))
+    def sound(path: Path) -> Frames:
+        read = read_frames(path, len(model.baseline_V))
+        refuse_dead(path, read, model.baseline_V)
+        return read
+
+    read = sound(frames)
     if baseline is not None:
-        return read, untouched(read_frames(baseline, len(model.baseline_V)))
+        return read, untouched(sound(baseline))
     if len(read.volts) < 2:
         raise ValueError(f"{frames}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
                          "put the untouched frame first.")

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from eitsim.frames import Frames
 from surrogate.estimate import Estimate
-from surrogate.frames import Frames
 from surrogate.model import Model, estimate, interval_scale
 
 Array = NDArray[np.float64]

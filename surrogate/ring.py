@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.drive import read_electrodes, stride
+from eitsim.drive import protocol
+from eitsim.drive_files import MATRICES
 from eitsim.scene import Scene, scene_from
 
 Array = NDArray[np.float64]
@@ -42,20 +43,34 @@ def same_ring(one: Ring, other: Ring) -> bool:
 
 
 def ring_of(scene: Scene) -> Ring:
-    """The ring of a scene's body, electrodes and drive."""
+    """The ring of a scene's body, electrodes and drive; ValueError where a reading is not one voltage between two
+    electrodes, or a pattern not the current I from one to another."""
     count = scene.electrodes.count
-    read = read_electrodes(scene.drive, count)
-    source = np.repeat(np.arange(count), read.shape[1])
+    asked = protocol(scene.drive, count)
+    source, sink = _ends(asked.currents_A / scene.drive.current_A, "pattern of currents")
+    read, ground = _ends(asked.weights.reshape(-1, count), "measurement")
+    each = asked.shape[1]
     angle = scene.electrodes.first_angle_rad + 2 * np.pi * np.arange(count) / count
-    return Ring(scene.body.radius_m * 1e3, angle, source, (source + stride(scene.drive, count)) % count,
-                read.ravel().astype(np.int64), (source - 1) % count)
+    return Ring(scene.body.radius_m * 1e3, angle, np.repeat(source, each), np.repeat(sink, each), read, ground)
+
+
+def _ends(rows: Array, what: str) -> tuple[Index, Index]:
+    """Electrodes of the 1 and of the -1 in each row."""
+    first, last = rows.argmax(axis=1), rows.argmin(axis=1)
+    unit = np.eye(rows.shape[1])
+    odd = np.flatnonzero(np.abs(rows - unit[first] + unit[last]).max(axis=1) > 1e-12)
+    if odd.size:
+        raise ValueError(f"{what} {odd[0]} in [drive] is not 1 at one electrode and -1 at another; surrogates learn "
+                         "from pairs alone. Sweep with a named pattern, or with matrices of such rows.")
+    return first.astype(np.int64), last.astype(np.int64)
 
 
 def ring_of_design(tables: Mapping[str, Any]) -> Ring:
     """The ring of a design's tables; ValueError where the sensor itself varies between rows."""
     fixed = {name: tables[name] for name in SENSOR_TABLES if name in tables}
     for name, table in fixed.items():
-        if varied := [key for key, value in table.items() if isinstance(value, list | Mapping)]:
+        if varied := [key for key, value in table.items()
+                      if isinstance(value, list | Mapping) and not (name == "drive" and key in MATRICES)]:
             raise ValueError(f"{varied[0]} in [{name}] varies between the rows; a surrogate learns one sensor. Sweep "
                              "with it fixed.")
     return ring_of(scene_from(fixed))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from eitsim.frames import read_frames
 from matcal.card import MaterialCard, write_card
 from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
@@ -65,6 +66,20 @@ def test_mistakes_are_named_with_status_2(folder: Path, words: list[str], named:
     assert named in done.stderr
     assert "Traceback" not in done.stderr
     assert sorted(p.name for p in folder.iterdir()) == before
+
+
+def test_readings_follow_the_drive_into_result_and_frames(folder: Path) -> None:
+    text = (folder / "scene.toml").read_text()
+    (folder / "currents.csv").write_text("1,0,0,0,-1,0,0,0\n0,0,1,0,0,0,-1,0\n1,-1,1,-1,1,-1,1,-1\n")
+    drive = '[electrodes]\ncount = 8\n[drive]\ncurrents = "currents.csv"\nmeasurements = [[0, 1, 0, -1, 0, 0, 0, 0]]\n'
+    (folder / "scene.toml").write_text(text + drive)
+    done = eitsim(folder, "run", "scene.toml", "--json", "--frames", "frames.csv")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert [len(row) for row in result["readings_V"]] == [1] * 3
+    assert result["scene"]["drive"]["currents"][2] == [1, -1] * 4
+    frames = read_frames(folder / "frames.csv", 3)
+    assert frames.volts.tolist() == [[row[0] for row in result[key]] for key in ("baseline_V", "readings_V")]
 
 
 def test_a_hopeless_touch_saves_what_was_reached_with_status_3(folder: Path) -> None:

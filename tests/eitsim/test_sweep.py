@@ -83,3 +83,12 @@ def test_a_card_without_what_is_needed_starts_nothing(card: Path, tmp_path: Path
     with pytest.raises(ValueError, match="no conductivity"):
         account(design_from(RAW, 1), card, tmp_path / "a")
     assert not (tmp_path / "a").exists()
+
+
+def test_columns_follow_the_drive(card: Path, tmp_path: Path) -> None:
+    raw = RAW | {"drive": {"pattern": "opposite", "reading": "differential"}}
+    assert account(design_from(raw, 2), card, tmp_path / "a").outcomes == {"ok": 2}
+    table = read_dataset(tmp_path / "a").ok
+    volts = table[[name for name in table.columns if name.startswith("dv_")]]
+    assert volts.shape == (2, 16 * 12)
+    assert np.all(np.isfinite(volts))

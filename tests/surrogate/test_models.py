@@ -99,6 +99,20 @@ def test_another_drive_is_another_sensor(models: dict[str, Model], samples: Samp
         ring_of_design({"electrodes": {"width_mm": [5, 10]}})
 
 
+def test_a_ring_reads_pairs_of_electrodes() -> None:
+    ring = ring_of_design({"drive": {"reading": "differential"}})
+    assert np.array_equal((ring.read - ring.ground) % 16, np.ones(208))
+    currents, weights = np.eye(16)[:2] - np.eye(16)[[5, 9]], np.eye(16)[3:4] - np.eye(16)[7]
+    drive = {"currents": currents.tolist(), "measurements": weights.tolist()}
+    ring = ring_of_design({"drive": drive})
+    ends = [end.tolist() for end in (ring.source, ring.sink, ring.read, ring.ground)]
+    assert ends == [[0, 1], [5, 9], [3, 3], [7, 7]]
+    with pytest.raises(ValueError, match=r"pattern of currents 0 .* pairs alone"):
+        ring_of_design({"drive": drive | {"currents": (2 * currents).tolist()}})
+    with pytest.raises(ValueError, match=r"measurement 0 .* pairs alone"):
+        ring_of_design({"drive": drive | {"measurements": np.eye(16)[:1].tolist()}})
+
+
 def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
     with pytest.raises(ValueError, match="'mlp' is not built yet; built: trainbr, forward, ridge"):
         train(samples, "mlp")

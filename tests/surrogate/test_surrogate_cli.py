@@ -11,7 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from eitsim.dataset import voltage_columns
+from eitsim.frames import Frames
+from matcal.errors import TestFileError
 from surrogate import cli
+from surrogate.dead_channels import refuse_dead
 
 Array = NDArray[np.float64]
 Synthetic = Callable[[int, int], tuple[Array, Array]]
@@ -163,12 +166,12 @@ def test_odd_frames_are_flagged(call: Call, forward: Path, synthetic: Synthetic,
 
 
 @pytest.mark.parametrize(("spoil", "message"), [
-    (lambda f: f[:, :200], "line 1: 200 columns; the model reads 208 voltages"),
+    (lambda f: f[:, :200], "line 1: 200 columns, expected 208 voltages a row"),
     (lambda f: np.where(np.arange(208) == 5, np.nan, f), "line 1: column 6 holds ''"),
     (lambda f: np.where(np.arange(208) == 7, 0.0, f), "line 1: column 8 reads 0 V: a dead channel"),
     (lambda f: np.where(np.arange(208) == 9, f[0, 9], f), "column 10 reads exactly"),
     (lambda f: f[:1], "one frame only"),
-    (lambda f: f[:0], "holds no frames"),
+    (lambda f: f[:0], "holds no rows of voltages"),
 ])
 def test_bad_frames_name_the_line(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array, tmp_path: Path,
                                   spoil: Callable[[Array], Array], message: str) -> None:
@@ -210,3 +213,10 @@ def test_help_needs_no_torch() -> None:
     code = "import sys, surrogate.cli, surrogate.train, surrogate.ridge; print('torch' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
+    quiet = Frames(np.array([[1.0, 1e-16, 2.0]]), np.array([1]))
+    refuse_dead(Path("frames.csv"), quiet, np.array([1.0, -2e-17, 2.0]))
+    with pytest.raises(TestFileError, match="column 2 reads 1e-16 V: a dead channel"):
+        refuse_dead(Path("frames.csv"), quiet, np.array([1.0, 0.1, 2.0]))

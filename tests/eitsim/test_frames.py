@@ -1,0 +1,50 @@
+"""Frames of voltages: what is written is read back, digit by digit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eitsim.frames import read_frames, write_frames
+from eitsim.results import Readings
+from matcal.errors import TestFileError
+
+
+def solved(seed: int, baseline_V: np.ndarray) -> Readings:
+    signal = 1e-4 * np.random.default_rng(seed).normal(size=baseline_V.shape)
+    return Readings(baseline_V + signal, baseline_V, signal, np.zeros((4, 4)), 0.0, 0.0, 0, 0.0)
+
+
+@pytest.fixture
+def frames() -> list[Readings]:
+    baseline = np.random.default_rng(0).normal(size=(4, 3))
+    return [solved(seed, baseline) for seed in (1, 2)]
+
+
+def test_frames_come_back_with_all_digits_untouched_first(frames: list[Readings], tmp_path: Path) -> None:
+    write_frames(tmp_path / "frames.csv", frames)
+    read = read_frames(tmp_path / "frames.csv", 12)
+    assert read.line.tolist() == [2, 3, 4]
+    np.testing.assert_array_equal(read.volts[0], frames[0].baseline_V.ravel())
+    np.testing.assert_array_equal(read.volts[1:], [frame.touched_V.ravel() for frame in frames])
+    assert (tmp_path / "frames.csv").read_text().startswith("v_000,v_001,v_002,")
+
+
+def test_columns_are_found_by_name_and_blank_lines_left_out(frames: list[Readings], tmp_path: Path) -> None:
+    write_frames(tmp_path / "frames.csv", frames)
+    rows = [line.split(",")[::-1] for line in (tmp_path / "frames.csv").read_text().splitlines()]
+    (tmp_path / "turned.csv").write_text("\n\n".join(",".join(row) for row in rows))
+    read = read_frames(tmp_path / "turned.csv", 12)
+    np.testing.assert_array_equal(read.volts, read_frames(tmp_path / "frames.csv", 12).volts)
+    assert read.line.tolist() == [3, 5, 7]
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("1,2\n3\n", "line 2: 1 columns, expected 2 voltages a row"), ("a,b\n", "no rows of voltages"),
+    ("1,2\n3,inf\n", "line 2: column 2 holds 'inf'"), ("1,2\n3,\n", "line 2: column 2 holds ''")])
+def test_frames_that_cannot_be_are_refused(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "frames.csv").write_text(text)
+    with pytest.raises(TestFileError, match=message):
+        read_frames(tmp_path / "frames.csv", 2)
