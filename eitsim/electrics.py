@@ -189,11 +189,11 @@ def _on_mesh(sensor: _Sensor, touches: Touches, level: int) -> tuple[Array, int]
     return first - second, pattern.size - 1
 
 
-def following_mesh(body: Body, electrodes: Electrodes, touches: Touches, level: int) -> SkinMesh:
-    """The mesh that follows one touch (`template`) or several (`triangulation`); a level halves all sizes."""
+def following_mesh(body: Body, electrodes: Electrodes, touches: Touches, level: int, thinner: int = 1) -> SkinMesh:
+    """The mesh that follows one touch (`template`) or several (`triangulation`), where level and thinner are told."""
     if len(touches) == 1:
-        return template(body, electrodes, *touches[0], level)
-    return triangulation(body, electrodes, touches, level)
+        return template(body, electrodes, *touches[0], level, thinner)
+    return triangulation(body, electrodes, touches, level, thinner)
 
 
 def _difference(sensor: _Sensor, change: Array, other: Array) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.cem import SkinMesh
-from eitsim.electrodes import arcs
+from eitsim.electrodes import TOUCHING, arcs, widths
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch
 
@@ -31,12 +31,14 @@ _AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
 _SAME_LINE = 0.2
 
 
-def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1) -> SkinMesh:
+def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1,
+             thinner: int = 1) -> SkinMesh:
     """Mesh of the disc with lines at the edge of the punch, the start of its fillet and the end of contact, the last
     inside the rim where the contact reaches it.
 
     Ring (c, r) has its centre between the punch and the disc's centre and its nodes at c + r (cos, sin) of one set of
-    angles, so that the rim's nodes fall on the ends of the electrodes. A level halves all widths and angles.
+    angles, so that the rim's nodes fall on the ends of the electrodes. Level n divides all widths and angles by n;
+    `thinner` divides the widths of the rings at the lines of the contact alone.
     ValueError where the punch overhangs the rim.
     """
     edge = punch.diameter_m / 2
@@ -47,8 +49,8 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     touch = replace(touch, contact_radius_m=min(touch.contact_radius_m, edge + _FARTHEST * room))
     gap = room - max(touch.contact_radius_m - edge, 0.0)
     angles, electrode = rim_angles(body, electrodes, level)
-    inner = centred_radii(punch, touch, gap, level)
-    blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * electrodes.width_m / level)
+    inner = centred_radii(punch, touch, gap, level, thinner)
+    blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * widths(electrodes).min() / level)
     radii = np.concatenate([inner, inner[-1] + blend * (body.radius_m - inner[-1])])
     shift = np.concatenate([np.ones(len(inner)), 1 - blend])
     return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count)
@@ -59,13 +61,15 @@ def rim_angles(body: Body, electrodes: Electrodes, level: int = 1) -> tuple[Arra
 
     Spacing halves towards the ends of the electrodes, where the current density is singular.
     """
-    ends = arcs(body, electrodes)
+    ends = arcs(body.radius_m, electrodes)
     following = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi)
     angles, electrode = [], []
     for k, (start, stop) in enumerate(ends):
-        angles += [start + (stop - start) * _graded(_UNDER * level), stop + (following[k] - stop) * _graded(
-            _BETWEEN * level)]
-        electrode += [k] * (_UNDER * level) + [-1] * (_BETWEEN * level)
+        angles.append(start + (stop - start) * _graded(_UNDER * level))
+        electrode += [k] * (_UNDER * level)
+        if following[k] - stop > TOUCHING:
+            angles.append(stop + (following[k] - stop) * _graded(_BETWEEN * level))
+            electrode += [-1] * (_BETWEEN * level)
     return np.concatenate(angles), np.array(electrode)
 
 
@@ -97,7 +101,7 @@ def _topology(rings: int, sectors: int) -> tuple[Indices, Indices]:
     return np.column_stack(cells), np.column_stack([rim[:-1:2], rim[2::2], rim[1::2]])
 
 
-def centred_radii(punch: Punch, touch: Touch, gap: float, level: int) -> Array:
+def centred_radii(punch: Punch, touch: Touch, gap: float, level: int, thinner: int = 1) -> Array:
     """Radii, m, from 0 over the lines of the contact to the last ring that is centred on the punch, part of the way
     `gap`, m, from the contact."""
     edge, same = punch.diameter_m / 2, _SAME_LINE * punch.fillet_m
@@ -107,7 +111,7 @@ def centred_radii(punch: Punch, touch: Touch, gap: float, level: int) -> Array:
 
     def width(radius: Array) -> Array:
         nearest = np.min(np.abs(radius[:, None] - np.array(marks)), axis=1)
-        return (_AT_CONTACT * punch.fillet_m + _GROWTH * nearest) / level
+        return (_AT_CONTACT * punch.fillet_m / thinner + _GROWTH * nearest) / level
 
     pieces = [_spread(a, b, width) for a, b in itertools.pairwise(stops)]
     return np.concatenate([[0.0], *pieces])

@@ -48,13 +48,14 @@ class _Circle:
 
 
 def triangulation(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, Touch], ...],
-                  level: int = 1) -> SkinMesh:
+                  level: int = 1, thinner: int = 1) -> SkinMesh:
     """P2 mesh of the disc with circles at the punches' edges, the starts of their fillets and the ends of contact.
 
-    A level halves all sizes. ValueError where punches overlap or overhang the rim.
+    Level n divides all sizes by n, `thinner` the widths of the rings at these circles alone.
+    ValueError where punches overlap or overhang the rim.
     """
-    circles = [_circle(punch, touch, gap, level) for (punch, touch), gap in zip(touches, _gaps(body, touches),
-                                                                               strict=True)]
+    circles = [_circle(punch, touch, gap, level, thinner)
+               for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
     angles, electrode = rim_angles(body, electrodes, 2 * level)
     rim = body.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
     parts = [_rings(circle) for circle in circles]
@@ -84,8 +85,8 @@ def _gaps(body: Body, touches: tuple[tuple[Punch, Touch], ...]) -> Array:
     return np.minimum(to_rim, apart.min(axis=1) / 2)
 
 
-def _circle(punch: Punch, touch: Touch, gap: float, level: int) -> _Circle:
-    radii = centred_radii(punch, touch, gap, level)
+def _circle(punch: Punch, touch: Touch, gap: float, level: int, thinner: int) -> _Circle:
+    radii = centred_radii(punch, touch, gap, level, thinner)
     around = 2 * np.pi * radii[-1] / (radii[-1] - radii[-2])
     return _Circle(np.array([punch.x_m, punch.y_m]), radii, max(_SECTORS * level, int(np.ceil(around))))
 
