@@ -1,6 +1,10 @@
-"""Ways to the equilibrium under a force: at once from rest or from a neighbour, from a coarser mesh, or in steps."""
+"""Ways to the equilibrium under a force: at once from rest or from a neighbour, from a coarser mesh, or in steps of the
+force or of the roundness of the punch's edge."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +16,9 @@ Array = NDArray[np.float64]
 
 # Where the force cannot be reached at once: part of it at which the steps start, and how often that is divided again.
 _FIRST, _STARTS = 1 / 8, 4
+# Fillet, thicknesses, over whose round edge the foam slides freely, and the largest ratio of two fillets between it and
+# the punch's own.
+_ROUND, _SHARPER = 0.05, 2.5
 # Steps in the logarithm of the force: first, least, and growth after one that succeeds.
 _STEP, _LEAST_STEP, _GROWTH = 0.7, 0.02, 1.5
 # Depth over thickness from which a touch counts as bottomed out.
@@ -24,12 +31,17 @@ _SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3,
 
 
 def from_rest(model: Pressing, force: float) -> Equilibrium:
-    """The equilibrium under a force, from rest; in steps from a part of it where that fails. NotConverged as in_steps.
+    """The equilibrium under a force, from rest; where that fails from that of a rounder edge, or in steps from part of
+    the force. NotConverged as in_steps.
     """
     try:
         return equilibrium(model, force, at_rest(model, force))
     except NotConverged as error:
         failed = error
+    try:
+        return sharpened(model, force)
+    except NotConverged:
+        pass
     for k in range(1, _STARTS + 1):
         part = force * _FIRST**k
         try:
@@ -39,6 +51,23 @@ def from_rest(model: Pressing, force: float) -> Equilibrium:
         return in_steps(model, start, force)
     failed.load_fraction = 0.0
     raise failed
+
+
+def sharpened(model: Pressing, force: float) -> Equilibrium:
+    """The equilibrium under a force by way of rounder edges of the punch, over which the foam slides freely.
+
+    NotConverged where the edge is as round already, or an equilibrium on the way is not found.
+    """
+    fillet, path = model.tool.fillet, ()
+    steps = math.ceil(math.log(_ROUND / fillet) / math.log(_SHARPER) - 1e-9)
+    if steps < 1:
+        raise NotConverged("the punch's edge is round already.")
+    x = at_rest(model, force)
+    for k in range(steps + 1):
+        rounder = replace(model.tool, fillet=fillet * (_ROUND / fillet) ** (1 - k / steps))
+        state = equilibrium(replace(model, tool=rounder), force, x)
+        x, path = state.x, path + state.residuals
+    return replace(state, residuals=path)
 
 
 def near(model: Pressing, before: Equilibrium, force: float) -> Equilibrium:
