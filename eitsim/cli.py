@@ -1,4 +1,4 @@
-"""Command line of `eitsim`: plan, run, sweep, report, cache."""
+"""Command line of `eitsim`: plan, run, sweep, report, solve-mesh, cache."""
 
 from __future__ import annotations
 
@@ -162,6 +162,36 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
             print(f"first \"{name}\": {message}")
 
 
+@app.command(name="solve-mesh")
+def solve_mesh(model: Annotated[Path, typer.Argument(
+                   metavar="MODEL", help="EIDORS model (.mat, v5 to v7): a fwd_model, an image or an inv_model of a "
+                                         "sheet, triangles in the plane.")],
+               variable: Annotated[str | None, typer.Option(help="Name of the model, where there are several.")] = None,
+               conductance: Annotated[float | None, typer.Option(
+                   "--conductance-S", help="One sheet conductance, S, in place of the image's elem_data.")] = None,
+               scene: Annotated[Path | None, typer.Option(
+                   help="Scene file whose [drive] takes the place of the model's stimulation.")] = None,
+               element: Annotated[str, typer.Option(help="P1 solves what EIDORS solves; P2 puts quadratic elements on "
+                                                         "the same triangles.")] = "P1",
+               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
+               as_json: JsonOption = False) -> None:
+    """Solve your own EIDORS model: impedance matrix and readings, with what its triangles cost of them.
+
+    Example: eitsim solve-mesh model.mat --conductance-S 1e-3 --out solved.json
+    """
+    from eitsim.solve_mesh import solve_file
+
+    if out is not None:
+        check_out(out)
+    document = solve_file(model, variable, conductance, read_scene(scene).drive if scene is not None else None, element)
+    if out is not None:
+        write_json(document, out)
+    if as_json:
+        print_json(document)
+    else:
+        _print_solved(document, out)
+
+
 @app.command()
 def cache(clear: Annotated[bool, typer.Option("--clear", help="Remove the stored tables.")] = False) -> None:
     """List the stored tables of load paths, the last used first.
@@ -243,6 +273,25 @@ def _print_result(result: Result, document: dict[str, Any], out: Path | None) ->
         Console().print(_hold_table(document["times"]))
     if out is not None:
         print(f"result: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]})")
+
+
+def _print_solved(document: dict[str, Any], out: Path | None) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    made, errors = document["model"], document["error_estimate"]
+    table = Table("quantity", "value", title=f"{made['file']}: {made['variable']}")
+    for name in ("electrodes", "nodes", "triangles"):
+        table.add_row(name, str(made[name]))
+    table.add_row("sheet conductance, S", " to ".join(f"{value:.5g}" for value in made["conductance_S"]))
+    table.add_row("readings", str(sum(len(row) for row in document["readings_V"])) if document["readings_V"] else
+                  "none: the model has no stimulation (--scene gives one)")
+    for key, value in errors.items():
+        table.add_row(f"error of {key} by the triangles", f"{value:.2e}")
+    table.add_row("CPU, s", f"{document['cost']['cpu_s']:.2f}")
+    Console().print(table)
+    if out is not None:
+        print(f"result: {out}")
 
 
 def _hold_table(times: list[dict[str, Any]]) -> Table:

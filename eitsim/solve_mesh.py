@@ -1,0 +1,45 @@
+"""A model file of the user's own, solved into the document that `eitsim solve-mesh` writes."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eitsim.drive import Drive, protocol
+from eitsim.eidors import read_eidors
+from eitsim.mesh_model import solve_model
+from eitsim.provenance import versions
+from matcal.errors import TestFileError
+
+
+def solve_file(path: Path, variable: str | None = None, conductance_S: float | None = None, drive: Drive | None = None,
+               element: str = "P1") -> dict[str, Any]:
+    """Impedance matrix and readings of an EIDORS model as plain JSON values, units in the names of the keys.
+
+    conductance_S stands for the image's own elem_data, drive for the model's own stimulation. `readings_V` has a row a
+    pattern; rows may differ in length. ValueError where neither file nor argument tells the conductance.
+    """
+    model = read_eidors(path, variable)
+    conductance = model.conductance_S if conductance_S is None else conductance_S
+    if conductance is None:
+        raise TestFileError(path, f"'{model.name}' holds no elem_data; give one sheet conductance with "
+                                  "--conductance-S, or save the image.")
+    protocols = model.stimulation if drive is None else (protocol(drive, model.mesh.count),)
+    solved = solve_model(model.mesh, conductance, model.contact_impedance_Ohm_m, protocols, element=element)
+    z = solved.impedance_Ohm
+    errors = {"impedance": solved.impedance_error, "readings": solved.readings_error}
+    value = np.linalg.eigvalsh(conductance) if np.ndim(conductance) > 1 else np.asarray(conductance)
+    return {"schema": 1,
+            "model": {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+                      "variable": model.name, "electrodes": model.mesh.count,
+                      "nodes": len(model.mesh.nodes_m), "triangles": len(model.mesh.cells), "element": element,
+                      "conductance_S": [float(np.min(value)), float(np.max(value))],
+                      "contact_impedance_Ohm_m": model.contact_impedance_Ohm_m.tolist()},
+            "impedance_Ohm": z.tolist(),
+            "readings_V": [row for part in solved.readings_V for row in part.tolist()],
+            "error_estimate": {key: error for key, error in errors.items() if error is not None},
+            "reciprocity": float(np.abs(z - z.T).max() / np.abs(z).max()),
+            "cost": {"cpu_s": solved.cpu_s, "unknowns": solved.unknowns}, "versions": versions()}
