@@ -99,8 +99,14 @@ def matrices(currents_A: ArrayLike, weights: ArrayLike) -> Protocol:
 
 
 def readings(asked: Protocol, impedance_Ohm: Array) -> Array:
-    """Readings (patterns, readings), V, of an impedance matrix (electrodes, electrodes), Ohm, or of a change of it."""
-    return np.einsum("pre,pe->pr", asked.weights, asked.currents_A @ impedance_Ohm.T)
+    """Readings (patterns, readings), V, of an impedance matrix (electrodes, electrodes), Ohm, or of a change of it; NaN
+    where one needs an electrode whose row and column are NaN, since it has no contact."""
+    missing = np.isnan(np.diagonal(impedance_Ohm))
+    voltages = asked.currents_A @ np.where(missing | missing[:, None], 0.0, impedance_Ohm).T
+    out = np.einsum("pre,pe->pr", asked.weights, voltages)
+    out[asked.currents_A[:, missing].any(axis=1)] = np.nan
+    out[asked.weights[..., missing].any(axis=-1)] = np.nan
+    return out
 
 
 def read_out(drive: Drive, impedance_Ohm: Array) -> Array:

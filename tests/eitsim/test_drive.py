@@ -1,4 +1,4 @@
-"""Electrode positions, current patterns and readings: named ones, and any matrices."""
+"""Current patterns and readings: named ones, and any matrices."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import pytest
 
 from eitsim.design import read_design
 from eitsim.drive import Drive, protocol, read_out
-from eitsim.electrodes import arcs
-from eitsim.scene import Body, Electrodes, read_scene, scene_from, scene_tables
+from eitsim.scene import read_scene, scene_from, scene_tables
 from matcal.errors import TestFileError
 
 NAMED = ("adjacent", "opposite", "skip-2", "skip-3")
@@ -89,6 +88,17 @@ def test_differential_readings_are_differences_of_single_ended_ones():
     np.testing.assert_allclose(differential[:, :-1], np.diff(single, axis=1), atol=1e-15)
 
 
+@pytest.mark.parametrize("reading", ["single-ended", "differential"])
+def test_only_readings_that_need_a_missing_electrode_are_missing(reading):
+    drive, z = Drive(reading=reading), random_impedance(16)
+    whole = read_out(drive, z)
+    z[4] = z[:, 4] = np.nan
+    got, asked = read_out(drive, z), protocol(drive, 16)
+    needs = asked.weights[..., 4].astype(bool) | asked.currents_A[:, 4].astype(bool)[:, None]
+    np.testing.assert_array_equal(np.isnan(got), needs)
+    np.testing.assert_array_equal(got[~needs], whole[~needs])
+
+
 def test_reciprocity_leaves_104_independent_readings_of_208():
     for reading in ("single-ended", "differential"):
         rows = [read_out(Drive(reading=reading), random_impedance(16, seed)).ravel() for seed in range(150)]
@@ -148,16 +158,3 @@ def test_what_is_read_cannot_be_drawn(tmp_path: Path):
     (tmp_path / "design.toml").write_text('scenes = 2\n[drive]\npattern = {choice = ["adjacent", "opposite"]}\n')
     with pytest.raises(TestFileError, match=r"pattern in \[drive\] is drawn"):
         read_design(tmp_path / "design.toml")
-
-
-def test_line_electrodes_are_centred_counter_clockwise():
-    ends = arcs(Body(), Electrodes(first_angle_rad=0.1))
-    np.testing.assert_allclose(ends.mean(axis=1), 0.1 + np.pi / 8 * np.arange(16))
-    np.testing.assert_allclose(np.diff(ends, axis=1), 0.1)
-
-
-def test_electrodes_that_cannot_be_are_refused():
-    with pytest.raises(ValueError, match="patch"):
-        arcs(Body(), Electrodes(kind="patch"))
-    with pytest.raises(ValueError, match="no gap"):
-        arcs(Body(), Electrodes(width_m=0.04))
