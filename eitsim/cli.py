@@ -58,6 +58,8 @@ def run_scene(scene: SceneFile, card: CardOption = None,
                   help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
               frames: Annotated[Path | None, typer.Option(
                   help="Write the untouched and the touched voltages (CSV, a row each) here.")] = None,
+              sensitivity: Annotated[Path | None, typer.Option(
+                  help="Write the readings' derivatives by touch, card and contact impedances (CSV) here.")] = None,
               report: Annotated[Path | None, typer.Option(help="Write a PDF report here; needs --out.")] = None,
               as_json: JsonOption = False) -> None:
     """Solve one scene: depth, pressure, contact area and voltages (16 x 13 unless [drive] says otherwise), each with
@@ -67,7 +69,8 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     """
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
-    for place, flag in ((out, "--out"), (fields, "--fields"), (frames, "--frames"), (report, "--report")):
+    for place, flag in ((out, "--out"), (fields, "--fields"), (frames, "--frames"),
+                        (sensitivity, "--sensitivity"), (report, "--report")):
         if place is not None:
             check_out(place, flag)
     if fields is not None and fields.suffix != ".vtu":
@@ -80,6 +83,10 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     if reuse and (exact or fields is not None):
         raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
     path = _card_path(scene, parsed, card)
+    if sensitivity is not None:
+        from eitsim.touch_sensitivity import check_differentiable
+
+        check_differentiable(parsed)
     result, document, note = _solve(parsed, path, exact, reuse)
     if note:
         print(note, file=sys.stderr)
@@ -104,6 +111,12 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         write_frames(frames, [moment.readings for moment in result.moments] or [result.readings])
         if not as_json:
             print(f"frames: {frames}")
+    if sensitivity is not None and result.outcome == "ok":
+        from eitsim.touch_sensitivity import scene_sensitivity, write_sensitivity
+
+        write_sensitivity(scene_sensitivity(parsed, read_card(path)), sensitivity)
+        if not as_json:
+            print(f"sensitivity: {sensitivity}")
     if report is not None and out is not None:
         _write_report(out, report)
     if result.outcome != "ok":

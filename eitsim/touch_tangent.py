@@ -1,0 +1,156 @@
+"""What a touch's surface becomes when its force or depth, the punch's diameter or the foam's law change a little.
+
+In equilibrium the energy's gradient g(x, p) is zero, so dx/dp = -H^-1 dg/dp with the Hessian H at hand: one
+factorisation serves all parameters p. dx/dF is exact; the others take dg/dp as a central difference of the gradient at
+a kept x. The mesh is carried along with the punch's edge, so that nothing jumps.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim import surface
+from eitsim.axisymmetric import at_depth, force_unit, pressings, touch_of, under_force
+from eitsim.mesh import tensor_grid
+from eitsim.pressing import Equilibrium, Pressing, equilibrium, system
+from eitsim.punch import POINTS, facets_at
+from eitsim.results import Touch
+from eitsim.scene import Body, Punch
+from matcal.hyperfoam import Hyperfoam
+
+Array = NDArray[np.float64]
+
+# Step of the differences, over the parameter.
+STEP = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A touch and what it was solved from; all that its tangent needs."""
+
+    law: Hyperfoam
+    body: Body
+    punch: Punch
+    model: Pressing
+    state: Equilibrium
+    touch: Touch
+
+
+@dataclass(frozen=True, eq=False)
+class Varied:
+    """A touch on either side of one parameter."""
+
+    # as in a data set, for instance "d_mm"; the unit is its own
+    name: str
+    unit: str
+    # half the difference between both sides, in that unit
+    step: float
+    # whether it is the foam's, and so changes all touches
+    shared: bool
+    less: tuple[Punch, Touch]
+    more: tuple[Punch, Touch]
+
+
+@dataclass(frozen=True)
+class _Parameter:
+    name: str
+    unit: str
+    # step in that unit
+    step: float
+    # law and punch with that many units more than given
+    at: Callable[[float], tuple[Hyperfoam, Punch]]
+    # whether it is the foam's
+    shared: bool = False
+
+
+def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m: float | None = None) -> Settled:
+    """A touch without friction, as axisymmetric.solve_touch finds it; NotConverged as there."""
+    started = time.process_time()
+    levels = pressings(law, body, punch, element_m, None)
+    if punch.force_N is not None:
+        states = under_force(levels, punch.force_N / force_unit(law, body))
+    else:
+        assert punch.depth_m is not None
+        states = at_depth(levels, punch.depth_m / body.thickness_m)
+    touch = touch_of(law, body, levels, states, strain, started)
+    return Settled(law, body, punch, levels[-1], states[-1], touch)
+
+
+def varied(base: Settled) -> Iterator[Varied]:
+    """The touch on either side of F_N, or of depth_mm where that is given, of d_mm, and of the law's mu_i_Pa, alpha_i.
+
+    All others are kept: the force, or the corrected depth, too.
+    """
+    _, factorise = system(base.model, base.state.force, base.state.x)
+    solve, (load, by_load) = factorise(), _load(base)
+    yield _sides(base, load, [(base.model, sign * load.step * by_load) for sign in (-1, 1)])
+    for parameter in _parameters(base):
+        ends = [changed(base, *parameter.at(sign * parameter.step)) for sign in (-1, 1)]
+        less, more = (system(model, force, base.state.x)[0] for model, force in ends)
+        shift = -solve(more - less) / 2
+        if base.punch.force_N is None:
+            less, more = (equilibrium(model, force, base.state.x + sign * shift).depth
+                          for sign, (model, force) in zip((-1, 1), ends, strict=True))
+            shift = shift - by_load * (more - less) / 2 * base.body.thickness_m * 1e3
+        yield _sides(base, parameter, [(model, sign * shift) for sign, (model, _) in zip((-1, 1), ends, strict=True)])
+
+
+def _load(base: Settled) -> tuple[_Parameter, Array]:
+    """Force or depth as a parameter, and the derivative of the state by it, in its unit."""
+    state, unit = base.state, force_unit(base.law, base.body)
+    if base.punch.force_N is not None:
+        kept = _Parameter("F_N", "N", STEP * base.punch.force_N, lambda _: (base.law, base.punch))
+        return kept, state.by_force / unit
+    less, more = (equilibrium(base.model, force, state.x + state.by_force * (force - state.force)).depth
+                  for force in (state.force * (1 - STEP), state.force * (1 + STEP)))
+    depth_mm = state.depth * base.body.thickness_m * 1e3
+    by_depth = state.by_force * 2 * STEP * state.force / (more - less)
+    return (_Parameter("depth_mm", "mm", STEP * depth_mm, lambda _: (base.law, base.punch)),
+            by_depth / (base.body.thickness_m * 1e3))
+
+
+def _parameters(base: Settled) -> Iterator[_Parameter]:
+    law, punch = base.law, base.punch
+    yield _Parameter("d_mm", "mm", STEP * punch.diameter_m * 1e3,
+                     lambda more: (law, replace(punch, diameter_m=punch.diameter_m + more / 1e3)))
+    for i, one in enumerate(np.eye(len(law.mu_Pa))):
+        yield _Parameter(f"mu_{i + 1}_Pa", "Pa", STEP * law.mu_0_Pa,
+                         lambda more, one=one: (replace(law, mu_Pa=law.mu_Pa + more * one), punch), True)
+    for i, one in enumerate(np.eye(len(law.alpha))):
+        yield _Parameter(f"alpha_{i + 1}", "1", STEP * abs(float(law.alpha[i])),
+                         lambda more, one=one: (replace(law, alpha=law.alpha + more * one), punch), True)
+
+
+def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[Pressing, Array]]) -> Varied:
+    """The surface of both ends, each a pressing and what is added to the state."""
+    less, more = ((base.punch, sampled(base, model, base.state.x + shift)) for model, shift in ends)
+    return Varied(parameter.name, parameter.unit, parameter.step, parameter.shared, less, more)
+
+
+def changed(base: Settled, law: Hyperfoam, punch: Punch) -> tuple[Pressing, float]:
+    """The pressing with another law and diameter, on the same mesh carried along, and its force without units."""
+    unit, model = base.body.thickness_m, base.model
+    tool, radius = model.tool, punch.diameter_m / 2 / unit
+    force = base.state.force * force_unit(base.law, base.body) / force_unit(law, base.body)
+    law = replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa)
+    if radius == tool.radius:
+        return replace(model, law=law), force
+    fillet = radius if punch.profile == "sphere" else tool.fillet
+    lines, rows = (line[::model.grid.order] for line in model.grid.lines)
+    old = np.array([0.0, tool.radius - tool.fillet, tool.radius, lines[-1]])
+    new = np.array([0.0, radius - fillet, radius, lines[-1]])
+    grid = tensor_grid(np.interp(lines, old[old.argsort()], new[old.argsort()]), rows, order=model.grid.order)
+    return replace(model, law=law, tool=replace(tool, radius=radius, fillet=fillet), grid=grid,
+                   facets=facets_at(grid, model.facets.nodes, *np.polynomial.legendre.leggauss(POINTS))), force
+
+
+def sampled(base: Settled, model: Pressing, x: Array) -> Touch:
+    """The touch with the surface of another state; its contact and errors stay those of the base."""
+    radius, field = surface.samples(model, x)
+    return replace(base.touch, radius_m=radius * base.body.thickness_m, stretch_meridian=field.meridian,
+                   stretch_hoop=field.hoop, stretch_normal=field.normal, section=None)

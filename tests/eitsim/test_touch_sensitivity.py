@@ -1,0 +1,223 @@
+"""Derivatives of readings by touches and cards: against differences of full solutions, by scaling, by symmetry."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from eitsim.axisymmetric import reached
+from eitsim.cem import impedance, potentials, quadrature_points
+from eitsim.electrics import following_mesh, solve
+from eitsim.pressing import equilibrium
+from eitsim.scene import Body, Electrodes, Hold, Punch, Scene, Skin
+from eitsim.sensitivity import impedance_by_field
+from eitsim.skin import touched_conductance
+from eitsim.touch_sensitivity import Sensitivity, scene_sensitivity, write_sensitivity
+from eitsim.touch_tangent import Settled, changed, sampled, settled
+from eitsim.variation import Variation, conductance_change, moved, variations
+from matcal.card import MaterialCard, write_card
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+from matcal.prony import Prony
+
+FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
+CARD = MaterialCard(name="made up", hyperfoam=FOAM, conductivity=LAW)
+PUNCH = Punch(0.03, 0.02, 0.014, 1.0)
+# Element size of the tests, m: twice the default.
+COARSE = 1.2e-4
+
+
+@lru_cache(maxsize=4)
+def base(punch: Punch = PUNCH) -> Settled:
+    return settled(FOAM, Body(), punch, "normal", element_m=COARSE)
+
+
+@lru_cache(maxsize=4)
+def mesh(punch: Punch = PUNCH):
+    return following_mesh(Body(), Electrodes(), ((punch, base(punch).touch),), 1)
+
+
+@lru_cache(maxsize=4)
+def varied(punch: Punch = PUNCH) -> dict[str, Variation]:
+    return {v.name: v for v in variations(mesh(punch).nodes_m, [base(punch)], LAW)}
+
+
+def adjoint(variation: Variation, punch: Punch = PUNCH) -> np.ndarray:
+    touched = touched_conductance(quadrature_points(mesh(punch)), [(punch, base(punch).touch)], Skin(), LAW)
+    potential = potentials(mesh(punch), touched, 1.0)
+    return impedance_by_field(mesh(punch), potential, conductance_change(mesh(punch), Skin(), variation))
+
+
+def slope(of: Callable[[float], np.ndarray], step: float) -> np.ndarray:
+    """Derivative at 0 by differences of fourth order."""
+    return (8 * (of(step) - of(-step)) - (of(2 * step) - of(-2 * step))) / (12 * step)
+
+
+def distance(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+def solved(name: str, touch: tuple, by: float, law: Conductivity = LAW) -> np.ndarray:
+    """Full solution on the mesh moved by that much of a parameter."""
+    at = moved(mesh(), varied()[name].velocity, by)
+    return impedance(at, touched_conductance(quadrature_points(at), [touch], Skin(), law), 1.0)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_derivative_by_place_is_that_of_full_solutions(axis: str):
+    def at(by_mm: float) -> np.ndarray:
+        punch = replace(PUNCH, **{f"{axis}_m": getattr(PUNCH, f"{axis}_m") + by_mm / 1e3})
+        return solved(f"{axis}_mm", (punch, base().touch), by_mm)
+
+    assert distance(adjoint(varied()[f"{axis}_mm"]), slope(at, 1e-3)) < 1e-6
+
+
+def test_derivative_by_place_is_exact_on_a_mesh_that_stays_too():
+    still = replace(varied()["x_mm"], velocity=np.zeros_like(mesh().nodes_m))
+
+    def at(by_mm: float) -> np.ndarray:
+        touch = (replace(PUNCH, x_m=PUNCH.x_m + by_mm / 1e3), base().touch)
+        return impedance(mesh(), touched_conductance(quadrature_points(mesh()), [touch], Skin(), LAW), 1.0,
+                         refinements=2)
+
+    assert distance(adjoint(still), slope(at, 2e-4)) < 1e-6
+
+
+def resolved(law: Hyperfoam, punch: Punch, by_load: float = 0.0) -> tuple:
+    """The touch solved again on the same mesh of the foam, carried along."""
+    model, force = changed(base(), law, punch)
+    state = equilibrium(model, force * (1 + by_load), base().state.x, tolerance=1e-12)
+    return punch, sampled(base(), model, state.x)
+
+
+@pytest.mark.parametrize(("name", "step"), [("F_N", 1e-4), ("d_mm", 1e-3), ("mu_1_Pa", 0.5), ("alpha_2", 1e-4)])
+def test_derivative_through_the_mechanics_is_that_of_full_solutions(name: str, step: float):
+    def touch(by: float) -> tuple:
+        if name == "F_N":
+            return resolved(FOAM, PUNCH, by)
+        if name == "d_mm":
+            return resolved(FOAM, replace(PUNCH, diameter_m=PUNCH.diameter_m + by / 1e3))
+        if name == "mu_1_Pa":
+            return resolved(replace(FOAM, mu_Pa=FOAM.mu_Pa + by * np.array([1.0, 0, 0])), PUNCH)
+        return resolved(replace(FOAM, alpha=FOAM.alpha + by * np.array([0, 1.0, 0])), PUNCH)
+
+    assert distance(adjoint(varied()[name]), slope(lambda by: solved(name, touch(by), by), step)) < 1e-6
+
+
+@pytest.mark.parametrize("i", [0, 1, 2])
+def test_derivative_by_the_skins_coefficients_is_that_of_full_solutions(i: int):
+    def at(by: float) -> np.ndarray:
+        return solved(f"a_{i + 1}", (PUNCH, base().touch), 0.0, replace(LAW, a=LAW.a + by * np.eye(3)[i]))
+
+    assert distance(adjoint(varied()[f"a_{i + 1}"]), slope(at, 1e-2)) < 1e-6
+
+
+def test_at_a_kept_depth_the_diameter_counts_alone_and_stiffness_does_not():
+    punch = replace(PUNCH, force_N=None, depth_m=0.002)
+    found = varied(punch)
+    assert "F_N" not in found
+    derivative = {name: adjoint(found[name], punch) for name in ("depth_mm", "d_mm", "mu_1_Pa", "mu_2_Pa", "mu_3_Pa")}
+    scaled = [mu * derivative[f"mu_{i + 1}_Pa"] for i, mu in enumerate(FOAM.mu_Pa)]
+    assert np.linalg.norm(sum(scaled)) < 1e-5 * np.linalg.norm(scaled[0])
+    model, force = changed(base(punch), FOAM, replace(punch, diameter_m=punch.diameter_m + 1e-6))
+    at_same_force = equilibrium(model, force, base(punch).state.x)
+    there = reached(model, punch.depth_m / Body().thickness_m, at_same_force)
+    mesh_there = moved(mesh(punch), found["d_mm"].velocity, 1e-3)
+    ends = [impedance(on, touched_conductance(quadrature_points(on), [(punch, touch)], Skin(), LAW), 1.0)
+            for on, touch in ((mesh(punch), base(punch).touch), (mesh_there, sampled(base(punch), model, there.x)))]
+    assert distance((ends[1] - ends[0]) / 1e-3, derivative["d_mm"]) < 2e-3
+
+
+@lru_cache(maxsize=2)
+def sensitivity(scene: Scene) -> Sensitivity:
+    return scene_sensitivity(scene, CARD, level=1)
+
+
+def column(of: Sensitivity, name: str) -> np.ndarray:
+    return of.touched_by[:, of.parameters.index(name)]
+
+
+def test_stiffer_foam_is_as_a_smaller_force():
+    found = sensitivity(Scene(punches=(PUNCH,)))
+    by_scale = sum(mu * column(found, f"mu_{i + 1}_Pa") for i, mu in enumerate(FOAM.mu_Pa))
+    assert distance(by_scale, -PUNCH.force_N * column(found, "F_N")) < 1e-5
+
+
+def test_readings_are_homogeneous_of_degree_one_in_resistances():
+    found = sensitivity(Scene(punches=(PUNCH,)))
+    by_contact = sum(column(found, f"z_{k + 1}_Ohm_m") for k in range(16))
+    assert distance(by_contact * 1.0 - LAW.c0_S_per_m * column(found, "c0_S_per_m"), found.touched_V) < 1e-11
+
+
+def test_derivative_of_the_signal_is_that_of_another_method():
+    found, scene = sensitivity(Scene(punches=(PUNCH,))), Scene(punches=(PUNCH,))
+    touch = settled(FOAM, scene.body, PUNCH, "normal").touch
+
+    def signal(x_m: float) -> np.ndarray:
+        return solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((replace(PUNCH, x_m=x_m), touch),), LAW,
+                     method="multipole").signal_V.ravel()
+
+    by_place = (signal(PUNCH.x_m + 1e-4) - signal(PUNCH.x_m - 1e-4)) / 0.2
+    assert distance(found.signal_by[:, found.parameters.index("x_mm")], by_place) < 0.01
+    assert distance(found.signal_V, signal(PUNCH.x_m)) < 0.01
+
+
+def test_derivatives_on_an_axis_of_symmetry_are_even_by_x_and_odd_by_y():
+    punch, mirror = replace(PUNCH, x_m=0.04, y_m=0.0), -np.arange(16) % 16
+    for name, sign in (("x_mm", 1), ("d_mm", 1), ("y_mm", -1)):
+        derivative = adjoint(varied(punch)[name], punch)
+        assert distance(sign * derivative[np.ix_(mirror, mirror)], derivative) < 1e-8
+
+
+def test_file_holds_a_row_a_reading_and_a_column_a_parameter(tmp_path):
+    found = sensitivity(Scene(punches=(PUNCH,)))
+    write_sensitivity(found, tmp_path / "sens.csv")
+    lines = [line.split(",") for line in (tmp_path / "sens.csv").read_text().splitlines()]
+    assert lines[0] == ["reading", "value_V", *found.parameters]
+    assert [lines[1][0], lines[209][0]] == ["v_000", "dv_000"]
+    values = np.array([[float(cell) for cell in line[1:]] for line in lines[1:]])
+    assert np.array_equal(values[:208, 1:], found.touched_by)
+    assert np.array_equal(values[208:, 0], found.signal_V)
+
+
+@pytest.mark.slow
+def test_several_touches_have_their_own_derivatives_and_one_foam():
+    scene = Scene(punches=(PUNCH, Punch(-0.04, -0.02, 0.010, 0.3)))
+    found = sensitivity(scene)
+    assert found.parameters[:8] == ("x_mm_1", "y_mm_1", "F_N_1", "d_mm_1", "x_mm_2", "y_mm_2", "F_N_2", "d_mm_2")
+    by_scale = sum(mu * column(found, f"mu_{i + 1}_Pa") for i, mu in enumerate(FOAM.mu_Pa))
+    by_force = sum(punch.force_N * column(found, f"F_N_{i + 1}") for i, punch in enumerate(scene.punches))
+    assert distance(by_scale, -by_force) < 1e-5
+
+
+@pytest.mark.parametrize(("scene", "named"), [
+    (Scene(punches=(replace(PUNCH, friction="stick"),)), "friction"),
+    (Scene(punches=(replace(PUNCH, conductor=True),)), "conductor"),
+    (Scene(punches=(replace(PUNCH, x_m=0.08),)), "rim"),
+    (Scene(punches=(PUNCH,), hold=Hold((2.0,), "depth")), "hold"),
+    (Scene(punches=(PUNCH, replace(PUNCH, x_m=0.0))), "together")])
+def test_what_is_not_built_is_refused_with_its_reason(scene: Scene, named: str):
+    card = replace(CARD, prony=Prony(np.array([0.3]), np.array([10.0])))
+    with pytest.raises(ValueError, match=named):
+        scene_sensitivity(scene, card)
+
+
+def test_run_writes_the_file_and_refuses_before_solving(tmp_path):
+    write_card(CARD, tmp_path / "card.json")
+    (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
+    (tmp_path / "rim.toml").write_text('card = "card.json"\n[punch]\nx_mm = 85\n')
+    run = [sys.executable, "-m", "eitsim", "run", "scene.toml", "--sensitivity", "sens.csv"]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "sens.csv").read_text().startswith("reading,value_V,x_mm,y_mm,F_N,d_mm,mu_1_Pa")
+    run[4] = "rim.toml"
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 2
+    assert "the rim changes, as at (85, 0) mm" in done.stderr
