@@ -24,9 +24,10 @@ Groups = Sequence[Sequence[int]]
 _GAP = np.array([0.6, 1.0, 1.5, 2.0, 2.5, 3.0])
 _EFFECT = np.array([0.19, 0.15, 0.052, 0.0068, 0.0048, 0.0037])
 _DECAY = 0.7
-# Bound of the change of dV over strain and uplift by the neighbour: in those pairs it was 1.2 at most and 0.2 in the
-# middle of 52; once, on a larger patch with a deep punch, whose strains are noisy under it, 2.3.
-_SIGNAL_PER_STRAIN = 1.5
+# Bounds of what changes, over the strain and uplift by the neighbour. Of dV it was 1.2 at most and 0.2 in the middle of
+# 52 of those pairs; once, on a larger patch with a deep punch, whose strains are noisy under it, 2.3. Of the depth it
+# was 0.5, of the normal strain (L2) 2.2 at most in random pairs (benchmarks/omissions.py).
+_PER_STRAIN = {"signal": 1.5, "depth": 1.0, "strain": 3.0}
 # Radii and angles under a punch at which its neighbour's field is looked at.
 _RADII, _ANGLES = 6, 48
 
@@ -75,22 +76,21 @@ def gap_for(effect: float, thickness_m: float) -> float:
 
 
 def interaction(touches: Sequence[tuple[Punch, Touch]], together: Groups = ()) -> dict[str, float]:
-    """Bounds of the relative changes "signal" and "depth" of solved touches by neighbours that they are not solved
-    together with.
+    """Bounds of the relative changes "signal", "depth" and "strain" (L2) of solved touches by neighbours that they are
+    not solved together with.
 
     A neighbour lifts the foam under a punch and strains its surface; both are taken as if the punch were not there. The
-    depth changes by less than the uplift and the strain times the depth (measured: by 0.4 of it or less), dV by less
-    than _SIGNAL_PER_STRAIN times the strain and the uplift over the depth.
+    strain and the uplift over the depth, times _PER_STRAIN, bound what changes.
     """
-    found = {"signal": 0.0, "depth": 0.0}
+    largest = 0.0
     for i, (punch, touch) in enumerate(touches):
         sums = 0.0
         for j, (other, pressed) in enumerate(touches):
             if _apart(i, j, together):
                 strain, uplift = _under(punch, other, pressed)
                 sums += strain + uplift / touch.depth_m
-        found = {"signal": max(found["signal"], _SIGNAL_PER_STRAIN * sums), "depth": max(found["depth"], sums)}
-    return found
+        largest = max(largest, sums)
+    return {key: factor * largest for key, factor in _PER_STRAIN.items()}
 
 
 def _under(punch: Punch, other: Punch, touch: Touch) -> tuple[float, float]:

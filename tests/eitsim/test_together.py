@@ -163,7 +163,7 @@ def test_a_scene_of_two_close_touches_gives_readings():
     assert result.readings is not None
     assert simple.readings is not None
     assert (result.outcome, result.readings.method) == ("ok", "mesh")
-    assert result.interaction == {"signal": 0, "depth": 0}
+    assert result.interaction == {"signal": 0, "depth": 0, "strain": 0}
     assert result.touches[0].depth_m != simple.touches[0].depth_m
     missed = np.linalg.norm(result.readings.signal_V - simple.readings.signal_V)
     missed /= np.linalg.norm(result.readings.signal_V)
