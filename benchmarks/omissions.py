@@ -3,9 +3,11 @@
 For each omission, SCENES random touches of Table 1 (8 to 20 mm, forces log-uniform from 0.01 N to 0.4 mu_0 pi d^2,
 places and what else the omission needs at random): relative change of depth, of the surface's normal strain (L2 over
 the disc) and of the 208 signals dV (2-norm), the stated bound of each, and CPU seconds with and without. The rim is
-left out at the gaps where a wanted signal of 1 to 30 % allows it. Run by `make bench`, which pins threads; --scenes and
---only shorten it, --only keeps the other omissions' rows of before; writes results/omissions.csv (a row a touch) and
-results/omissions_summary.csv beside this file.
+left out at the gaps where a wanted signal of 1 to 30 % allows it. So is a neighbour, of pairs about the middle of the
+disc against the same solved together: depth and strain of the worse touch, dV of both, d_mm and F_N of the first, and
+gap_mm between the edges, bounds as a result tells them; pairs that are not found together are named and left out. Run
+by `make bench`, which pins threads; --scenes and --only shorten it, --only keeps the other omissions' rows of before;
+writes results/omissions.csv (a row a touch) and results/omissions_summary.csv beside this file.
 """
 
 from __future__ import annotations
@@ -25,13 +27,16 @@ from eitsim.electrics import solve
 from eitsim.holding import Course, kept, states_over
 from eitsim.mesh import default_element_m
 from eitsim.near_rim import solve_near_rim
+from eitsim.neighbours import edge_gap_m, expected, gap_for, interaction
 from eitsim.plan import rim_effect
 from eitsim.results import RimField, Touch
 from eitsim.reuse import decision, table_for
 from eitsim.scene import Body, Drive, Electrodes, Hold, Punch, Skin
 from eitsim.skin import changes
 from eitsim.table import Table, shape_of, touch_from
+from eitsim.together import LEAST_GAP, solved_together
 from matcal.conductivity import Conductivity
+from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
 
@@ -182,6 +187,42 @@ def row(name: str, number: int, pair: Pair) -> dict[str, object]:
             "cpu_s": cpu[0], "cpu_s_without": cpu[1]}
 
 
+def random_pair(rng: np.random.Generator) -> tuple[Punch, Punch]:
+    """Two punches on either side of the disc's middle, as far apart as a random wanted error asks for."""
+    allowed = float(np.exp(rng.uniform(np.log(0.005), np.log(0.15))))
+    gap = max(gap_for(allowed, BODY.thickness_m), LEAST_GAP * BODY.thickness_m) * rng.uniform(1.0, 1.3)
+    one, other, angle = random_punch(rng), random_punch(rng), rng.uniform(0, 2 * np.pi)
+    half = (gap + (one.diameter_m + other.diameter_m) / 2) / 2 * np.array([np.cos(angle), np.sin(angle)])
+    return replace(one, x_m=half[0], y_m=half[1]), replace(other, x_m=-half[0], y_m=-half[1])
+
+
+def neighbour_left_out(number: int, rng: np.random.Generator) -> dict[str, object] | None:
+    """A row of two touches, each solved as if it were alone; None where they are not found together."""
+    punches = random_pair(rng)
+    begun = time.process_time()
+    alone = tuple(solve_touch(TABLE_1, BODY, punch) for punch in punches)
+    first = time.process_time() - begun
+    try:
+        both = solved_together(alone, TABLE_1, BODY, punches)
+    except NotConverged as error:
+        print(f"{APART}, {number}: {error}")
+        return None
+    second, planned = time.process_time() - begun, expected(BODY, punches)
+    solved = interaction(tuple(zip(punches, alone, strict=True)))
+    depth, strain, signal = (max(planned, solved[key]) for key in ("depth", "strain", "signal"))
+    both_ways = [Pair(punch, left_out, full, (first, second), depth, strain, signal)
+                 for punch, left_out, full in zip(punches, alone, both, strict=True)]
+    signals = [solve(BODY, Skin(), Electrodes(), Drive(), tuple(zip(punches, touches, strict=True)), SKIN_LAW,
+                     signal=0.0005, method="mesh").signal_V for touches in (alone, both)]
+    return {"omission": APART, "scene": number, "d_mm": punches[0].diameter_m * 1e3,
+            "F_N": punches[0].force_N, "gap_mm": edge_gap_m(*punches) * 1e3,
+            "depth_change": max(abs(pair.left_out.depth_m / pair.full.depth_m - 1) for pair in both_ways),
+            "depth_bound": depth, "strain_change_L2": max(strain_change(pair) for pair in both_ways),
+            "strain_bound": strain,
+            "signal_change": float(np.linalg.norm(signals[0] - signals[1]) / np.linalg.norm(signals[1])),
+            "signal_bound": signal, "cpu_s": first, "cpu_s_without": second}
+
+
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """For each omission the share of touches within the bounds, changes, and what it saves."""
     out = []
@@ -208,12 +249,19 @@ def pairs(name: str, table: Table | None) -> Callable[[np.random.Generator], Pai
             "depth hold: steps in time left out": steps_in_time_left_out}[name]
 
 
+APART = "touches, each solved as if it were alone"
 OMISSIONS = ("axisymmetric: the rim left out", "default mesh: the finer one left out",
-             "rings: the skin's mesh left out", "depth hold: steps in time left out", "load path reused")
+             "rings: the skin's mesh left out", "depth hold: steps in time left out", "load path reused", APART)
 
 
 def rows_of(name: str, scenes: int) -> Iterator[dict[str, object]]:
     table = None
+    if name == APART:
+        for number in range(scenes):
+            found = neighbour_left_out(number, np.random.default_rng([SEED, OMISSIONS.index(name), number]))
+            if found is not None:
+                yield found
+        return
     if name == "load path reused":
         table, _ = table_for(shape_of(TABLE_1, BODY, Punch(), "normal", [0.008, 0.02], spans=True))
     chosen = pairs(name, table)
