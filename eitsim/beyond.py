@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.cem import gradients, potentials, quadrature_points
+from eitsim.electrodes import contact_impedances
 from eitsim.multipole import ring_share
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch, Skin
@@ -40,7 +41,7 @@ def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> _Unt
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
     mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
-    potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), electrodes.contact_impedance_Ohm_m)
+    potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     gradient, area = gradients(mesh, potential[:len(mesh.nodes_m)])
     return _Untouched(quadrature_points(mesh).reshape(-1, 2), area.ravel(),
                       gradient.reshape(-1, 2, electrodes.count))

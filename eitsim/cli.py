@@ -268,11 +268,12 @@ def _print_result(result: Result, document: dict[str, Any], out: Path | None) ->
 
     _print_plan(result.plan)
     if result.readings is not None:
+        largest_V = max(abs(value) for value in result.readings.signal_V.flat if value == value)
         table = Table("quantity", "value", title=f"touch: {result.outcome}")
         for key in ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2"):
             values = document[key] if isinstance(document[key], list) else [document[key]]
             table.add_row(key, ", ".join(f"{value:.5g}" for value in values))
-        table.add_row("largest |dV|, mV", f"{abs(result.readings.signal_V).max() * 1e3:.4g}")
+        table.add_row("largest |dV|, mV", f"{largest_V * 1e3:.4g}")
         for key, value in result.error_estimate.items():
             table.add_row(f"error of {key}, of that numerical", f"{value:.2%}, {result.numerical_error[key]:.2%}")
         for key, value in result.interaction.items():

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from eitsim.beyond import change_where_they_meet, first_order_change
 from eitsim.cem import SkinMesh, impedance, quadrature_points, sparsity
 from eitsim.drive import read_out
+from eitsim.electrodes import among_all, contact_impedances, present
 from eitsim.multipole import Scatterer, impedance_change, place, reaches, room, scattering
 from eitsim.results import Readings, Touch
 from eitsim.rim import HARMONICS, solve_rim
@@ -43,6 +44,8 @@ LEVELS = (1, 2, 4)
 class _Sensor:
     body: Body
     skin: Skin
+    # all electrodes, and those of them that have contact
+    given: Electrodes
     electrodes: Electrodes
     drive: Drive
     law: Conductivity
@@ -50,6 +53,10 @@ class _Sensor:
     @property
     def conductance_S(self) -> float:
         return untouched_conductance(self.law, self.skin)
+
+    def read_out(self, impedance_Ohm: Array) -> Array:
+        """Readings, V, by an impedance matrix of the electrodes that have contact; NaN where another is needed."""
+        return read_out(self.drive, among_all(self.given, impedance_Ohm))
 
 
 @dataclass(frozen=True)
@@ -89,12 +96,12 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
         raise ValueError(f"method '{method}' is unknown; known: {', '.join(METHODS)}.")
     if not touches:
         raise ValueError("no touch is given; give at least one.")
-    sensor = _Sensor(body, skin, electrodes, drive, law)
+    sensor = _Sensor(body, skin, electrodes, present(electrodes), drive, law)
     change = min(_changes(sensor, touches, signal, method), key=lambda c: c.error)
-    untouched = solve_rim(body, electrodes, sensor.conductance_S).impedance_Ohm
-    baseline, dv = read_out(drive, untouched), read_out(drive, change.impedance_Ohm)
+    untouched = solve_rim(body, sensor.electrodes, sensor.conductance_S).impedance_Ohm
+    baseline, dv = sensor.read_out(untouched), sensor.read_out(change.impedance_Ohm)
     extrapolated = sum(extrapolated_fraction(body, punch, touch, skin, law) for punch, touch in touches)
-    return Readings(baseline + dv, baseline, dv, untouched + change.impedance_Ohm, change.error,
+    return Readings(baseline + dv, baseline, dv, among_all(electrodes, untouched + change.impedance_Ohm), change.error,
                     min(extrapolated, 1.0), change.unknowns, time.process_time() - start, change.method)
 
 
@@ -182,7 +189,7 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
 
 def _on_mesh(sensor: _Sensor, touches: Touches, level: int) -> tuple[Array, int]:
     mesh = following_mesh(sensor.body, sensor.electrodes, touches, level)
-    pattern, z = sparsity(mesh), sensor.electrodes.contact_impedance_Ohm_m
+    pattern, z = sparsity(mesh), contact_impedances(sensor.electrodes)
     touched = touched_conductance(quadrature_points(mesh), touches, sensor.skin, sensor.law)
     untouched = np.full(len(mesh.cells), sensor.conductance_S)
     first, second = (impedance(mesh, s, z, pattern=pattern, refinements=0) for s in (touched, untouched))
@@ -198,5 +205,5 @@ def following_mesh(body: Body, electrodes: Electrodes, touches: Touches, level: 
 
 def _difference(sensor: _Sensor, change: Array, other: Array) -> float:
     """Relative difference of the readings of two changes, 2-norm; 0 where neither changes anything."""
-    signal, gap = (np.linalg.norm(read_out(sensor.drive, z)) for z in (change, other - change))
+    signal, gap = (np.linalg.norm(np.nan_to_num(sensor.read_out(z))) for z in (change, other - change))
     return float(gap / signal) if gap > 0 else 0.0

@@ -101,13 +101,12 @@ def impedance_change(rim: Rim, body: Body, electrodes: Electrodes, conductance_S
 
     Circles may touch but not overlap.
     """
-    count, n = electrodes.count, np.arange(1, harmonics + 1)
+    n = np.arange(1, harmonics + 1)
     centres = [s.centre_m / body.radius_m * cmath.exp(-1j * electrodes.first_angle_rad) for s in scatterers]
     radii = [s.reach_m / body.radius_m for s in scatterers]
     orders = [np.arange(1, len(s.scattered) + 1) for s in scatterers]
     turned = np.vstack([_translation(z, r, m, n) for z, r, m in zip(centres, radii, orders, strict=True)])
-    turns = np.exp(-2j * np.pi * np.outer(n, np.arange(count)) / count)
-    incoming = turned @ (rim.driven[:harmonics, None] * turns)
+    incoming = turned @ rim.driven[:harmonics]
     m, scattered = np.concatenate(orders), np.concatenate([s.scattered for s in scatterers])
     outgoing = (turned.conj() * m[:, None] / n).T
     same = turned @ outgoing + 2 * turned @ (rim.same[:harmonics, :harmonics] @ outgoing)

@@ -186,7 +186,8 @@ class Touch:
 
 @dataclass(frozen=True)
 class Readings:
-    """Electrode voltages of a touched and an untouched skin, in the order of the drive pattern."""
+    """Electrode voltages of a touched and an untouched skin, in the order of the drive pattern; NaN where a pattern or
+    a reading needs an electrode without contact."""
 
     # (patterns, readings) touched, V: baseline_V plus the signal
     touched_V: Array

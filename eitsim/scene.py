@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.drive import Drive, protocol
+from eitsim.drive import Drive
 from eitsim.drive_files import MATRICES, with_matrices
+from eitsim.electrodes import IMPEDANCES, Electrodes, check, nothing_read
 from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
 
 PROFILES = ("flat", "sphere", "cone")
 FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
-ELECTRODES = ("line", "patch")
 CONTROLS = ("force", "depth")
 MODULI = ("card", "instantaneous", "longterm")
 
@@ -68,24 +68,6 @@ class Skin:
     thickness_m: float = 20e-6
     # the strain that drives its conductivity, one of STRAINS
     strain: str = "normal"
-
-
-@dataclass(frozen=True)
-class Electrodes:
-    """Evenly spaced electrodes at the rim, counter-clockwise."""
-
-    # one of ELECTRODES
-    kind: str = "line"
-    # how many
-    count: int = 16
-    # width along the rim, m
-    width_m: float = 0.01
-    # angle of the first one from +x, rad
-    first_angle_rad: float = 0.0
-    # contact impedance of a line, Ohm m
-    contact_impedance_Ohm_m: float = 1.0
-    # contact impedance of a patch, Ohm m^2
-    contact_impedance_Ohm_m2: float = 1e-2
 
 
 @dataclass(frozen=True)
@@ -142,6 +124,7 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
     "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
     "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
                    "first_angle_deg": ("first_angle_rad", 180 / math.pi),
+                   "angles_deg": ("angles_rad", 180 / math.pi), "missing": ("missing", None),
                    "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
@@ -150,8 +133,16 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
              "moduli": ("moduli", None)},
     "accuracy": {"signal": ("signal", 1.0)},
 }
+# Keys that may hold a list of one number an electrode, and those that always hold a list.
+EACH = ("width_mm", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
+_LISTS = ("angles_deg", "missing")
 _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
             "accuracy": Accuracy}
+
+
+def is_list(table: str, key: str, value: list[Any]) -> bool:
+    """Whether a list is the value of a key itself, not a range that a design draws one from."""
+    return table == "electrodes" and (key in _LISTS or (key in EACH and len(value) > 2))
 
 
 def slope_rad(punch: Punch) -> float:
@@ -176,8 +167,10 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
 
 
 def _unconverted(value: Any, per: float | None) -> Any:
+    if isinstance(value, tuple):
+        return [_unconverted(part, per) for part in value]
     if per is None:
-        return list(value) if isinstance(value, tuple) else value
+        return value
     return value if per == 1.0 else float(f"{value * per:.12g}")
 
 
@@ -199,7 +192,7 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
     parts: dict[str, Any] = {}
     for table in _KEYS:
         if table in raw and table != "punch":
-            parts[table] = _table(table, raw[table])
+            parts[table] = _electrodes(raw[table]) if table == "electrodes" else _table(table, raw[table])
     touches = raw.get("punch", {})
     touches = touches if isinstance(touches, list) else [touches]
     if not touches:
@@ -225,13 +218,13 @@ def _table(table: str, raw: Any) -> Any:
 
 
 def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
+    if isinstance(default, tuple):
+        cells = value if isinstance(value, list) else [value]
+        return tuple(_value(where, cell, per or 1.0, 0.0) for cell in cells)
     if per is not None:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise ValueError(f"{where} must be a finite number, got {value!r}.")
         return float(value) / per
-    if isinstance(default, tuple):
-        cells = value if isinstance(value, list) else [value]
-        return tuple(_value(where, cell, 1.0, 0.0) for cell in cells)
     if type(value) is not type(default):
         raise ValueError(f"{where} must be of the kind of {default!r}, got {value!r}.")
     return value
@@ -244,6 +237,23 @@ def _rows(where: str, value: Any) -> tuple[Any, ...]:
                          f"{value!r:.80}.")
     return tuple(tuple(_rows(where, [cell])[0] if isinstance(cell, list | tuple) else _value(where, cell, 1.0, 0.0)
                        for cell in row) for row in value)
+
+
+def _electrodes(raw: Any) -> Electrodes:
+    """Electrodes, with lists of one number an electrode; an infinite contact impedance is a missing electrode."""
+    lists = {key: value for key, value in raw.items() if key in EACH and isinstance(value, list)} if isinstance(
+        raw, Mapping) else {}
+    given = _table("electrodes", {key: value for key, value in raw.items() if key not in lists} if lists else raw)
+    values, open_ends = {}, set()
+    for key, cells in lists.items():
+        name, per = _KEYS["electrodes"][key]
+        infinite = [k for k, cell in enumerate(cells) if cell == math.inf and key != "width_mm"]
+        open_ends.update(infinite if key == IMPEDANCES.get(given.kind) else [])
+        values[name] = tuple(_value(f"{key} in [electrodes]", 1.0 if k in infinite else cell, per, 0.0)
+                             for k, cell in enumerate(cells))
+    if any(k != int(k) for k in given.missing):
+        raise ValueError(f"missing in [electrodes] must hold numbers of electrodes, from 0, got {list(given.missing)}.")
+    return replace(given, **values, missing=tuple(sorted(open_ends.union(int(k) for k in given.missing))))
 
 
 def _punch(raw: Any) -> Punch:
@@ -260,21 +270,14 @@ def _punch(raw: Any) -> Punch:
 def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
     positive = {"radius_mm in [body]": body.radius_m, "thickness_mm in [body]": body.thickness_m,
-                "thickness_um in [skin]": scene.skin.thickness_m, "width_mm in [electrodes]": electrodes.width_m,
-                "contact_impedance_Ohm_m in [electrodes]": electrodes.contact_impedance_Ohm_m,
-                "contact_impedance_Ohm_m2 in [electrodes]": electrodes.contact_impedance_Ohm_m2,
+                "thickness_um in [skin]": scene.skin.thickness_m,
                 "current_mA in [drive]": scene.drive.current_A, "signal in [accuracy]": scene.accuracy.signal}
     for where, value in positive.items():
         _require(value > 0, where, "must be positive", value)
     _choice("strain in [skin]", scene.skin.strain, STRAINS)
-    _choice("kind in [electrodes]", electrodes.kind, ELECTRODES)
     _choice("control in [hold]", scene.hold.control, CONTROLS)
     _choice("moduli in [hold]", scene.hold.moduli, MODULI)
-    _require(electrodes.count >= 4, "count in [electrodes]", "must be at least 4", electrodes.count)
-    widest_m = 2 * math.pi * body.radius_m / electrodes.count
-    _require(electrodes.width_m < widest_m, "width_mm in [electrodes]",
-             f"leaves no gap between the electrodes: {electrodes.count} of them at radius_mm = {body.radius_m * 1e3:g} "
-             f"may be {math.floor(widest_m * 1e6) / 1e3:g} wide at most", electrodes.width_m * 1e3)
+    check(body.radius_m, electrodes)
     _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
     _require(scene.hold.loading_s >= 0, "loading_s in [hold]", "must not be negative", scene.hold.loading_s)
     _require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
@@ -282,7 +285,9 @@ def _check(scene: Scene) -> None:
     _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
              "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
              scene.hold.moduli)
-    protocol(scene.drive, electrodes.count)
+    if nothing_read(scene.drive, electrodes):
+        raise ValueError(f"missing in [electrodes]: without {', '.join(map(str, electrodes.missing))} no reading of "
+                         "the drive is left; leave some of them, or choose another pattern in [drive].")
     for punch in scene.punches:
         _check_punch(punch, body)
 

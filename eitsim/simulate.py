@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import resource
 import time
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from eitsim.mesh import default_element_m
 from eitsim.near_rim import COARSE, FINE, rim_problem, solve_near_rim
 from eitsim.neighbours import expected, interaction
 from eitsim.plan import law_of, make_plan, near_rim, on_mesh, together
-from eitsim.results import Moment, Plan, Readings, Result, Touch
+from eitsim.results import Array, Moment, Plan, Readings, Result, Touch
 from eitsim.reuse import decision, served
 from eitsim.scene import Punch, Scene
 from eitsim.table import Table
@@ -201,8 +202,8 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
     blocks = [mechanical(touch) for touch in result.touches]
     mechanics: Mapping[str, Any] = {key: [block[key] for block in blocks] for key in blocks[0]}
     return out | (blocks[0] if len(blocks) == 1 else mechanics) | {
-        "readings_V": result.readings.touched_V.tolist(), "baseline_V": result.readings.baseline_V.tolist(),
-        "impedance_Ohm": result.readings.impedance_Ohm.tolist(),
+        "readings_V": _rows(result.readings.touched_V), "baseline_V": _rows(result.readings.baseline_V),
+        "impedance_Ohm": _rows(result.readings.impedance_Ohm),
         **({"interaction": dict(result.interaction)} if result.interaction else {}),
         "error_estimate": dict(result.error_estimate), "numerical_error": dict(result.numerical_error),
         "electrics_method": result.readings.method,
@@ -216,6 +217,11 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
             {"times": [moment_block(moment, result.plan) for moment in result.moments]} if result.moments else {})
 
 
+def _rows(values: Array) -> list[list[float | None]]:
+    """A matrix as lists, None where an electrode that it needs is missing."""
+    return [[None if math.isnan(value) else value for value in row] for row in values.tolist()]
+
+
 def decisions(plan: Plan) -> list[dict[str, Any]]:
     """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound."""
     return [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound}
@@ -224,7 +230,7 @@ def decisions(plan: Plan) -> list[dict[str, Any]]:
 
 def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:
     """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
-    return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": moment.readings.touched_V.tolist(),
+    return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": _rows(moment.readings.touched_V),
             "error_estimate": errors(plan, numerical_errors((moment.touch,), moment.readings))}
 
 

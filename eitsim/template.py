@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.cem import SkinMesh
-from eitsim.electrodes import arcs
+from eitsim.electrodes import TOUCHING, arcs, widths
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch
 
@@ -50,7 +50,7 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     gap = room - max(touch.contact_radius_m - edge, 0.0)
     angles, electrode = rim_angles(body, electrodes, level)
     inner = centred_radii(punch, touch, gap, level, thinner)
-    blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * electrodes.width_m / level)
+    blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * widths(electrodes).min() / level)
     radii = np.concatenate([inner, inner[-1] + blend * (body.radius_m - inner[-1])])
     shift = np.concatenate([np.ones(len(inner)), 1 - blend])
     return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count)
@@ -61,13 +61,15 @@ def rim_angles(body: Body, electrodes: Electrodes, level: int = 1) -> tuple[Arra
 
     Spacing halves towards the ends of the electrodes, where the current density is singular.
     """
-    ends = arcs(body, electrodes)
+    ends = arcs(body.radius_m, electrodes)
     following = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi)
     angles, electrode = [], []
     for k, (start, stop) in enumerate(ends):
-        angles += [start + (stop - start) * _graded(_UNDER * level), stop + (following[k] - stop) * _graded(
-            _BETWEEN * level)]
-        electrode += [k] * (_UNDER * level) + [-1] * (_BETWEEN * level)
+        angles.append(start + (stop - start) * _graded(_UNDER * level))
+        electrode += [k] * (_UNDER * level)
+        if following[k] - stop > TOUCHING:
+            angles.append(stop + (following[k] - stop) * _graded(_BETWEEN * level))
+            electrode += [-1] * (_BETWEEN * level)
     return np.concatenate(angles), np.array(electrode)
 
 

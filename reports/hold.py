@@ -25,7 +25,7 @@ def when(result: Mapping[str, Any]) -> str:
 
 def table(times: Sequence[Mapping[str, Any]], baseline_V: Array) -> Table:
     """Force, depth, peak pressure and largest signal of a hold, a row a time; `times` of a result, baseline in V."""
-    signals = [float(np.max(np.abs(np.array(block["readings_V"], dtype=float) - baseline_V))) for block in times]
+    signals = [float(np.nanmax(np.abs(np.array(block["readings_V"], dtype=float) - baseline_V))) for block in times]
     factor, unit = volts(signals)
     keys = ("force_N", "delta_max_mm", "sigma_max_kPa")
     rows = [[number(block["time_s"]), *(number(block[key], 4) for key in keys), number(signal * factor)]

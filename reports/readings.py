@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 def size_words(signal: Array, baseline: Array) -> str:
     """The largest signal with its unit, and the RMS of all of them against that of the baseline, dB."""
+    signal, baseline = signal[np.isfinite(signal)], baseline[np.isfinite(signal)]
     if not np.any(signal):
         return "none of the voltages changes"
     factor, unit = volts(signal)
@@ -28,7 +29,7 @@ def size_words(signal: Array, baseline: Array) -> str:
 
 def largest(signal: Array) -> tuple[int, int]:
     """Pattern and reading with the largest signal of a (patterns, readings) array."""
-    pattern, reading = np.unravel_index(int(np.argmax(np.abs(signal))), signal.shape)
+    pattern, reading = np.unravel_index(int(np.nanargmax(np.abs(signal))), signal.shape)
     return int(pattern), int(reading)
 
 
@@ -50,7 +51,8 @@ def curves(touched_V: Array, baseline_V: Array) -> Plate:
         _patterns(axes, touched_V.shape)
     pattern, reading = largest(signal)
     caption = (f"Under the touch {size_words(signal, baseline_V)}; the change is largest in pattern {pattern}, reading "
-               f"{reading}. The largest voltage of the baseline is {number(np.abs(baseline_V).max() * factor)} {unit}. "
+               f"{reading}. The largest voltage of the baseline is {number(np.nanmax(np.abs(baseline_V)) * factor)} "
+               f"{unit}. "
                "Vertical lines part the drive patterns.")
     return Plate("readings", figure, caption, {"readings": _table(touched_V, baseline_V)})
 
@@ -62,7 +64,7 @@ def _parted(values: Array) -> Array:
 
 def _bars(axes: Axes, values: Array) -> None:
     """Bars from zero as one outline."""
-    axes.stairs(values, np.arange(values.size + 1) - 0.5, fill=True, color=style.ACCENT, lw=0)
+    axes.stairs(np.nan_to_num(values), np.arange(values.size + 1) - 0.5, fill=True, color=style.ACCENT, lw=0)
 
 
 def _patterns(axes: Axes, shape: tuple[int, ...]) -> None:
@@ -78,7 +80,7 @@ def signal_map(touched_V: Array, baseline_V: Array) -> Plate:
     """Signal over drive pattern and reading, both counted from 0; arrays (patterns, readings), V."""
     signal = touched_V - baseline_V
     factor, unit = volts(signal)
-    top = float(np.abs(signal).max()) * factor or 1.0
+    top = float(np.nanmax(np.abs(signal))) * factor or 1.0
     figure = style.sheet(72, 110)
     axes = figure.subplots()
     axes.grid(False)
@@ -90,7 +92,7 @@ def signal_map(touched_V: Array, baseline_V: Array) -> Plate:
     axes.set_yticks(range(0, patterns, 3))
     style.label(axes, "Reading of the pattern, from the electrode after the sink (–)", "Drive pattern (–)")
     figure.colorbar(mesh, ax=axes, label=f"Signal ΔV ({unit})").outline.set_linewidth(0.4)  # pyright: ignore
-    energy = np.sum(signal**2, axis=1)
+    energy = np.nansum(signal**2, axis=1)
     strongest = int(np.argmax(energy))
     share = energy[strongest] / energy.sum() if energy.sum() > 0 else 0.0
     caption = (f"The signal by pattern and reading. Pattern {strongest} carries most of it: {number(100 * share, 2)} % "
@@ -108,7 +110,7 @@ def examples(rows: Mapping[str, Array], patterns: int) -> Plate:
         style.label(axes, "", f"ΔV ({unit})", label)
         _patterns(axes, (patterns, signal.size // patterns))
     style.label(panels[-1], "Reading in drive order (–)", panels[-1].get_ylabel(), panels[-1].get_title("left"))
-    sizes = {label: float(np.sqrt(np.mean(signal**2))) for label, signal in rows.items()}
+    sizes = {label: float(np.sqrt(np.nanmean(signal**2))) for label, signal in rows.items()}
     least, most = min(sizes.values()), max(sizes.values())
     factor, unit = volts(most)
     caption = (f"Signals of {len(rows)} scenes of the set, from the weakest to the strongest: their RMS spans "

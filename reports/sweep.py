@@ -99,7 +99,7 @@ def _plates(data: Dataset, ok: Columns, failed: Columns, signals: readings.Array
 
 def _examples(ok: Columns, signals: readings.Array) -> dict[str, readings.Array]:
     """Label -> signal of the scenes with the least, the median and the largest RMS."""
-    order = np.argsort(np.mean(signals**2, axis=1))
+    order = np.argsort(np.nanmean(signals**2, axis=1))
     chosen = {}
     for label, share in EXAMPLES:
         row = int(order[round(share * (order.size - 1))])

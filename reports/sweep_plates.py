@@ -33,7 +33,7 @@ def axis_label(column: str) -> str:
 
 def touch_map(ok: Columns, failed: Columns, signals: Array, tables: Mapping[str, Any]) -> Plate:
     """Touches on the disc, coloured by the RMS of their signal; `signals` (ok scenes, readings), V."""
-    rms = np.sqrt(np.mean(signals**2, axis=1))
+    rms = np.sqrt(np.nanmean(signals**2, axis=1))
     factor, unit = volts(rms)
     figure = style.sheet(90, 116)
     axes = figure.subplots()

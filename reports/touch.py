@@ -82,7 +82,10 @@ def _findings(result: Mapping[str, Any]) -> list[str]:
                   f"{number(peak)} kPa." for name, force, depth, peak in zip(names, forces, depths, peaks, strict=True)]
     if "readings_V" in result:
         touched, baseline = _voltages(result)
-        found.append(f"Of {touched.size} readings: {readings.size_words(touched - baseline, baseline)}.")
+        lost = int(np.isnan(touched).sum())
+        without = f" ({lost} more need a missing electrode)" if lost else ""
+        size = readings.size_words(touched - baseline, baseline)
+        found.append(f"Of {touched.size - lost} readings{without}: {size}.")
     if "error_estimate" in result:
         error = result["error_estimate"]
         found.append(f"Estimated relative error: {percent(error['signal'])} of the signal, {percent(error['depth'])} "

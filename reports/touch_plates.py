@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from eitsim.electrodes import arcs
+from eitsim.scene import scene_from
 from reports import style
 from reports.numerals import number
 from reports.page import Plate
@@ -19,14 +21,13 @@ Array = NDArray[np.float64]
 
 
 def sensor(axes: Axes, radius_mm: float, electrodes: Mapping[str, Any]) -> None:
-    """Disc and electrodes from above, to scale, electrode numbers from 0."""
+    """Disc and electrodes from above, to scale, electrode numbers from 0; missing ones in grey."""
     axes.add_patch(Circle((0, 0), radius_mm, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
-    count = electrodes["count"]
-    half = electrodes["width_mm"] / radius_mm / 2
-    for k in range(count):
-        middle = np.deg2rad(electrodes["first_angle_deg"]) + 2 * np.pi * k / count
-        arc = np.linspace(middle - half, middle + half, 9)
-        axes.plot(radius_mm * np.cos(arc), radius_mm * np.sin(arc), color=style.INK, lw=2.2, solid_capstyle="butt")
+    ring = scene_from({"body": {"radius_mm": radius_mm}, "electrodes": electrodes}).electrodes
+    for k, (start, stop) in enumerate(arcs(radius_mm / 1e3, ring)):
+        arc, middle = np.linspace(start, stop, 9), (start + stop) / 2
+        axes.plot(radius_mm * np.cos(arc), radius_mm * np.sin(arc), solid_capstyle="butt", lw=2.2,
+                  color=style.GREY if k in ring.missing else style.INK)
         axes.text(1.1 * radius_mm * np.cos(middle), 1.1 * radius_mm * np.sin(middle), str(k), ha="center", va="center",
                   fontsize=7)
     axes.set_aspect("equal")

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from eitsim.drive import protocol
 from eitsim.drive_files import MATRICES
-from eitsim.scene import Scene, scene_from
+from eitsim.electrodes import middles
+from eitsim.scene import Scene, is_list, scene_from
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -46,12 +47,16 @@ def ring_of(scene: Scene) -> Ring:
     """The ring of a scene's body, electrodes and drive; ValueError where a reading is not one voltage between two
     electrodes, or a pattern not the current I from one to another."""
     count = scene.electrodes.count
+    if scene.electrodes.missing:
+        raise ValueError(f"electrodes {', '.join(map(str, scene.electrodes.missing))} (from 0) are missing in "
+                         "[electrodes], and some readings with them; surrogates learn from all readings of a drive. "
+                         "Sweep with all electrodes.")
     asked = protocol(scene.drive, count)
     source, sink = _ends(asked.currents_A / scene.drive.current_A, "pattern of currents")
     read, ground = _ends(asked.weights.reshape(-1, count), "measurement")
     each = asked.shape[1]
-    angle = scene.electrodes.first_angle_rad + 2 * np.pi * np.arange(count) / count
-    return Ring(scene.body.radius_m * 1e3, angle, np.repeat(source, each), np.repeat(sink, each), read, ground)
+    return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), np.repeat(source, each), np.repeat(sink, each),
+                read, ground)
 
 
 def _ends(rows: Array, what: str) -> tuple[Index, Index]:
@@ -70,7 +75,8 @@ def ring_of_design(tables: Mapping[str, Any]) -> Ring:
     fixed = {name: tables[name] for name in SENSOR_TABLES if name in tables}
     for name, table in fixed.items():
         if varied := [key for key, value in table.items()
-                      if isinstance(value, list | Mapping) and not (name == "drive" and key in MATRICES)]:
+                      if isinstance(value, Mapping) or (isinstance(value, list) and not is_list(name, key, value)
+                                                        and not (name == "drive" and key in MATRICES))]:
             raise ValueError(f"{varied[0]} in [{name}] varies between the rows; a surrogate learns one sensor. Sweep "
                              "with it fixed.")
     return ring_of(scene_from(fixed))

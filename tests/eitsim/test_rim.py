@@ -10,7 +10,7 @@ import pytest
 
 from eitsim.cem import SkinMesh, impedance
 from eitsim.drive import read_out
-from eitsim.electrodes import arcs
+from eitsim.electrodes import arcs, contact_impedances
 from eitsim.rim import solve_rim
 from eitsim.scene import Body, Drive, Electrodes
 from eitsim.template import ring_mesh
@@ -30,7 +30,7 @@ def test_readings_equal_the_mesh_free_reference():
     (Body(radius_m=0.05), Electrodes(count=7, width_m=0.02, first_angle_rad=0.4, contact_impedance_Ohm_m=30.0))])
 def test_impedance_agrees_with_a_mesh(body, electrodes):
     mesh = graded_mesh(body, electrodes)
-    meshed = impedance(mesh, np.full(len(mesh.cells), 6e-4), electrodes.contact_impedance_Ohm_m)
+    meshed = impedance(mesh, np.full(len(mesh.cells), 6e-4), contact_impedances(electrodes))
     exact = solve_rim(body, electrodes, 6e-4).impedance_Ohm
     error = np.abs(meshed - exact).max() / np.abs(exact).max()
     print(f"{electrodes.count} electrodes, z = {electrodes.contact_impedance_Ohm_m}: {error:.1e}")
@@ -41,7 +41,7 @@ def graded_mesh(body: Body, electrodes: Electrodes) -> SkinMesh:
     """Angles and rings in geometric progression towards the ends of the electrodes."""
     near = 0.5 * 0.4 ** np.arange(9, -1, -1)
     points = np.concatenate([[0.0], near, 1 - near[-2::-1]])
-    ends = arcs(body, electrodes)
+    ends = arcs(body.radius_m, electrodes)
     following = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi)
     angles = [a + (b - a) * points for pair in zip(ends[:, 0], ends[:, 1], following, strict=True)
               for a, b in pairwise(pair)]

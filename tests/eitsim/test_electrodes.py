@@ -1,0 +1,109 @@
+"""Electrodes as they are given: places, widths, contact impedances, and those without contact."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eitsim.drive import Drive, read_out
+from eitsim.electrics import solve
+from eitsim.electrodes import Electrodes, among_all, arcs, contact_impedances, present
+from eitsim.results import Touch
+from eitsim.scene import Body, Punch, Skin, scene_from, scene_tables
+from matcal.conductivity import Conductivity
+
+LAW = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4))
+PUNCH = Punch(0.03, 0.02)
+SIXTEEN = np.degrees(np.pi / 8 * np.arange(16))
+
+
+def pressed() -> Touch:
+    """A touch that squeezes the skin under a punch of 14 mm to 0.7 of its thickness."""
+    radius = np.linspace(0, 0.03, 121)
+    normal = 1 - 0.3 / (1 + (radius / 0.007) ** 8)
+    rest = np.ones_like(radius)
+    return Touch(radius, 0 * rest, 0 * rest, rest, rest, normal, 0 * rest, 0.007, *[0.0] * 9, 0, (), 0.0)
+
+
+def signal(electrodes: Electrodes, method: str = "multipole") -> np.ndarray:
+    return solve(Body(), Skin(), electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method, signal=0.01).signal_V
+
+
+def relative(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+def test_line_electrodes_are_centred_counter_clockwise():
+    ends = arcs(0.1, Electrodes(first_angle_rad=0.1))
+    np.testing.assert_allclose(ends.mean(axis=1), 0.1 + np.pi / 8 * np.arange(16))
+    np.testing.assert_allclose(np.diff(ends, axis=1), 0.1)
+
+
+def test_each_electrode_keeps_what_it_is_given_and_comes_back():
+    raw = {"count": 6, "angles_deg": [-10, 60, 130, 200, 270, 310], "width_mm": [5, 6, 7, 8, 9, 4], "missing": [2],
+           "contact_impedance_Ohm_m": [1, 2, 3, float("inf"), 5, 6]}
+    scene = scene_from({"electrodes": raw})
+    assert scene.electrodes.missing == (2, 3)
+    np.testing.assert_allclose(np.degrees(arcs(0.1, scene.electrodes).mean(axis=1)), raw["angles_deg"])
+    np.testing.assert_allclose(np.diff(arcs(0.1, scene.electrodes))[:, 0], [0.05, 0.06, 0.07, 0.08, 0.09, 0.04])
+    assert contact_impedances(scene.electrodes).tolist() == [1, 2, np.inf, np.inf, 5, 6]
+    assert present(scene.electrodes).count == 4
+    assert scene_from(scene_tables(scene)) == scene
+
+
+@pytest.mark.parametrize(("raw", "named"), [
+    ({"count": 3}, "count in .* must be 4 to 64, got 3"), ({"count": 65}, "4 to 64"),
+    ({"kind": "ring"}, "'ring' is unknown; known: line, patch"), ({"width_mm": [10] * 15}, "width_mm.*16 numbers"),
+    ({"width_mm": 39.28}, "electrodes 15 and 0|may be 39.269 wide at most"),
+    ({"width_mm": [39.0] * 15 + [60.0]}, "overlap by .* mm; place them further apart"),
+    ({"contact_impedance_Ohm_m": 0}, "contact_impedance_Ohm_m .*positive"),
+    ({"contact_impedance_Ohm_m": [1.0] * 15 + [-1.0]}, "positive, got -1"),
+    ({"contact_impedance_Ohm_m": float("nan")}, "finite"), ({"contact_impedance_Ohm_m2": 1}, "no effect with kind"),
+    ({"missing": [16]}, "0 to 15, got 16"), ({"missing": [0.5]}, "missing"),
+    ({"missing": list(range(3, 16))}, "no reading"), ({"angles_deg": [0, 90, 180]}, "angles_deg .*16 numbers"),
+    ({"count": 4, "angles_deg": [0, 180, 90, 270]}, "counter-clockwise"),
+    ({"count": 4, "angles_deg": [0, 90, 180, 361]}, "one turn"),
+    ({"count": 4, "angles_deg": [0, 90, 180, 270], "first_angle_deg": 5}, "first_angle_deg .*no effect")])
+def test_electrodes_that_cannot_be_are_refused(raw: dict, named: str):
+    with pytest.raises(ValueError, match=named):
+        scene_from({"electrodes": raw})
+
+
+def test_touching_neighbours_are_allowed():
+    scene_from({"electrodes": {"width_mm": 200 * np.pi / 16}})
+
+
+def test_a_list_of_equal_entries_is_the_number():
+    listed = scene_from({"electrodes": {"contact_impedance_Ohm_m": [2.0] * 16, "width_mm": [10] * 16}}).electrodes
+    assert relative(signal(listed), signal(Electrodes(contact_impedance_Ohm_m=2.0))) < 1e-12
+
+
+def test_angles_given_evenly_are_the_even_ring():
+    even = Electrodes(angles_rad=tuple(np.radians(SIXTEEN + 7)))
+    assert relative(signal(even), signal(Electrodes(first_angle_rad=np.radians(7)))) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["multipole", "mesh"])
+def test_a_missing_electrode_takes_its_readings_and_no_current(method: str):
+    """The others read as in the limit of a contact that lets nothing through, and as fifteen electrodes by themselves.
+    """
+    whole = Electrodes(missing=(5,))
+    z = (1.0,) * 5 + (1e12,) + (1.0,) * 10
+    found, limit = signal(whole, method), signal(replace(whole, missing=(), contact_impedance_Ohm_m=z), method)
+    gone = np.isnan(found)
+    assert np.flatnonzero(gone.all(axis=1)).tolist() == [4, 5, 6]
+    assert all(gone[k].sum() == 1 for k in range(16) if k not in (4, 5, 6))
+    print(f"{method}: {relative(found[~gone], limit[~gone]):.1e}")
+    assert relative(found[~gone], limit[~gone]) < (1e-9 if method == "multipole" else 2e-3)
+
+
+def test_the_matrix_of_those_present_stands_in_that_of_all():
+    electrodes = Electrodes(count=5, missing=(1,))
+    z = among_all(electrodes, np.arange(16.0).reshape(4, 4))
+    assert np.isnan(z[1]).all()
+    assert np.isnan(z[:, 1]).all()
+    assert z[2, [0, 2, 3, 4]].tolist() == [4, 5, 6, 7]
+    readings = read_out(Drive(), z)
+    assert np.isnan(readings).tolist() == [[True, True], [True, True], [True, True], [False, True], [True, False]]
