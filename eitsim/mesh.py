@@ -28,8 +28,9 @@ _FEATURE, _ELEMENT, _INWARDS, _OUTWARDS, _DOWNWARDS = 0.05, 0.12, 1.2, 0.6, 0.6
 _FROM_TIP = 1.2
 # Distance inside a flat punch's edge, thicknesses, from which deep touches draw the foam over the fillet, and the
 # widest default element there, in feature lengths: wider ones catch on the fillet. With a fillet of 0.05 mm, 20 mm and
-# 3 N on 10 mm of foam, what stands at the fillet comes from 0.11 within; elements of five fillets left 2 to 5 %.
-_DRAWN, _WIDEST_DRAWN = 0.18, 0.5
+# 3 N on 10 mm of foam, what stands at the fillet comes from 0.11 within; elements of five fillets left 2 to 5 %. But by
+# default at most so many elements there: with more, a touch takes more than 500 MB.
+_DRAWN, _WIDEST_DRAWN, _MOST_DRAWN = 0.18, 0.5, 144
 # Widest default element under the punch, in thicknesses; under a cone the contact may end anywhere.
 _WIDEST, _WIDEST_UNDER_CONE = 0.08, 0.03
 
@@ -116,7 +117,8 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Gri
         return np.minimum(size * (1 + away / feature), np.where(r < edge, most, np.inf))
 
     def drawn(r: Array) -> Array:
-        return size * (_WIDEST_DRAWN / _ELEMENT + np.maximum(start - _DRAWN - r, 0) / (_INWARDS * feature))
+        most = max(_WIDEST_DRAWN, _DRAWN / (_MOST_DRAWN * feature)) / _ELEMENT
+        return size * (most + np.maximum(start - _DRAWN - r, 0) / (_INWARDS * feature))
 
     def height(z: Array) -> Array:
         return size * (1 - z / (_DOWNWARDS * feature))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,12 @@ def problem(punch: Punch) -> tuple[Pressing, float]:
 def test_no_element_that_may_be_drawn_over_a_fillet_is_wider_than_half_of_it(scale):
     widths = lines_under(SHARP, scale)
     assert 0.9 * scale / 2 < widths.max() <= scale / 2
+
+
+def test_the_smallest_fillets_take_no_more_elements():
+    """Beyond what fits into the memory the elements stay as wide as they are, and the solution tells what it misses."""
+    few, many = (len(lines_under(replace(SHARP, fillet_m=fillet), 1.0)) for fillet in (2.5e-5, 5e-6))
+    assert few < many < 1.2 * few
 
 
 def test_a_deep_touch_with_a_small_fillet_agrees_between_coarse_meshes():
