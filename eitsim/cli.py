@@ -6,15 +6,16 @@ import hashlib
 import os
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from eitsim.scene import Scene, read_scene, scene_tables
-from matcal.card import MaterialCard, read_card, write_json
+from matcal.card import MaterialCard, read_card, require, write_json
 from matcal.errors import NotConverged
-from matcal.terminal import application, check_out, print_json, run
+from matcal.terminal import application, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -58,6 +59,11 @@ def run_scene(scene: SceneFile, card: CardOption = None,
                   help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
               frames: Annotated[Path | None, typer.Option(
                   help="Write the untouched and the touched voltages (CSV, a row each) here.")] = None,
+              skin: Annotated[Path | None, typer.Option(
+                  help="Write potential, current density and conductance on the skin (VTU, for ParaView) here; of a "
+                       "hold at its end.")] = None,
+              skin_patterns: Annotated[str, typer.Option(
+                  help="Patterns of --skin, from 0, separated by commas; else all.")] = "",
               sensitivity: Annotated[Path | None, typer.Option(
                   help="Write the readings' derivatives by touch, card and contact impedances (CSV) here.")] = None,
               report: Annotated[Path | None, typer.Option(help="Write a PDF report here; needs --out.")] = None,
@@ -69,24 +75,14 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     """
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
-    for place, flag in ((out, "--out"), (fields, "--fields"), (frames, "--frames"),
+    for place, flag in ((out, "--out"), (fields, "--fields"), (frames, "--frames"), (skin, "--skin"),
                         (sensitivity, "--sensitivity"), (report, "--report")):
         if place is not None:
             check_out(place, flag)
-    if fields is not None and fields.suffix != ".vtu":
-        raise ValueError(f"--fields {fields}: the file is a VTU file; give a name that ends in .vtu.")
-    parsed = read_scene(scene)
-    if fields is not None and parsed.hold.time_s:
-        raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
-    if fields is not None and len(parsed.punches) > 1:
-        raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
-    if reuse and (exact or fields is not None):
-        raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
+    parsed, patterns = read_scene(scene), _whole(skin_patterns, "--skin-patterns")
+    _check_fields(parsed, fields, exact, reuse)
+    _check_beside(parsed, skin, patterns, sensitivity)
     path = _card_path(scene, parsed, card)
-    if sensitivity is not None:
-        from eitsim.touch_sensitivity import check_differentiable
-
-        check_differentiable(parsed)
     result, document, note = _solve(parsed, path, exact, reuse)
     if note:
         print(note, file=sys.stderr)
@@ -98,29 +94,80 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         print_json(document)
     else:
         _print_result(result, document, out)
-    if fields is not None and result.touches:
-        from eitsim.fields import write_vtu
-
-        (touch,) = result.touches
-        write_vtu(touch, fields)
-        if not as_json:
-            print(f"fields: {fields}")
-    if frames is not None and result.readings is not None:
-        from eitsim.frames import write_frames
-
-        write_frames(frames, [moment.readings for moment in result.moments] or [result.readings])
-        if not as_json:
-            print(f"frames: {frames}")
-    if sensitivity is not None and result.outcome == "ok":
-        from eitsim.touch_sensitivity import scene_sensitivity, write_sensitivity
-
-        write_sensitivity(scene_sensitivity(parsed, read_card(path)), sensitivity)
-        if not as_json:
-            print(f"sensitivity: {sensitivity}")
+    if result.readings is not None:
+        for name, place in _written(parsed, result, path, fields, frames, skin, patterns, sensitivity):
+            if not as_json:
+                print(f"{name}: {place}")
     if report is not None and out is not None:
         _write_report(out, report)
     if result.outcome != "ok":
         raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
+
+
+def _whole(text: str, flag: str) -> list[int] | None:
+    """Whole numbers separated by commas; None of an empty text."""
+    found = numbers(text, flag, "0,5") if text else []
+    if any(value != int(value) for value in found):
+        raise ValueError(f"{flag} must hold whole numbers, got {text}.")
+    return [int(value) for value in found] or None
+
+
+def _check_fields(scene: Scene, fields: Path | None, exact: bool, reuse: bool) -> None:
+    """ValueError where these options do not go together."""
+    if fields is not None:
+        _check_vtu(fields, "--fields")
+        if scene.hold.time_s:
+            raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
+        if len(scene.punches) > 1:
+            raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
+    if reuse and (exact or fields is not None):
+        raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
+
+
+def _check_beside(scene: Scene, skin: Path | None, patterns: list[int] | None, sensitivity: Path | None) -> None:
+    """ValueError, before anything is solved, where the scene has no such file."""
+    if skin is None and patterns is not None:
+        raise ValueError("--skin-patterns has no effect without --skin; add --skin skin.vtu.")
+    if skin is not None:
+        from eitsim.skin_fields import driven_currents
+
+        _check_vtu(skin, "--skin")
+        driven_currents(scene, patterns)
+    if sensitivity is not None:
+        from eitsim.touch_sensitivity import check_differentiable
+
+        check_differentiable(scene)
+
+
+def _check_vtu(path: Path, flag: str) -> None:
+    if path.suffix != ".vtu":
+        raise ValueError(f"{flag} {path}: the file is a VTU file; give a name that ends in .vtu.")
+
+
+def _written(scene: Scene, result: Result, card: Path, fields: Path | None, frames: Path | None, skin: Path | None,
+             patterns: list[int] | None, sensitivity: Path | None) -> Iterator[tuple[str, Path]]:
+    """Write the files that are asked for beside a solved result; what each is, and where."""
+    if fields is not None:
+        from eitsim.fields import write_vtu
+
+        (touch,) = result.touches
+        write_vtu(touch, fields)
+        yield "fields", fields
+    if frames is not None and result.readings is not None:
+        from eitsim.frames import write_frames
+
+        write_frames(frames, [moment.readings for moment in result.moments] or [result.readings])
+        yield "frames", frames
+    if skin is not None:
+        from eitsim.skin_fields import write_skin_vtu
+
+        write_skin_vtu(scene, result.touches, require(read_card(card), "conductivity", "the skin"), skin, patterns)
+        yield "skin", skin
+    if sensitivity is not None and result.outcome == "ok":
+        from eitsim.touch_sensitivity import scene_sensitivity, write_sensitivity
+
+        write_sensitivity(scene_sensitivity(scene, read_card(card)), sensitivity)
+        yield "sensitivity", sensitivity
 
 
 def _solve(scene: Scene, card_path: Path, exact: bool, reuse: bool) -> tuple[Result, dict[str, Any], str]:

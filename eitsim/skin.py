@@ -79,12 +79,8 @@ def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]],
 
 def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, Array]:
     """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) of the disc."""
-    place = np.array([punch.x_m, punch.y_m])
-    outwards = place / np.linalg.norm(place) if place.any() else np.array([1.0, 0.0])
-    if touch.rim is not None and touch.rim.towards is not None:
-        outwards = touch.rim.towards
-    axes = np.array([outwards, [-outwards[1], outwards[0]]])
-    local = (points_m - place) @ axes.T
+    axes = local_axes(punch, touch)
+    local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
     radius = np.hypot(local[..., 0], local[..., 1])
     meridian, hoop, normal = stretches(touch, radius)
     radial = np.where(radius[..., None] > 0, local / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
@@ -97,6 +93,15 @@ def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, 
     return axes.T @ old @ metric @ old @ axes, normal * factor
 
 
+def local_axes(punch: Punch, touch: Touch) -> Array:
+    """Rows: the directions towards the nearest point of the rim, or to the neighbour, and across (2, 2)."""
+    place = np.array([punch.x_m, punch.y_m])
+    outwards = place / np.linalg.norm(place) if place.any() else np.array([1.0, 0.0])
+    if touch.rim is not None and touch.rim.towards is not None:
+        outwards = touch.rim.towards
+    return np.array([outwards, [-outwards[1], outwards[0]]])
+
+
 def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity) -> Array:
     """c t J_s C_s^-1 of a metric C_s and the stretch normal to the surface."""
     value, vector = np.linalg.eigh(metric)
@@ -106,25 +111,34 @@ def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity)
 
 
 def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
-    """Metric (..., 2, 2) and normal factor (...) at places (..., 2) about the punch, axes as in RimField.
+    """Metric (..., 2, 2) and normal factor (...) at places (..., 2) about the punch, axes as in RimField; interpolated
+    as `_sampled`."""
+    parts = [*np.moveaxis(rim.metric, -1, 0), rim.normal]
+    xx, xy, yy, factor = _sampled(rim, local_m, parts, (1.0, 0.0, 1.0, 1.0))
+    xy = np.where(local_m[..., 1] < 0, -xy, xy)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2), factor
 
-    Linear in the radius and cubic in the angle between the samples; no change beyond the last circle, nor nearer to the
-    neighbour.
-    """
+
+def moved(rim: RimField, local_m: Array) -> Array:
+    """Displacement (..., 3), m, that the rim or a neighbour adds at places (..., 2) about the punch, axes as in
+    RimField; interpolated as `_sampled`."""
+    towards, across, upwards = _sampled(rim, local_m, list(np.moveaxis(rim.displacement_m, -1, 0)), (0.0, 0.0, 0.0))
+    return np.stack([towards, np.where(local_m[..., 1] < 0, -across, across), upwards], axis=-1)
+
+
+def _sampled(rim: RimField, local_m: Array, parts: Sequence[Array], unchanged: Sequence[float]) -> list[Array]:
+    """Values of parts (n, k) at places: linear in the radius and cubic in the angle between the samples, `unchanged`
+    beyond the last circle and nearer to the neighbour."""
     radius = np.hypot(local_m[..., 0], local_m[..., 1])
     start = Outline(rim.disc_m, rim.offset_m).start(radius)
     angle = np.arctan2(np.abs(local_m[..., 1]), local_m[..., 0])
     share = np.clip((angle - start) / np.maximum(np.pi - start, np.finfo(float).tiny), 0.0, 1.0)
     at = np.clip(radius, rim.radius_m[0], rim.radius_m[-1])
-    parts = [*np.moveaxis(rim.metric, -1, 0), rim.normal]
     none = radius > rim.radius_m[-1]
     if rim.towards is not None:
         none |= angle < start - _ON_PLANE
     found = [RectBivariateSpline(rim.radius_m, rim.share, part, kx=1, ky=3).ev(at, share) for part in parts]
-    xx, xy, yy, factor = (np.where(none, unchanged, value)
-                          for value, unchanged in zip(found, (1.0, 0.0, 1.0, 1.0), strict=True))
-    xy = np.where(local_m[..., 1] < 0, -xy, xy)
-    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2), factor
+    return [np.where(none, value, part) for value, part in zip(unchanged, found, strict=True)]
 
 
 def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:

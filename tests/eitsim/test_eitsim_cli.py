@@ -56,6 +56,9 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "bare.toml", "--card", "dry.json"], "no conductivity"),
     (["run", "bare.toml", "--card", "skin.json"], "no hyperfoam"),
     (["run", "scene.toml", "--fields", "f.txt"], "f.txt: the file is a VTU file; give a name that ends in .vtu"),
+    (["run", "scene.toml", "--skin", "s.vtk"], "--skin s.vtk: the file is a VTU file"),
+    (["run", "scene.toml", "--skin", "s.vtu", "--skin-patterns", "3,16"], "pattern 16 is none of 0 to 15"),
+    (["run", "scene.toml", "--skin-patterns", "3"], "no effect without --skin"),
     (["run", "stick.toml", "--card", "card.json", "--reuse"], "--reuse"),
     (["run", "scene.toml", "--report", "touch.pdf"], "--out"), (["report", "nothing", "--out", "x.pdf"], "nothing"),
     (["sweep", "wrong.toml", "--card", "card.json", "--out", "set"], "scenes")])
@@ -73,11 +76,13 @@ def test_readings_follow_the_drive_into_result_and_frames(folder: Path) -> None:
     (folder / "currents.csv").write_text("1,0,0,0,-1,0,0,0\n0,0,1,0,0,0,-1,0\n1,-1,1,-1,1,-1,1,-1\n")
     drive = '[electrodes]\ncount = 8\n[drive]\ncurrents = "currents.csv"\nmeasurements = [[0, 1, 0, -1, 0, 0, 0, 0]]\n'
     (folder / "scene.toml").write_text(text + drive)
-    done = eitsim(folder, "run", "scene.toml", "--json", "--frames", "frames.csv")
+    done = eitsim(folder, "run", "scene.toml", "--json", "--frames", "frames.csv", "--skin", "skin.vtu",
+                  "--skin-patterns", "2")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert [len(row) for row in result["readings_V"]] == [1] * 3
     assert result["scene"]["drive"]["currents"][2] == [1, -1] * 4
+    assert b'Name="potential_V_02"' in (folder / "skin.vtu").read_bytes()
     frames = read_frames(folder / "frames.csv", 3)
     assert frames.volts.tolist() == [[row[0] for row in result[key]] for key in ("baseline_V", "readings_V")]
 

@@ -1,0 +1,142 @@
+"""Fields on the skin of a touched scene: potential, current density, sheet conductance, and their VTU file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from skfem import ElementQuad2, ElementTriP1, ElementTriP2
+
+from eitsim.cem import SkinMesh, potentials, quadrature_points
+from eitsim.drive import protocol
+from eitsim.electrics import following_mesh
+from eitsim.electrodes import contact_impedances, present, there
+from eitsim.results import Touch
+from eitsim.scene import Punch, Scene
+from eitsim.skin import local_axes, moved, touched_conductance
+from matcal.conductivity import Conductivity
+
+Array = NDArray[np.float64]
+Touches = tuple[tuple[Punch, Touch], ...]
+
+# Name of the cell in VTK, whose order of nodes is the same, and the element, by the mesh's element.
+_CELLS = {"P1": ("triangle", ElementTriP1), "P2": ("triangle6", ElementTriP2), "Q2": ("quad9", ElementQuad2)}
+# Refinement of the mesh that follows the touches.
+LEVEL = 2
+# An element's area at one of its nodes, over its mean, below which that node takes the gradient of the whole.
+_COLLAPSED = 1e-6
+
+
+def write_skin_vtu(scene: Scene, touches: Sequence[Touch], law: Conductivity, path: Path | str,
+                   patterns: Sequence[int] | None = None) -> None:
+    """Write the fields of `skin_fields` as a VTU file; "Warp By Vector" with displacement_m shows the deformed skin."""
+    fields: dict[str, Any]
+    points, (cell, numbers), fields = skin_fields(scene, touches, law, patterns)
+    cells: list[Any] = [(cell, numbers)]
+    meshio.Mesh(points, cells, point_data=fields).write(path, file_format="vtu")
+
+
+def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patterns: Sequence[int] | None = None,
+                level: int = LEVEL) -> tuple[Array, tuple[str, NDArray[np.int64]], dict[str, Array]]:
+    """Points (n, 3) of the untouched surface, m, the cell's name in VTK with its nodes, and point fields; each cell has
+    its own points, so that nothing is averaged.
+
+    displacement_m; sheet_conductance_S (n, 9), the tensor c t J_s C_s^-1 on the untouched surface, row by row; and of
+    every pattern asked for (from 0; all by default) potential_V_<pattern>, the mean of the electrodes being 0 V, and
+    current_density_A_per_m_<pattern>, -sigma grad V per length of the untouched surface. A node where its cell is
+    collapsed takes what the cell has at its middle; taken_from_middle tells where. The mesh follows the touches, also
+    where the scene's own readings are solved without one, so that both differ by its error.
+
+    ValueError for an unknown pattern, one that drives a missing electrode, and a conducting punch.
+    """
+    currents = driven_currents(scene, patterns)
+    pairs = tuple(zip(scene.punches, touches, strict=True))
+    electrodes = present(scene.electrodes)
+    mesh = following_mesh(scene.body, electrodes, pairs, level)
+    sigma = touched_conductance(quadrature_points(mesh), pairs, scene.skin, law)
+    unit = potentials(mesh, sigma, contact_impedances(electrodes))
+    unit = unit[:len(mesh.nodes_m)] - unit[len(mesh.nodes_m):].mean(axis=0)
+    driven = np.stack(list(currents.values()))[:, there(scene.electrodes)]
+    return _at_nodes(mesh, pairs, scene, law, unit @ driven.T, list(currents))
+
+
+def driven_currents(scene: Scene, patterns: Sequence[int] | None = None) -> dict[int, Array]:
+    """Currents (electrodes,), A, of the patterns asked for, by default all that need no missing electrode; ValueError
+    where `skin_fields` raises one."""
+    if any(punch.conductor for punch in scene.punches):
+        raise ValueError("the fields on the skin are not built under a conducting punch; give conductor = false in "
+                         "[punch].")
+    rows = protocol(scene.drive, scene.electrodes.count).currents_A
+    lost = ~there(scene.electrodes)
+    known = [k for k, row in enumerate(rows) if not row[lost].any()]
+    asked = known if patterns is None else list(patterns)
+    for k in asked:
+        if k not in known:
+            problem = f"is none of 0 to {len(rows) - 1}" if not 0 <= k < len(rows) else "drives a missing electrode"
+            raise ValueError(f"pattern {k} {problem}; patterns are counted from 0.")
+    return {k: rows[k] for k in asked}
+
+
+def _at_nodes(mesh: SkinMesh, touches: Touches, scene: Scene, law: Conductivity, potential: Array,
+              patterns: Sequence[int]) -> tuple[Array, tuple[str, NDArray[np.int64]], dict[str, Array]]:
+    """The fields at the nodes of every cell by itself, of potentials (nodes, patterns), V."""
+    cell, element = _CELLS[mesh.element]
+    place = mesh.nodes_m[mesh.cells]
+    gradient, middle = _gradients(element, place, potential[mesh.cells])
+    sigma = touched_conductance(place, touches, scene.skin, law)
+    density = -np.einsum("enab,enbp->enap", sigma, gradient)
+    points = place.reshape(-1, 2)
+    fields = {"displacement_m": surface_displacement(points, touches),
+              "sheet_conductance_S": _in_space(sigma.reshape(-1, 2, 2)).reshape(-1, 9),
+              "taken_from_middle": middle.ravel().astype(float)}
+    digits = max(2, len(str(max(patterns))))
+    for i, k in enumerate(patterns):
+        fields[f"potential_V_{k:0{digits}d}"] = potential[mesh.cells.ravel(), i]
+        fields[f"current_density_A_per_m_{k:0{digits}d}"] = _in_space(density[..., i].reshape(-1, 2))
+    numbers = np.arange(len(points)).reshape(mesh.cells.shape)
+    return _in_space(points), (cell, numbers), fields
+
+
+def _gradients(element: Any, place: Array, value: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Gradients (cells, k, 2, patterns) at the k nodes of cells (cells, k, 2) of nodal values (cells, k, patterns), and
+    where the middle's stand for them (cells, k)."""
+    nodes = np.array(element.doflocs, dtype=float)
+    at = np.vstack([nodes, nodes[:element.refdom.nnodes].mean(axis=0)]).T
+    slope = np.stack([np.broadcast_to(element().lbasis(at, i)[1], at.shape).T for i in range(len(nodes))], axis=1)
+    jacobian = np.einsum("eka,nkb->enab", place, slope)
+    area = np.abs(np.linalg.det(jacobian))
+    collapsed = area[:, :-1] < _COLLAPSED * area.mean(axis=1, keepdims=True)
+    jacobian[:, :-1][collapsed] = np.repeat(jacobian[:, -1:], len(nodes), axis=1)[collapsed]
+    local = np.einsum("nkb,ekp->enbp", slope, value)
+    local[:, :-1][collapsed] = np.repeat(local[:, -1:], len(nodes), axis=1)[collapsed]
+    return (np.linalg.inv(jacobian).swapaxes(-1, -2) @ local)[:, :-1], collapsed
+
+
+def surface_displacement(points_m: Array, touches: Touches) -> Array:
+    """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 beyond their samples."""
+    return np.sum([_displacement(points_m, punch, touch) for punch, touch in touches], axis=0)
+
+
+def _displacement(points_m: Array, punch: Punch, touch: Touch) -> Array:
+    axes = local_axes(punch, touch)
+    local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
+    radius = np.hypot(local[:, 0], local[:, 1])
+    known = PchipInterpolator(touch.radius_m, np.column_stack([touch.u_r_m, touch.u_z_m]))
+    outwards, upwards = np.where(radius[:, None] > touch.radius_m[-1], 0.0,
+                                 known(np.clip(radius, *touch.radius_m[[0, -1]]))).T
+    share = outwards / np.maximum(radius, math.ulp(0))
+    found = np.column_stack([share * local[:, 0], share * local[:, 1], upwards])
+    if touch.rim is not None:
+        found = found + moved(touch.rim, local)
+    return np.column_stack([found[:, :2] @ axes, found[:, 2]])
+
+
+def _in_space(plane: Array) -> Array:
+    """Vectors (n, 2) or tensors (n, 2, 2) of the plane with zeros in the third direction."""
+    return np.pad(plane, [(0, 0), *[(0, 1)] * (plane.ndim - 1)])
