@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from eitsim.axisymmetric import solve_touch
-from eitsim.cem import SkinMesh, impedance, quadrature_points, sparsity
+from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.drive import read_out
 from eitsim.electrics import solve
 from eitsim.results import Touch
@@ -50,10 +50,10 @@ def fixed_mesh(level: int) -> SkinMesh:
 
 def signal_on(mesh: SkinMesh, punch: Punch, touch: Touch) -> np.ndarray:
     """dV from two solutions on one mesh."""
-    pattern, z = sparsity(mesh), ELECTRODES.contact_impedance_Ohm_m
+    order, z = dissection(mesh), ELECTRODES.contact_impedance_Ohm_m
     touched = sheet_conductance(quadrature_points(mesh), punch, touch, SKIN, LAW)
     untouched = np.full(len(mesh.cells), untouched_conductance(LAW, SKIN))
-    first, second = (impedance(mesh, s, z, pattern=pattern, refinements=0) for s in (touched, untouched))
+    first, second = (impedance(mesh, s, z, order=order) for s in (touched, untouched))
     return read_out(DRIVE, first - second)
 
 

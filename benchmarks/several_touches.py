@@ -16,7 +16,7 @@ import pandas as pd
 from conditions import RESULTS, conditions
 
 from eitsim.axisymmetric import solve_touch
-from eitsim.cem import impedance, quadrature_points, sparsity
+from eitsim.cem import dissection, impedance, quadrature_points
 from eitsim.drive import read_out
 from eitsim.electrics import solve
 from eitsim.neighbours import interaction
@@ -39,10 +39,10 @@ Touches = tuple[tuple[Punch, Touch], ...]
 def on_triangles(touches: Touches, skin: Skin, level: int) -> np.ndarray:
     """dV from two solutions on one triangulation."""
     mesh = triangulation(BODY, ELECTRODES, touches, level)
-    pattern, z = sparsity(mesh), ELECTRODES.contact_impedance_Ohm_m
+    order, z = dissection(mesh), ELECTRODES.contact_impedance_Ohm_m
     touched = touched_conductance(quadrature_points(mesh), touches, skin, LAW)
     untouched = np.full(len(mesh.cells), untouched_conductance(LAW, skin))
-    first, second = (impedance(mesh, s, z, pattern=pattern, refinements=0) for s in (touched, untouched))
+    first, second = (impedance(mesh, s, z, order=order) for s in (touched, untouched))
     return read_out(DRIVE, first - second)
 
 

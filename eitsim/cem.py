@@ -7,11 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_matrix
 from skfem import ElementLineP1, ElementLineP2, ElementQuad2, ElementTriP1, ElementTriP2
 from skfem.quadrature import get_quadrature
 
-from eitsim.linear import Factorise, factorise
+from eitsim.dissection import Dissection, dissect
+from eitsim.elimination import Detached, Elimination, eliminate, impedance_of_last, residual, solve
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -52,53 +52,30 @@ class SkinMesh:
                              "one.")
 
 
-@dataclass(frozen=True, eq=False)
-class Sparsity:
-    """Where the local matrices of one mesh topology go in the global one, electrodes ordered last."""
-
-    # order of the global matrix
-    size: int
-    # (entries,) slot of every entry of the local matrices: cells first, then what lies under electrodes
-    slot: Indices
-    # (slots,) row and column of every slot, sorted by column, then row
-    row: Indices
-    column: Indices
-    # slots that remain when the last electrode is earthed, with their row indices and column pointers
-    kept: Indices
-    kept_row: Indices
-    kept_pointer: Indices
-
-
 def quadrature_points(mesh: SkinMesh) -> Array:
     """Points (cells, q, 2), m, where the conductance is wanted."""
     return np.einsum("qk,ekx->eqx", _reference(mesh.element)[0], mesh.nodes_m[mesh.cells])
 
 
-def sparsity(mesh: SkinMesh) -> Sparsity:
-    """Sparsity of the system of a mesh; depends on its cells and electrodes, not on where its nodes are."""
-    size = len(mesh.nodes_m) + mesh.count
+def dissection(mesh: SkinMesh) -> Dissection:
+    """Order of elimination of nodes, then electrodes; it fits every mesh with these cells and electrodes, wherever its
+    nodes are. ValueError where a node belongs to no cell."""
     under = np.column_stack([mesh.under, len(mesh.nodes_m) + mesh.electrode])
-    row = np.concatenate([np.repeat(block, block.shape[1], axis=1).ravel() for block in (mesh.cells, under)])
-    column = np.concatenate([np.tile(block, block.shape[1]).ravel() for block in (mesh.cells, under)])
-    unique, slot = np.unique(column.astype(np.int64) * size + row, return_inverse=True)
-    row, column = unique % size, unique // size
-    kept = np.flatnonzero((row < size - 1) & (column < size - 1))
-    pointer = np.searchsorted(column[kept], np.arange(size))
-    return Sparsity(size, slot, row, column, kept, row[kept].astype(np.int32), pointer.astype(np.int32))
+    return dissect(mesh.nodes_m[mesh.cells].mean(axis=1), [mesh.cells, under], mesh.count)
 
 
-def system(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, pattern: Sparsity) -> Array:
-    """Values (slots,) of the CEM's matrix: sum of int grad v . sigma grad u and (1/z) int (v - V)(u - U), the latter
-    over the length of lines or the area of patches.
+def weights(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike) -> Array:
+    """Weights (pairs,), 1/Ohm, of the CEM's matrix sum_ij w_ij (e_i - e_j)(e_i - e_j)', over the pairs of nodes of each
+    cell, then of each part under an electrode and that electrode.
 
-    Conductance is (cells,) or (cells, q) where isotropic, (cells, q, 2, 2) where a tensor; z one number or (count,),
-    Ohm m for lines and Ohm m^2 for patches. ValueError where z or a conductance is not positive.
+    The matrix is int grad v . sigma grad u + (1/z) int (v - V)(u - U), over lengths under lines, areas under patches;
+    its rows sum to zero. Conductance is (cells,) or (cells, q) where isotropic, (cells, q, 2, 2) where a tensor; z one
+    number or (count,), Ohm m for lines and Ohm m^2 for patches. ValueError where z or a conductance is not positive.
     Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060.
     """
     local = contacts(mesh) / _per_electrode(mesh, contact_impedance)[mesh.electrode, None, None]
-    values = [_stiffness(mesh, np.asarray(conductance_S, dtype=float)), local]
-    return np.bincount(pattern.slot, np.concatenate([v.ravel() for v in values]), minlength=len(pattern.row)).astype(
-        float, copy=False)
+    i, j = np.triu_indices(local.shape[1], 1)
+    return np.concatenate([_stiffness(mesh, np.asarray(conductance_S, dtype=float)).ravel(), -local[:, i, j].ravel()])
 
 
 def _per_electrode(mesh: SkinMesh, contact_impedance: ArrayLike) -> Array:
@@ -114,35 +91,60 @@ def _per_electrode(mesh: SkinMesh, contact_impedance: ArrayLike) -> Array:
     return np.broadcast_to(z, mesh.count)
 
 
+def eliminated(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
+               order: Dissection | None = None, base: Elimination | None = None) -> Elimination:
+    """All nodes and electrodes but the last eliminated, in an order of `dissection`; with the elimination of another
+    conductance on this mesh as the base, only the fronts are redone that hold what differs.
+
+    ValueError where a part of the mesh is joined to no electrode, or an electrode to no other.
+    """
+    order = base.dissection if base is not None else dissection(mesh) if order is None else order
+    try:
+        return eliminate(order, weights(mesh, conductance_S, contact_impedance), base)
+    except Detached as lost:
+        raise ValueError(f"the sheet is torn: no current flows between {_named(mesh, lost.unknown)} and electrode "
+                         f"{mesh.count - 1} (from 0), or none that counts beside others; join the parts of the mesh or "
+                         "leave what is torn off, with its electrodes, out of it.") from None
+
+
+def _named(mesh: SkinMesh, unknown: int) -> str:
+    if unknown >= len(mesh.nodes_m):
+        return f"electrode {unknown - len(mesh.nodes_m)}"
+    x, y = mesh.nodes_m[unknown] * 1e3
+    return f"the node at ({x:.3g}, {y:.3g}) mm"
+
+
 def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-              pattern: Sparsity | None = None, refinements: int = 1, factorised: Factorise = factorise) -> Array:
-    """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero."""
-    electrodes = potentials(mesh, conductance_S, contact_impedance, pattern=pattern,
-                            refinements=refinements, factorised=factorised)[len(mesh.nodes_m):]
+              order: Dissection | None = None, base: Elimination | None = None, refinements: int = 0) -> Array:
+    """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero.
+
+    See `eliminated`. Z = Y' Y from the electrodes' rows of the factor alone, so that its error is quadratic in theirs;
+    refinements, which need all potentials, seldom gain a digit.
+    """
+    done = eliminated(mesh, conductance_S, contact_impedance, order=order, base=base)
+    if refinements == 0:
+        return impedance_of_last(done, mesh.count)
+    electrodes = _solved(mesh, done, refinements)[len(mesh.nodes_m):]
     return electrodes - electrodes.mean(axis=0)
 
 
 def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-               pattern: Sparsity | None = None, refinements: int = 1, factorised: Factorise = factorise) -> Array:
+               order: Dissection | None = None, base: Elimination | None = None, refinements: int = 0) -> Array:
     """Potentials (nodes + count, count), Ohm, of nodes, then electrodes, the last one earthed; column k is for 1 A into
-    electrode k and 1/count A out of every one.
+    electrode k and 1/count A out of every one. See `eliminated`.
 
-    One factorisation by `factorised` (see eitsim.linear), count - 1 right-hand sides. Each refinement takes the
-    residual as sum_j a_ij (x_i - x_j), which keeps all digits where the matrix has none left (rows of the CEM sum to
-    zero).
+    Each refinement solves for the currents that are left over, summed from differences of potentials.
     """
-    pattern = sparsity(mesh) if pattern is None else pattern
-    values = system(mesh, conductance_S, contact_impedance, pattern)
-    order = pattern.size - 1
-    solve = factorised(csc_matrix((values[pattern.kept], pattern.kept_row, pattern.kept_pointer), (order, order)))
-    currents = np.zeros((order, mesh.count - 1))
-    currents[len(mesh.nodes_m):] = np.eye(mesh.count - 1)
-    potential = solve(currents)
+    return _solved(mesh, eliminated(mesh, conductance_S, contact_impedance, order=order, base=base), refinements)
+
+
+def _solved(mesh: SkinMesh, done: Elimination, refinements: int) -> Array:
+    currents = np.zeros((len(mesh.nodes_m) + mesh.count, mesh.count))
+    currents[len(mesh.nodes_m):] = np.eye(mesh.count) - 1 / mesh.count
+    potential = solve(done, currents)
     for _ in range(refinements):
-        potential += solve(currents - _applied(pattern, values, potential))
-    earthed = np.zeros((pattern.size, mesh.count))
-    earthed[:-1, :-1] = potential
-    return earthed - earthed.mean(axis=1, keepdims=True)
+        potential += solve(done, residual(done, currents, potential))
+    return potential
 
 
 def gradients(mesh: SkinMesh, potential: Array) -> tuple[Array, Array]:
@@ -153,19 +155,10 @@ def gradients(mesh: SkinMesh, potential: Array) -> tuple[Array, Array]:
     return np.linalg.inv(jacobian).swapaxes(-1, -2) @ local, weights * np.abs(np.linalg.det(jacobian))
 
 
-def _applied(pattern: Sparsity, values: Array, potential: Array) -> Array:
-    """A x by differences along the edges of the matrix graph, the earthed electrode at 0 V."""
-    x = np.vstack([potential, np.zeros(potential.shape[1])])
-    off = np.flatnonzero(pattern.row != pattern.column)
-    flow = values[off, None] * (x[pattern.row[off]] - x[pattern.column[off]])
-    starts = np.searchsorted(pattern.column[off], np.arange(pattern.size))
-    return np.add.reduceat(flow, starts, axis=0)[:-1]
-
-
 @lru_cache(maxsize=2 * len(ELEMENTS))
 def _reference(element: str, degree: int | None = None) -> tuple[Array, Array, Array, Array]:
-    """Reference element: values (q, k), gradients (q, k, 2), weights (q,) and the products of gradients (3 q, k k), by
-    default on the points of its stiffness."""
+    """Reference element: values (q, k), gradients (q, k, 2), weights (q,) and the negative products of the gradients of
+    pairs (3 q, pairs), by default on the points of its stiffness."""
     kind = _KINDS[element][0]
     degree = _KINDS[element][1] if degree is None else degree
     points, weights = get_quadrature(kind(), degree)
@@ -173,13 +166,13 @@ def _reference(element: str, degree: int | None = None) -> tuple[Array, Array, A
     value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis], axis=1)
     gradient = np.stack([np.broadcast_to(b[1], points.shape).T for b in basis], axis=1)
     gx, gy = gradient[..., 0], gradient[..., 1]
-    xx, yy, xy = (np.einsum("qi,qj->qij", a, b) for a, b in ((gx, gx), (gy, gy), (gx, gy)))
-    products = np.stack([xx, yy, xy + xy.transpose(0, 2, 1)], axis=1)
-    return value, gradient, weights, products.reshape(3 * len(weights), -1)
+    i, j = np.triu_indices(gx.shape[1], 1)
+    products = np.stack([gx[:, i] * gx[:, j], gy[:, i] * gy[:, j], gx[:, i] * gy[:, j] + gy[:, i] * gx[:, j]], axis=1)
+    return value, gradient, weights, -products.reshape(3 * len(weights), -1)
 
 
 def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:
-    """Local matrices (cells, k k) of int grad v . sigma grad u; the conductance is pulled back to the element."""
+    """Weights (cells, pairs) of int grad v . sigma grad u; the conductance is pulled back to the element."""
     _, gradient, weights, products = _reference(mesh.element)
     x = mesh.nodes_m[mesh.cells]
     xr, xs, yr, ys = (x[..., i] @ gradient[..., j].T for i in (0, 1) for j in (0, 1))
@@ -201,8 +194,8 @@ def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Arra
     else:
         xx = conductance[:, None] if conductance.ndim == 1 else conductance
         yy, xy = xx, np.zeros_like(xx)
-    if not (np.all(xx > 0) and np.all(xx * yy > xy**2)):
-        raise ValueError("the sheet conductance must be positive (definite) everywhere.")
+    if not (np.all((xx > 0) & (xx < np.inf)) and np.all(xx * yy > xy**2)):
+        raise ValueError("the sheet conductance must be positive (definite) and finite everywhere.")
     return np.broadcast_to(xx, shape), np.broadcast_to(yy, shape), np.broadcast_to(xy, shape)
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.beyond import change_where_they_meet, first_order_change
-from eitsim.cem import SkinMesh, impedance, quadrature_points, sparsity
+from eitsim.cem import SkinMesh, eliminated, impedance, quadrature_points
 from eitsim.drive import read_out
 from eitsim.electrodes import among_all, contact_impedances, present
+from eitsim.elimination import impedance_of_last
 from eitsim.multipole import Scatterer, impedance_change, place, reaches, room, scattering
 from eitsim.results import Readings, Touch
 from eitsim.rim import HARMONICS, solve_rim
@@ -28,6 +29,7 @@ from eitsim.skin import (
 )
 from eitsim.template import template
 from eitsim.triangulation import triangulation
+from eitsim.untouched import untouched_impedance
 from matcal.conductivity import Conductivity
 
 Array = NDArray[np.float64]
@@ -73,7 +75,7 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
           law: Conductivity, *, signal: float = 0.002, method: str = "auto") -> Readings:
     """Readings of a touched skin; the relative error of dV, 2-norm, is at most `signal` where that can be reached.
 
-    The untouched skin is solved on its rim alone (`solve_rim`, once a sensor). "multipole" adds what the touches,
+    The untouched skin is solved once a sensor, with line electrodes on its rim alone (`solve_rim`). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
     largest circle about it that fits in the disc; the strain beyond, and what strains make of the conductance where
     they add up, count to first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto"
@@ -86,10 +88,10 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less); for "mesh" it is the change by the coarser
     mesh over 3. It does not hold what interpolation between the touch's own samples costs.
 
-    A touch that the rim changes is not axisymmetric and takes the mesh.
+    A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do.
 
-    ValueError for no touch, contacts that overlap or overhang, patch electrodes, an unknown method, "multipole" for a
-    touch near the rim, a conducting punch on a mesh, and where the conductivity is not positive.
+    ValueError for no touch, contacts that overlap or overhang, or reach patches, an unknown method, "multipole" for
+    patches or a touch near the rim, a conducting punch on a mesh, and where the conductivity is not positive.
     """
     start = time.process_time()
     if method not in METHODS:
@@ -98,7 +100,7 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
         raise ValueError("no touch is given; give at least one.")
     sensor = _Sensor(body, skin, electrodes, present(electrodes), drive, law)
     change = min(_changes(sensor, touches, signal, method), key=lambda c: c.error)
-    untouched = solve_rim(body, sensor.electrodes, sensor.conductance_S).impedance_Ohm
+    untouched = untouched_impedance(body, sensor.electrodes, sensor.conductance_S)
     baseline, dv = sensor.read_out(untouched), sensor.read_out(change.impedance_Ohm)
     extrapolated = sum(extrapolated_fraction(body, punch, touch, skin, law) for punch, touch in touches)
     return Readings(baseline + dv, baseline, dv, among_all(electrodes, untouched + change.impedance_Ohm), change.error,
@@ -109,15 +111,18 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     """Attempts in the order of their cost; the last one meets the wanted error, or none does."""
     clipped = any(touch.rim is not None for _, touch in touches)
     conducts = any(punch.conductor for punch, _ in touches)
+    patches = sensor.electrodes.kind == "patch"
+    if method == "multipole" and patches:
+        raise ValueError("method 'multipole' is built for line electrodes; with patches use 'mesh' or 'auto'.")
     if method == "multipole" and clipped:
         raise ValueError("method 'multipole' needs an axisymmetric touch; near the rim use 'mesh' or 'auto'.")
-    if method != "mesh" and not clipped:
+    if method != "mesh" and not clipped and not patches:
         change = _by_multipole(sensor, touches, signal)
         yield change
         if method == "multipole" or change.error <= signal or conducts:
             return
     if conducts:
-        raise ValueError("conductor = true is built for method 'multipole' only.")
+        raise ValueError("conductor = true is built for method 'multipole' only, and so for line electrodes.")
     yield _by_mesh(sensor, touches, signal)
 
 
@@ -189,11 +194,12 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
 
 def _on_mesh(sensor: _Sensor, touches: Touches, level: int) -> tuple[Array, int]:
     mesh = following_mesh(sensor.body, sensor.electrodes, touches, level)
-    pattern, z = sparsity(mesh), contact_impedances(sensor.electrodes)
+    z = contact_impedances(sensor.electrodes)
     touched = touched_conductance(quadrature_points(mesh), touches, sensor.skin, sensor.law)
     untouched = np.full(len(mesh.cells), sensor.conductance_S)
-    first, second = (impedance(mesh, s, z, pattern=pattern, refinements=0) for s in (touched, untouched))
-    return first - second, pattern.size - 1
+    base = eliminated(mesh, untouched, z)
+    change = impedance(mesh, touched, z, base=base) - impedance_of_last(base, mesh.count)
+    return change, len(mesh.nodes_m) + mesh.count - 1
 
 
 def following_mesh(body: Body, electrodes: Electrodes, touches: Touches, level: int, thinner: int = 1) -> SkinMesh:

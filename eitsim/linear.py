@@ -1,59 +1,19 @@
-"""Sparse linear solvers as values: factorise(A) gives solve(b)."""
+"""Linear solvers as values: a factorisation gives solve(b)."""
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-from scipy.sparse import csc_matrix, csr_matrix, triu
-from scipy.sparse.linalg import splu
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
-Factorise = Callable[[csc_matrix], Solve]
-
-# PARDISO's number for such matrices.
-_REAL_POSITIVE_DEFINITE = 2
 
 
 class Indefinite(ArithmeticError):
     """A matrix that must be positive definite is not."""
-
-
-def factorise(matrix: csc_matrix) -> Solve:
-    """Factorise a symmetric positive definite matrix once; solve(b) takes (n,) or (n, k) and gives x of that shape.
-
-    SuperLU without pivoting off the diagonal, minimum-degree ordering.
-    """
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
-
-
-def factorise_pardiso(matrix: csc_matrix) -> Solve:
-    """As `factorise`, by the Cholesky factors of MKL PARDISO; Indefinite where the matrix is not positive definite.
-
-    ValueError where the package pypardiso (extra "pardiso", x86-64 only) is not installed.
-    """
-    try:
-        from pypardiso import PyPardisoSolver  # pyright: ignore[reportMissingImports]
-        from pypardiso.pardiso_wrapper import PyPardisoError  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise ValueError("factorise_pardiso needs the package pypardiso: pip install 'touchcal[pardiso]' on x86-64, or "
-                         "use factorise.") from None
-    upper, solver = csr_matrix(triu(matrix)), PyPardisoSolver(mtype=_REAL_POSITIVE_DEFINITE)
-    upper.sort_indices()
-    try:
-        solver.factorize(upper)
-    except PyPardisoError:
-        raise Indefinite("PARDISO found the matrix not positive definite") from None
-
-    def solve(b: Array) -> Array:
-        return solver.solve(upper, np.asfortranarray(b))
-
-    weakref.finalize(solve, solver.free_memory, everything=True)
-    return solve
 
 
 def factorise_band(band: Array) -> Solve:

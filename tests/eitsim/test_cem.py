@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix
+from numpy.typing import ArrayLike
+from scipy.sparse import csc_matrix, diags_array
+from scipy.sparse.linalg import splu
 from skfem import MeshTri
 
-from eitsim.cem import SkinMesh, impedance, potentials, quadrature_points, sparsity, system
+from eitsim.cem import SkinMesh, dissection, eliminated, impedance, potentials, quadrature_points, weights
 from eitsim.drive import read_out
-from eitsim.linear import factorise
+from eitsim.elimination import residual, solve
 from eitsim.scene import Body, Drive, Electrodes
 from eitsim.template import rim_angles, ring_mesh
 
@@ -66,11 +68,10 @@ def curved(mesh: SkinMesh) -> SkinMesh:
                    cells=np.hstack([triangles.t.T, first + triangles.t2f.T]))
 
 
-def plain_mesh() -> SkinMesh:
+def plain_mesh(circles: int = 9) -> SkinMesh:
     """The same rings for all sectors, without grading."""
     angles, electrode = rim_angles(Body(), Electrodes(), 1)
-    radii = np.linspace(0, 0.1, 9)
-    return ring_mesh(radii, np.zeros((9, 2)), angles, electrode, 16)
+    return ring_mesh(np.linspace(0, 0.1, circles), np.zeros((circles, 2)), angles, electrode, 16)
 
 
 def error(readings: np.ndarray, case: str) -> float:
@@ -81,6 +82,15 @@ def error(readings: np.ndarray, case: str) -> float:
 def concentric(mesh: SkinMesh) -> np.ndarray:
     outside, inside = CASES["concentric"]
     return np.where(np.linalg.norm(quadrature_points(mesh), axis=-1) < 0.05, inside, outside)
+
+
+@pytest.mark.parametrize("element", ["P1", "P2", "Q2"])
+def test_the_impedance_is_that_of_a_plain_sparse_solve(element):
+    rings = plain_mesh()
+    mesh = {"P1": linear(rings), "P2": curved(linear(rings)), "Q2": rings}[element]
+    conductance, contact = random_conductance(mesh), np.geomspace(0.1, 10, 16)
+    expected = by_sparse_lu(mesh, conductance, contact, 1)
+    assert np.abs(impedance(mesh, conductance, contact) - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 @needs_reference
@@ -129,6 +139,18 @@ def random_conductance(mesh: SkinMesh) -> np.ndarray:
     return 1e-3 * (root @ root.swapaxes(-1, -2) + 0.5 * np.eye(2))
 
 
+def matrix_of(mesh: SkinMesh, conductance: np.ndarray, contact: ArrayLike) -> csc_matrix:
+    """The system's matrix, summed from the weights of its pairs."""
+    return csc_matrix(incidence(mesh).T @ diags_array(weights(mesh, conductance, contact)) @ incidence(mesh))
+
+
+def incidence(mesh: SkinMesh) -> csc_matrix:
+    """Takes potentials to the differences of the pairs."""
+    pairs = dissection(mesh).pairs
+    row = np.arange(len(pairs))
+    return csc_matrix((np.repeat([1.0, -1.0], len(pairs)), (np.tile(row, 2), pairs.T.ravel())))
+
+
 def test_reciprocity():
     mesh = plain_mesh()
     z = impedance(mesh, random_conductance(mesh), 1.0)
@@ -151,9 +173,9 @@ def test_currents_through_the_electrodes_are_those_driven():
 
 def test_the_discrete_system_balances_every_current():
     mesh = plain_mesh()
-    conductance, pattern = random_conductance(mesh), sparsity(mesh)
-    matrix = csc_matrix((system(mesh, conductance, 1.0, pattern), (pattern.row, pattern.column)))
-    current = matrix @ potentials(mesh, conductance, 1.0)
+    conductance = random_conductance(mesh)
+    drop = incidence(mesh) @ potentials(mesh, conductance, 1.0)
+    current = incidence(mesh).T @ (weights(mesh, conductance, 1.0)[:, None] * drop)
     expected = np.zeros_like(current)
     expected[len(mesh.nodes_m):] = np.eye(16) - 1 / 16
     assert np.abs(current - expected).max() < 1e-12
@@ -169,22 +191,43 @@ def test_rotation_and_mirror_symmetry_on_a_symmetric_mesh():
 
 def extended(mesh: SkinMesh, conductance: np.ndarray, contact: float) -> np.ndarray:
     """The impedance matrix in extended precision: refinement with residuals and iterates in long doubles."""
-    pattern = sparsity(mesh)
-    values = system(mesh, conductance, contact, pattern)
-    order = pattern.size - 1
-    solve = factorise(csc_matrix((values[pattern.kept], pattern.kept_row, pattern.kept_pointer), (order, order)))
-    off = pattern.row != pattern.column
-    row, column, weight = pattern.row[off], pattern.column[off], values[off].astype(np.longdouble)[:, None]
-    x = np.zeros((pattern.size, 15), dtype=np.longdouble)
-    for _ in range(8):
-        residual = np.zeros_like(x)
-        residual[len(mesh.nodes_m): -1] = np.eye(15)
-        np.subtract.at(residual, column, weight * (x[row] - x[column]))
-        x[:-1] += solve(residual[:-1].astype(float))
+    done = eliminated(mesh, conductance, contact)
+    one, other = dissection(mesh).pairs.T
+    weight = weights(mesh, conductance, contact).astype(np.longdouble)[:, None]
+    currents = np.zeros((len(mesh.nodes_m) + 16, 15), dtype=np.longdouble)
+    currents[len(mesh.nodes_m): -1] = np.eye(15)
+    x = np.zeros_like(currents)
+    for _ in range(4):
+        left = currents.copy()
+        flow = weight * (x[one] - x[other])
+        np.subtract.at(left, one, flow)
+        np.add.at(left, other, flow)
+        x += solve(done, left.astype(float))
     z = np.zeros((16, 16), dtype=np.longdouble)
     z[:, :-1] = x[len(mesh.nodes_m):]
     centre = np.eye(16) - np.longdouble(1) / 16
     return centre @ z @ centre
+
+
+def by_sparse_lu(mesh: SkinMesh, conductance: np.ndarray, contact: ArrayLike, refinements: int = 0) -> np.ndarray:
+    """The impedance matrix by SuperLU."""
+    matrix, centre = matrix_of(mesh, conductance, contact), np.eye(16) - 1 / 16
+    current, potential = np.zeros((2, len(mesh.nodes_m) + 16, 16))
+    current[-16:] = centre
+    solve_earthed = splu(csc_matrix(matrix[:-1, :-1]), permc_spec="MMD_AT_PLUS_A").solve
+    for _ in range(1 + refinements):
+        potential[:-1] += solve_earthed(residual(eliminated(mesh, conductance, contact), current, potential)[:-1])
+    return centre @ potential[-16:]
+
+
+def linear(rings: SkinMesh) -> SkinMesh:
+    """The same nodes as linear triangles."""
+    quarters = [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)]
+    corners = [[q[i] for i in corner] for q in quarters for corner in ((0, 1, 2), (0, 2, 3))]
+    cells = np.concatenate([rings.cells[:, three] for three in corners])
+    cells = cells[[len(set(cell)) == 3 for cell in cells.tolist()]]
+    under = np.concatenate([rings.under[:, [0, 2]], rings.under[:, [2, 1]]])
+    return replace(rings, cells=cells, under=under, electrode=np.tile(rings.electrode, 2), element="P1")
 
 
 @needs_reference
@@ -192,11 +235,25 @@ def test_contrast_of_a_million_and_perfect_contacts_cost_no_digits():
     mesh, region = reference_mesh("r1")
     conductance = np.where(region == 3, 1e3, 1e-3)
     exact = extended(mesh, conductance, 1e-6)
-    lost = [float(np.abs(impedance(mesh, conductance, 1e-6, refinements=n) - exact).max() / np.abs(exact).max())
-            for n in (0, 1)]
-    print(f"relative error without refinement {lost[0]:.1e}, with one step {lost[1]:.1e}")
-    assert lost[0] > 1e-10
-    assert lost[1] < 1e-14
+    found = [impedance(mesh, conductance, 1e-6), impedance(mesh, conductance, 1e-6, refinements=1),
+             by_sparse_lu(mesh, conductance, 1e-6)]
+    plain, refined, lu = (float(np.abs(z - exact).max() / np.abs(exact).max()) for z in found)
+    print(f"relative error {plain:.1e}, after a refinement {refined:.1e}; {lu:.1e} by LU of the matrix")
+    assert lu > 1e-10
+    assert plain < 1e-14
+    assert refined < 1e-14
+
+
+@pytest.mark.parametrize("contact", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("contrast", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("element", ["P1", "P2", "Q2"])
+def test_no_contrast_and_no_contact_costs_digits(element, contrast, contact):
+    rings = plain_mesh(5)
+    mesh = {"P1": linear(rings), "P2": curved(linear(rings)), "Q2": rings}[element]
+    inside = np.hypot(*(mesh.nodes_m[mesh.cells].mean(axis=1) - [0.03, 0.02]).T) < 0.03
+    conductance = np.where(inside, 1e-3 * contrast, 1e-3)
+    exact = extended(mesh, conductance, contact)
+    assert np.abs(impedance(mesh, conductance, contact) - exact).max() < 1e-13 * np.abs(exact).max()
 
 
 def test_wrong_input_is_refused():
