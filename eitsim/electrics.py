@@ -75,7 +75,7 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
           law: Conductivity, *, signal: float = 0.002, method: str = "auto") -> Readings:
     """Readings of a touched skin; the relative error of dV, 2-norm, is at most `signal` where that can be reached.
 
-    The untouched skin is solved once a sensor, with line electrodes on its rim alone (`solve_rim`). "multipole" adds what the touches,
+    The untouched skin is solved once a sensor (`untouched_impedance`). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
     largest circle about it that fits in the disc; the strain beyond, and what strains make of the conductance where
     they add up, count to first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto"

@@ -153,12 +153,24 @@ def _punch_refusal(scene: Scene, punch: Punch) -> str:
     if punch.depth_m is not None and punch.depth_m > _DEEPEST * scene.body.thickness_m:
         return (f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is beyond {_DEEPEST:.0%} of the foam's thickness, "
                 f"which squeezes it flat; give at most {_DEEPEST * scene.body.thickness_m * 1e3:g}.")
-    if scene.electrodes.kind != "line":
-        return f"kind in [electrodes] = \"{scene.electrodes.kind}\" is not built; built: line."
+    if scene.electrodes.kind == "patch" and (problem := _patch_refusal(scene, punch)):
+        return problem
     if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:
         return (f"friction = \"{punch.friction}\" in [punch] is built for holds that keep the deformation only: "
                 "control = \"depth\" and loading_s = 0 in [hold]. Ask for such a hold, or for friction = \"none\".")
     return _rim_refusal(scene, punch)
+
+
+def _patch_refusal(scene: Scene, punch: Punch) -> str:
+    if punch.conductor:
+        return ("conductor = true in [punch] is built for kind = \"line\" in [electrodes] alone; ask for lines, or "
+                "for an insulated punch.")
+    onto = scene.electrodes.length_m - rim_gap_m(scene, punch)
+    if onto < 0:
+        return ""
+    return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {scene.electrodes.length_m * 1e3:g} mm "
+            "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than that, or "
+            "make length_mm in [electrodes] smaller.")
 
 
 def _rim_refusal(scene: Scene, punch: Punch) -> str:
@@ -231,12 +243,26 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
                    f"its thickness is {scene.skin.thickness_m / sharpest:.2f} of the punch's fillet, the shortest "
                    "length over which it changes; the cost is of second order in that",
                    (scene.skin.thickness_m / sharpest) ** 2)
-    yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the wanted "
-                   "error, a mesh that follows the touch takes over; the estimate counts in the result's own error",
-                   0.0)
+    yield from _electrode_decisions(scene)
     patterns, _ = protocol(scene.drive, scene.electrodes.count).shape
     yield Decision(f"one impedance matrix serves all {patterns} patterns",
                    "every pattern is a linear read-out of it", 0.0)
+
+
+def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
+    if scene.electrodes.kind == "patch":
+        yield Decision("the skin is solved on a mesh that follows the touch", "patch electrodes cover part of it; the "
+                       "mesh's estimate counts in the result's own error", 0.0)
+        yield Decision("patches conduct by their untouched area", "their contact impedance does not follow what a "
+                       "touch beside them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
+    else:
+        yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
+                       "wanted error, a mesh that follows the touch takes over; the estimate counts in the result's "
+                       "own error", 0.0)
+    if scene.electrodes.missing:
+        yield Decision(f"without electrode{'s' if len(scene.electrodes.missing) > 1 else ''} "
+                       f"{', '.join(map(str, scene.electrodes.missing))} (from 0)", "missing in [electrodes]: no "
+                       "current passes; readings that need one are null", 0.0)
 
 
 def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:

@@ -123,7 +123,7 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
               "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
     "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
-                   "first_angle_deg": ("first_angle_rad", 180 / math.pi),
+                   "length_mm": ("length_m", 1e3), "first_angle_deg": ("first_angle_rad", 180 / math.pi),
                    "angles_deg": ("angles_rad", 180 / math.pi), "missing": ("missing", None),
                    "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},

@@ -27,6 +27,8 @@ _FARTHEST = 0.9
 # Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
 # and how much wider they get per unit of distance from there.
 _AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
+# Rings of patches from their inner edge to the rim, on level 1.
+_ALONG = 2
 # Lines of the contact closer than this share of the fillet radius are one line.
 _SAME_LINE = 0.2
 
@@ -37,23 +39,42 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     inside the rim where the contact reaches it.
 
     Ring (c, r) has its centre between the punch and the disc's centre and its nodes at c + r (cos, sin) of one set of
-    angles, so that the rim's nodes fall on the ends of the electrodes. Level n divides all widths and angles by n;
-    `thinner` divides the widths of the rings at the lines of the contact alone.
-    ValueError where the punch overhangs the rim.
+    angles, so that the rim's nodes fall on the ends of the electrodes; the rings of patches have the disc's centre.
+    Level n divides all widths and angles by n; `thinner` divides the widths of the rings at the lines of the contact
+    alone. ValueError where the punch overhangs the rim, or its contact reaches the ring of patches.
     """
-    edge = punch.diameter_m / 2
-    room = body.radius_m - math.hypot(punch.x_m, punch.y_m) - edge
-    if room <= 0:
-        raise ValueError(f"the punch's edge lies {-room * 1e3:.1f} mm beyond the rim of the disc; move the punch "
-                         "inwards.")
+    edge, patches = punch.diameter_m / 2, patch_radii(body, electrodes, level)
+    room = _room(punch, touch, patches)
     touch = replace(touch, contact_radius_m=min(touch.contact_radius_m, edge + _FARTHEST * room))
     gap = room - max(touch.contact_radius_m - edge, 0.0)
     angles, electrode = rim_angles(body, electrodes, level)
     inner = centred_radii(punch, touch, gap, level, thinner)
-    blend = _blend(body.radius_m - inner[-1], inner[-1] - inner[-2], _AT_RIM * widths(electrodes).min() / level)
-    radii = np.concatenate([inner, inner[-1] + blend * (body.radius_m - inner[-1])])
-    shift = np.concatenate([np.ones(len(inner)), 1 - blend])
-    return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count)
+    blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * widths(electrodes).min() / level)
+    radii = np.concatenate([inner, inner[-1] + blend * (patches[0] - inner[-1]), patches[1:]])
+    shift = np.concatenate([np.ones(len(inner)), 1 - blend, np.zeros(len(patches) - 1)])
+    return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count,
+                     covered=len(patches) - 1)
+
+
+def _room(punch: Punch, touch: Touch, patches: Array) -> float:
+    edge = punch.diameter_m / 2
+    room = float(patches[0]) - math.hypot(punch.x_m, punch.y_m) - edge
+    if len(patches) == 1 and room <= 0:
+        raise ValueError(f"the punch's edge lies {-room * 1e3:.1f} mm beyond the rim of the disc; move the punch "
+                         "inwards.")
+    reach = max(touch.contact_radius_m - edge, 0.0)
+    if len(patches) > 1 and reach >= room:
+        raise ValueError(f"the contact reaches {(reach - room) * 1e3:.1f} mm into the ring that the patch electrodes "
+                         "lie on; move the punch inwards, or make the patches shorter.")
+    return room
+
+
+def patch_radii(body: Body, electrodes: Electrodes, level: int = 1) -> Array:
+    """Radii, m, of the circles from the inner edge of patches to the rim; the rim alone for lines."""
+    if electrodes.kind == "line":
+        return np.array([body.radius_m])
+    steps = np.append(_graded(_ALONG * level), 1.0)
+    return body.radius_m - electrodes.length_m * (1 - steps)
 
 
 def rim_angles(body: Body, electrodes: Electrodes, level: int = 1) -> tuple[Array, Indices]:
@@ -73,10 +94,12 @@ def rim_angles(body: Body, electrodes: Electrodes, level: int = 1) -> tuple[Arra
     return np.concatenate(angles), np.array(electrode)
 
 
-def ring_mesh(radii_m: Array, centres_m: Array, angles_rad: Array, electrode: Indices, count: int) -> SkinMesh:
+def ring_mesh(radii_m: Array, centres_m: Array, angles_rad: Array, electrode: Indices, count: int, *,
+              covered: int = 0) -> SkinMesh:
     """Q2 mesh of rings: vertices at centre + radius (cos, sin) of each angle; the first radius is 0, a point.
 
     Middle nodes take the mean radius, centre and angle. Sizes: radii (r,), centres (r, 2), angles and electrode (m,).
+    Electrodes lie on the rim, or cover that many of the outermost rings.
     """
     sectors, rings = len(angles_rad), len(radii_m) - 1
     following = np.append(angles_rad[1:], angles_rad[0] + 2 * np.pi)
@@ -87,6 +110,9 @@ def ring_mesh(radii_m: Array, centres_m: Array, angles_rad: Array, electrode: In
     cells, edges = _topology(rings, sectors)
     under = np.flatnonzero(electrode >= 0)
     nodes = np.vstack([centres_m[:1], nodes.reshape(-1, 2)])
+    if covered:
+        outer = cells.reshape(rings, sectors, 9)[-covered:, under].reshape(-1, 9)
+        return SkinMesh(nodes, cells, outer, np.tile(electrode[under], covered), count, "Q2")
     return SkinMesh(nodes, cells, edges[under], electrode[under], count, "Q2")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from eitsim.cem import SkinMesh
 from eitsim.multipole import place
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch
-from eitsim.template import centred_radii, rim_angles
+from eitsim.template import centred_radii, patch_radii, rim_angles
 from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -52,12 +52,14 @@ def triangulation(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch
     """P2 mesh of the disc with circles at the punches' edges, the starts of their fillets and the ends of contact.
 
     Level n divides all sizes by n, `thinner` the widths of the rings at these circles alone.
-    ValueError where punches overlap or overhang the rim.
+    Patches lie on rings of triangles outside. ValueError where punches overlap or overhang the rim or these rings.
     """
+    patches = patch_radii(body, electrodes, 2 * level)
+    angles, electrode = rim_angles(body, electrodes, 2 * level)
+    spoke = np.column_stack([np.cos(angles), np.sin(angles)])
+    body, rim = replace(body, radius_m=float(patches[0])), patches[0] * spoke
     circles = [_circle(punch, touch, gap, level, thinner)
                for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
-    angles, electrode = rim_angles(body, electrodes, 2 * level)
-    rim = body.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
     parts = [_rings(circle) for circle in circles]
     ends = np.cumsum([0, *(len(nodes) for nodes, _ in parts)])
     outlines = [end - circle.sectors + np.arange(circle.sectors) for circle, end in zip(circles, ends[1:], strict=True)]
@@ -67,7 +69,10 @@ def triangulation(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch
     numbers = np.concatenate([outline, len(corners) + np.arange(len(fill))])
     corners = np.vstack([corners, fill])
     cells = np.vstack([*(cells + start for (_, cells), start in zip(parts, ends, strict=False)), numbers[between]])
-    return _quadratic(circles, ends, corners, cells, electrode, electrodes.count)
+    loops = np.arange(len(rim) * (len(patches) - 1)).reshape(-1, len(rim)) + len(corners)
+    loops = np.vstack([ends[-1] + np.arange(len(rim)), loops])
+    corners = np.vstack([corners, (patches[1:, None, None] * spoke).reshape(-1, 2)])
+    return _quadratic(circles, ends, corners, cells, loops, electrode, electrodes.count)
 
 
 def _gaps(body: Body, touches: tuple[tuple[Punch, Touch], ...]) -> Array:
@@ -98,11 +103,16 @@ def _rings(circle: _Circle) -> tuple[Array, Indices]:
     spoke = np.column_stack([np.cos(angle), np.sin(angle)])
     corners = (circle.radii_m[1:, None, None] * spoke).reshape(-1, 2)
     number = 1 + np.arange(rings * count).reshape(rings, count)
+    fan = np.column_stack([np.zeros(count, dtype=int), number[0], np.roll(number[0], -1)])
+    return circle.centre_m + np.vstack([np.zeros((1, 2)), corners]), np.vstack([fan, _ring_cells(number)])
+
+
+def _ring_cells(number: Indices) -> Indices:
+    """Triangles (2 (rings - 1) m, 3) between loops of corners (rings, m): one of every quadrilateral, then the other.
+    """
     after = np.roll(number, -1, axis=1)
-    fan = np.column_stack([np.zeros(count, dtype=int), number[0], after[0]])
     inner, outer, outer_after, inner_after = (a.ravel() for a in (number[:-1], number[1:], after[1:], after[:-1]))
-    cells = [fan, np.column_stack([inner, outer, outer_after]), np.column_stack([inner, outer_after, inner_after])]
-    return circle.centre_m + np.vstack([np.zeros((1, 2)), corners]), np.vstack(cells)
+    return np.vstack([np.column_stack([inner, outer, outer_after]), np.column_stack([inner, outer_after, inner_after])])
 
 
 def _between(body: Body, circles: list[_Circle], outline: Array, rim: Array, level: int) -> tuple[Array, Indices]:
@@ -185,22 +195,27 @@ def _edges(cells: Indices) -> Indices:
     return np.sort(np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [0, 2]]]), axis=1)
 
 
-def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Indices, electrode: Indices,
-               count: int) -> SkinMesh:
-    """Middle nodes on every edge, in polar coordinates about its circle or, along the rim, about the disc."""
+def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Indices, loops: Indices,
+               electrode: Indices, count: int) -> SkinMesh:
+    """Middle nodes on every edge, in polar coordinates about its circle or, along the rim and in the rings between the
+    loops (rings + 1, m), about the disc."""
+    covered = _ring_cells(loops)
+    cells = np.vstack([cells, covered])
     edges, number = np.unique(_edges(cells), axis=0, return_inverse=True)
     middle = corners[edges].mean(axis=1)
     for circle, start, end in zip(circles, ends, ends[1:], strict=False):
         inside = (edges[:, 0] > start) & (edges[:, 1] < end)
         middle[inside] = _turned(corners[edges[inside]], circle.centre_m)
-    rim = ends[-1] + np.arange(len(electrode))
-    line = np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1)
-    along = np.searchsorted(edges @ [len(corners), 1], line @ [len(corners), 1])
-    middle[along] = _turned(corners[line], np.zeros(2))
-    under = np.flatnonzero(electrode >= 0)
+    rim = loops[0]
+    polar = np.vstack([np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1), _edges(covered)])
+    along = np.searchsorted(edges @ [len(corners), 1], polar @ [len(corners), 1])
+    middle[along] = _turned(corners[polar], np.zeros(2))
     quadratic = np.column_stack([cells, len(corners) + number.reshape(3, -1).T])
-    arcs = np.column_stack([rim, np.roll(rim, -1), len(corners) + along])
-    return SkinMesh(np.vstack([corners, middle]), quadratic, arcs[under], electrode[under], count, "P2")
+    under = np.column_stack([rim, np.roll(rim, -1), len(corners) + along[:len(rim)]])
+    if len(covered):
+        under, electrode = quadratic[-len(covered):], np.tile(electrode, 2 * (len(loops) - 1))
+    return SkinMesh(np.vstack([corners, middle]), quadratic, under[electrode >= 0], electrode[electrode >= 0], count,
+                    "P2")
 
 
 def _turned(ends: Array, centre: Array) -> Array:

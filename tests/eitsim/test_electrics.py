@@ -162,5 +162,5 @@ def test_what_is_not_built_is_refused():
         readings(Punch(conductor=True), touch, method="mesh")
     with pytest.raises(ValueError, match="beyond the rim"):
         readings(Punch(0.095), touch)
-    with pytest.raises(ValueError, match="patch"):
-        solve(Body(), SKIN, Electrodes(kind="patch"), Drive(), ((Punch(), touch),), LAW)
+    with pytest.raises(ValueError, match="line electrodes; with patches"):
+        solve(Body(), SKIN, Electrodes(kind="patch"), Drive(), ((Punch(), touch),), LAW, method="multipole")

@@ -58,7 +58,8 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
     ({"punch": [{"x_mm": 40}, {"x_mm": -40}], "hold": {"time_s": 5}}, "one touch"),
     ({"punch": {"x_mm": 80, "friction": "coulomb", "friction_coefficient": 0.3}}, "one that sticks"),
     ({"punch": {"friction": "stick"}, "hold": {"time_s": [60]}}, "keep the deformation"),
-    ({"electrodes": {"kind": "patch"}}, "electrodes")])
+    ({"electrodes": {"kind": "patch"}, "punch": {"conductor": True}}, "kind = \"line\""),
+    ({"electrodes": {"kind": "patch"}, "punch": {"x_mm": 85}}, "2.0 mm into the ring of 10 mm")])
 def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
     assert named in make_plan(scene_from(raw), CARD).refusal
 
