@@ -21,10 +21,11 @@ from scipy.sparse import issparse
 
 from eitsim.cem import SkinMesh
 from eitsim.drive import Protocol, matrices
+from eitsim.mesh_model import sides
 from matcal.errors import TestFileError
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = NDArray[np.integer]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +132,7 @@ def _boundary(forward: Any, cells: Indices, nodes: int) -> Indices:
             raise ValueError(f"boundary has {edges.shape[1]} nodes a row; an edge has 2.")
         _check_range(edges, nodes, "boundary")
         return edges
-    edges = np.sort(np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1)
-    edges, seen = np.unique(edges, axis=0, return_counts=True)
+    edges, seen = np.unique(sides(cells), axis=0, return_counts=True)
     return edges[seen == 1]
 
 

@@ -13,6 +13,7 @@ from eitsim.cem import SkinMesh, impedance, quadrature_points
 from eitsim.drive import Protocol, readings
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.integer]
 
 ELEMENTS = ("P1", "P2")
 
@@ -59,8 +60,7 @@ def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_
 
 def quadratic(mesh: SkinMesh) -> SkinMesh:
     """The same straight triangles with middle nodes (P1 to P2)."""
-    ends = [np.sort(mesh.cells[:, pair], axis=1) for pair in ([0, 1], [1, 2], [0, 2])]
-    edges, number = np.unique(np.vstack(ends), axis=0, return_inverse=True)
+    edges, number = np.unique(sides(mesh.cells), axis=0, return_inverse=True)
     size = len(mesh.nodes_m)
     under = np.sort(mesh.under, axis=1) @ [size, 1]
     along = np.minimum(np.searchsorted(edges @ [size, 1], under), len(edges) - 1)
@@ -69,6 +69,11 @@ def quadratic(mesh: SkinMesh) -> SkinMesh:
     return replace(mesh, nodes_m=np.vstack([mesh.nodes_m, mesh.nodes_m[edges].mean(axis=1)]), element="P2",
                    cells=np.column_stack([mesh.cells, size + number.reshape(3, -1).T]),
                    under=np.column_stack([mesh.under, size + along]))
+
+
+def sides(cells: Indices) -> Indices:
+    """Sides (3 cells, 2) of triangles, lower number first: those from corner 0 to 1, then 1 to 2, then 0 to 2."""
+    return np.sort(np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [0, 2]]]), axis=1)
 
 
 def _shape(conductance_S: ArrayLike, mesh: SkinMesh) -> tuple[int, ...]:

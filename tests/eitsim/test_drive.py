@@ -82,6 +82,13 @@ def test_one_matrix_of_measurements_serves_all_patterns():
     assert hash(scene.drive) == hash(scene_from(scene_tables(scene)).drive)
 
 
+def test_a_named_pattern_may_be_read_by_any_matrix():
+    weights = np.random.default_rng(0).normal(size=(5, 8))
+    drive = scene_from({"electrodes": {"count": 8}, "drive": {"measurements": weights.tolist()}}).drive
+    z = random_impedance(8)
+    np.testing.assert_allclose(read_out(drive, z)[2], 5e-3 * weights @ (z[:, 2] - z[:, 3]), atol=1e-15)
+
+
 def test_differential_readings_are_differences_of_single_ended_ones():
     z = random_impedance(16)
     single, differential = (read_out(Drive(reading=r), z) for r in ("single-ended", "differential"))
