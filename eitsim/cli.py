@@ -1,4 +1,4 @@
-"""Command line of `eitsim`: plan, run, sweep, report, solve-mesh, cache."""
+"""Command line of `eitsim`: plan, run, sweep, report, solve-mesh, reconstruct, cache."""
 
 from __future__ import annotations
 
@@ -250,6 +250,55 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
         print_json(document)
     else:
         _print_solved(document, out)
+
+
+@app.command()
+def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="CSV of one row a frame, the first one "
+                                                                              "untouched.")],
+                scene: Annotated[Path | None, typer.Option(
+                    help="Scene file whose [body], [electrodes] and [drive] made the frames; else the default "
+                         "ones.")] = None,
+                baseline: Annotated[Path | None, typer.Option(
+                    help="CSV of untouched frames, whose mean counts; else the first row of FRAMES.")] = None,
+                prior: Annotated[str, typer.Option(help="noser or laplace.")] = "noser",
+                noise_figure: Annotated[float, typer.Option(
+                    help="SNR of the readings over SNR of the image; smaller is smoother.")] = 0.5,
+                out: Annotated[Path | None, typer.Option(help="Write the images (.vtu for ParaView, or .csv) "
+                                                              "here.")] = None,
+                as_json: JsonOption = False) -> None:
+    """Images of the relative change of the skin's conductance: one regularised Gauss-Newton step from the untouched
+    frame.
+
+    Example: eitsim reconstruct frames.csv --scene scene.toml --out image.vtu
+    """
+    from eitsim.frame_images import check_suffix, images_of, write_images
+
+    if out is not None:
+        check_out(out)
+        check_suffix(out)
+    pixels, images, document = images_of(frames, read_scene(scene) if scene is not None else Scene(),
+                                         baseline=baseline, prior=prior, noise_figure=noise_figure)
+    if out is not None:
+        write_images(pixels, images, out)
+    if as_json:
+        print_json(document)
+    else:
+        _print_images(document, out)
+
+
+def _print_images(document: dict[str, Any], out: Path | None) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    keys = ("line", "x_mm", "y_mm", "area_mm2", "peak")
+    table = Table(*keys, title="images: quarter-amplitude area, its centre, largest relative change of conductance")
+    for image in document["frames"]:
+        table.add_row(*(f"{image[key]:.4g}" for key in keys))
+    Console().print(table)
+    print(f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; prior "
+          f"{document['prior']}, noise figure {document['noise_figure']:.3g}")
+    if out is not None:
+        print(f"images: {out}")
 
 
 @app.command()

@@ -20,6 +20,7 @@ from eitsim.cem import potentials, quadrature_points
 from eitsim.dataset import voltage_columns
 from eitsim.drive import read_out
 from eitsim.electrics import following_mesh
+from eitsim.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
 from eitsim.plan import law_of, make_plan, near_rim, together
 from eitsim.scene import Scene
 from eitsim.sensitivity import impedance_by_contact, impedance_by_field, readings_by
@@ -41,7 +42,7 @@ class Sensitivity:
 
     # (p,) names of the parameters as in a data set, units in them
     parameters: tuple[str, ...]
-    # (readings,) touched, V, and what the touches change of it, V
+    # (readings,) touched, V, and what the touches change of it, V; NaN where an electrode without contact is needed
     touched_V: Array
     signal_V: Array
     # (readings, p) derivatives of both, V a unit
@@ -52,9 +53,9 @@ class Sensitivity:
 def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -> Sensitivity:
     """Derivatives of a scene's readings; its touches are solved on the default mesh of the foam.
 
-    Parameters: those of variation.variations, c0_S_per_m, and z_k_Ohm_m, the contact impedance of electrode k from 1.
-    On the default level they are within 0.2 % of those on finer meshes, by force and mu_i 0.7 % (14 mm, 1 N), those of
-    the signal by z_k 15 %.
+    Parameters: those of variation.variations, c0_S_per_m, and z_k_Ohm_m or, of patches, z_k_Ohm_m2, the contact
+    impedance of electrode k from 0. On the default level they are within 0.2 % of those on finer meshes, by force and
+    mu_i 0.7 % (14 mm, 1 N), those of the signal by z_k 15 %.
     ValueError where the plan refuses the scene, for a touch near the rim, with friction or with a conducting punch, for
     touches solved together, and for a hold; NotConverged where the mechanics does not converge.
     """
@@ -64,8 +65,9 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
     law, skin_law = law_of(scene, card), require(card, "conductivity", "the skin")
     bases = [settled(law, scene.body, punch, scene.skin.strain) for punch in scene.punches]
     touches = tuple((base.punch, base.touch) for base in bases)
-    mesh = following_mesh(scene.body, scene.electrodes, touches, level, THINNER)
-    z, free = scene.electrodes.contact_impedance_Ohm_m, untouched_conductance(skin_law, scene.skin)
+    electrodes = present(scene.electrodes)
+    mesh = following_mesh(scene.body, electrodes, touches, level, THINNER)
+    z, free = contact_impedances(electrodes), untouched_conductance(skin_law, scene.skin)
     field = touched_conductance(quadrature_points(mesh), touches, scene.skin, skin_law)
     rest = np.broadcast_to(free * np.eye(2), field.shape)
     touched, untouched = (potentials(mesh, sheet, z) for sheet in (field, rest))
@@ -73,11 +75,15 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
                 for v in variations(mesh.nodes_m, bases, skin_law)}
     both = [np.concatenate([impedance_by_field(mesh, u, sheet / skin_law.c0_S_per_m)[None],
                             impedance_by_contact(mesh, u, z)]) for u, sheet in ((touched, field), (untouched, rest))]
-    by_touch = readings_by(scene.drive, np.stack(list(by_field.values())))
-    whole, baseline = (readings_by(scene.drive, part) for part in both)
-    voltages, before = (read_out(scene.drive, _centred(u[len(mesh.nodes_m):])).ravel() for u in (touched, untouched))
-    return Sensitivity((*by_field, "c0_S_per_m", *(f"z_{k + 1}_Ohm_m" for k in range(mesh.count))), voltages,
-                       voltages - before, np.hstack([by_touch, whole]), np.hstack([by_touch, whole - baseline]))
+    by_touch, whole, baseline = (
+        readings_by(scene.drive, np.stack([among_all(scene.electrodes, one) for one in part]))
+        for part in (by_field.values(), *both))
+    voltages, before = (read_out(scene.drive, among_all(scene.electrodes, _centred(u[len(mesh.nodes_m):]))).ravel()
+                        for u in (touched, untouched))
+    unit = IMPEDANCES[electrodes.kind].removeprefix("contact_impedance_")
+    contacts = (f"z_{k}_{unit}" for k in np.flatnonzero(there(scene.electrodes)))
+    return Sensitivity((*by_field, "c0_S_per_m", *contacts), voltages, voltages - before,
+                       np.hstack([by_touch, whole]), np.hstack([by_touch, whole - baseline]))
 
 
 def write_sensitivity(sensitivity: Sensitivity, path: Path) -> None:

@@ -152,7 +152,7 @@ def test_stiffer_foam_is_as_a_smaller_force():
 
 def test_readings_are_homogeneous_of_degree_one_in_resistances():
     found = sensitivity(Scene(punches=(PUNCH,)))
-    by_contact = sum(column(found, f"z_{k + 1}_Ohm_m") for k in range(16))
+    by_contact = sum(column(found, f"z_{k}_Ohm_m") for k in range(16))
     assert distance(by_contact * 1.0 - LAW.c0_S_per_m * column(found, "c0_S_per_m"), found.touched_V) < 1e-11
 
 
@@ -185,6 +185,14 @@ def test_file_holds_a_row_a_reading_and_a_column_a_parameter(tmp_path):
     values = np.array([[float(cell) for cell in line[1:]] for line in lines[1:]])
     assert np.array_equal(values[:208, 1:], found.touched_by)
     assert np.array_equal(values[208:, 0], found.signal_V)
+
+
+def test_readings_that_need_a_missing_electrode_have_no_derivative():
+    found = sensitivity(Scene(punches=(PUNCH,), electrodes=Electrodes(missing=(3,))))
+    assert "z_3_Ohm_m" not in found.parameters
+    lost = np.isnan(found.touched_V)
+    assert 0 < lost.sum() < len(lost)
+    assert np.array_equal(np.isnan(found.touched_by), np.repeat(lost[:, None], len(found.parameters), axis=1))
 
 
 @pytest.mark.slow
