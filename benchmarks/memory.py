@@ -1,8 +1,9 @@
 """Peak memory of one touch in a process of its own, over the extremes of fillet, size, thickness and force.
 
 The default scene and the largest reduced ones: small fillets make small elements, wide punches many of them. `added`
-is what the touch needs beyond an interpreter that has imported the solver and compiled its kernels. Run by
-`make bench`, which pins threads; writes results/memory.csv beside this file.
+is what the touch needs beyond an interpreter that has imported the solver and loaded its kernels; compiling them first
+takes some 80 MB more, so run it again after a change of them. Run by `make bench`, which pins threads; writes
+results/memory.csv beside this file.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ CASES = (
     Case("cone, d = 14 mm, 0.5 N", scene(profile="cone", force_N=0.5)),
     Case("near the rim, gap 3 mm", scene(x_m=0.09)),
     Case("near the rim, d = 20 mm, 3 N, gap 0.5 mm", scene(x_m=0.0895, diameter_m=0.02, force_N=3.0)),
+    Case("near the rim, d = 14 mm, 1 N, gap 3 mm, sticking", scene(x_m=0.09, friction="stick")),
+    Case("fillet 0.1 mm, d = 20 mm, 3 N, 20 mm thick", scene(20.0, fillet_m=1e-4, diameter_m=0.02, force_N=3.0)),
     Case("fillet 0.05 mm, d = 20 mm, 3 N", scene(fillet_m=5e-5, diameter_m=0.02, force_N=3.0)),
     Case("fillet 0.05 mm, d = 20 mm, 3 N, 20 mm thick", scene(20.0, fillet_m=5e-5, diameter_m=0.02, force_N=3.0)),
     Case("exact: fillet 0.05 mm, d = 20 mm, 3 N", scene(fillet_m=5e-5, diameter_m=0.02, force_N=3.0), True),
