@@ -24,7 +24,7 @@ from eitsim.drive import Drive, read_out
 from eitsim.electrodes import among_all, contact_impedances, present
 from eitsim.scene import Body, Electrodes
 from eitsim.sensitivity import impedance_by_conductance, impedance_by_field, readings_by
-from eitsim.template import rim_angles, ring_mesh
+from eitsim.template import patch_radii, rim_angles, ring_mesh
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -156,12 +156,13 @@ def on_grid(mosaic: Pixels, images: Array, side: int = 64) -> tuple[Array, Array
 
 
 def _fine(body: Body, electrodes: Electrodes) -> SkinMesh:
-    """Rings about the middle, fine enough for pixels inside and for the electrodes' ends at the rim."""
+    """Rings about the middle, fine enough for pixels inside and for the electrodes' edges."""
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
+    patches = patch_radii(body, electrodes, _LEVEL)
     inner = np.linspace(0, 1, _EVEN + 1)[:-1]
     narrowing = 1 - np.geomspace(1 - inner[-1], _LAST, _NARROWING + 1)[1:]
-    radii = body.radius_m * np.concatenate([inner, narrowing, [1.0]])
-    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
+    radii = np.concatenate([patches[0] * inner, patches[0] * narrowing, patches])
+    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
 
 
 def _places(points: Array, mosaic: Pixels) -> Indices:

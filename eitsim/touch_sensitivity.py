@@ -25,6 +25,7 @@ from eitsim.plan import law_of, make_plan, near_rim, together
 from eitsim.scene import Scene
 from eitsim.sensitivity import impedance_by_contact, impedance_by_field, readings_by
 from eitsim.skin import touched_conductance, untouched_conductance
+from eitsim.template import patch_radii
 from eitsim.touch_tangent import settled
 from eitsim.variation import conductance_change, variations
 from matcal.card import MaterialCard, require
@@ -72,7 +73,7 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
     rest = np.broadcast_to(free * np.eye(2), field.shape)
     touched, untouched = (potentials(mesh, sheet, z) for sheet in (field, rest))
     by_field = {v.name: impedance_by_field(mesh, touched, conductance_change(mesh, scene.skin, v))
-                for v in variations(mesh.nodes_m, bases, skin_law)}
+                for v in variations(mesh.nodes_m, bases, skin_law, float(patch_radii(scene.body, electrodes)[0]))}
     both = [np.concatenate([impedance_by_field(mesh, u, sheet / skin_law.c0_S_per_m)[None],
                             impedance_by_contact(mesh, u, z)]) for u, sheet in ((touched, field), (untouched, rest))]
     by_touch, whole, baseline = (

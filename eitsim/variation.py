@@ -1,9 +1,10 @@
 """How the skin's conductance changes with places, punches and cards, as seen from a mesh that moves with the touches.
 
 A field that moves with a punch has its steepest slopes at the contact's edge, which no fixed mesh resolves. So the
-mesh's nodes move with the punch, or with its edge where the diameter changes, with velocities v that vanish at the rim.
-Then dS/dp is S' + S div v - S grad v' - grad v S, with S' the change seen by a node that moves; the adjoint formula of
-`eitsim.sensitivity` with it is the exact derivative of the solution on the moving mesh, whatever v.
+mesh's nodes move with the punch, or with its edge where the diameter changes, with velocities v that vanish at the rim
+and under electrodes. Then dS/dp is S' + S div v - S grad v' - grad v S, with S' the change seen by a node that moves;
+the adjoint formula of `eitsim.sensitivity` with it is the exact derivative of the solution on the moving mesh, whatever
+v.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from eitsim.cem import SkinMesh, gradients, quadrature_points
 from eitsim.multipole import reaches
 from eitsim.results import Touch
-from eitsim.scene import Punch, Skin
+from eitsim.scene import Body, Punch, Skin
 from eitsim.skin import touched_conductance
 from eitsim.touch_tangent import Settled, varied
 from matcal.conductivity import Conductivity
@@ -44,12 +45,16 @@ class Variation:
     velocity: Array
 
 
-def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity) -> Iterator[Variation]:
+def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity, free_m: float) -> Iterator[Variation]:
     """x_mm, y_mm, F_N or depth_mm, and d_mm of each touch (with _1, _2, ... where there are several), mu_i_Pa and
-    alpha_i of the foam, a_1, a_2, a_3 of the skin; nodes (n, 2) of a mesh move with them."""
+    alpha_i of the foam, a_1, a_2, a_3 of the skin; nodes (n, 2) of a mesh move with them.
+
+    free_m: radius of the part of the disc that electrodes leave free, in which nodes may move. ValueError where a
+    contact leaves it.
+    """
     touches = [(base.punch, base.touch) for base in bases]
     sides, still = [list(varied(base)) for base in bases], np.zeros_like(nodes_m)
-    for i, (own, room) in enumerate(zip(sides, reaches(bases[0].body, touches), strict=True)):
+    for i, (own, room) in enumerate(zip(sides, reaches(Body(free_m), touches), strict=True)):
         suffix = f"_{i + 1}" if len(bases) > 1 else ""
         share = _share(nodes_m, *touches[i], room)
         for axis, direction in (("x", np.array([1.0, 0.0])), ("y", np.array([0.0, 1.0]))):

@@ -20,6 +20,7 @@ from eitsim.reconstruction import PRIORS, Imager, Untouched, fitted, imager, on_
 from eitsim.rim import solve_rim
 from eitsim.scene import Body, Electrodes
 from eitsim.template import rim_angles, ring_mesh
+from eitsim.untouched import untouched_impedance
 
 S, SIZE = 6e-4, 0.009
 PLACES = [(0.0, 0.0), (0.03, 0.02), (-0.02, 0.05), (0.06, -0.03)]
@@ -121,6 +122,15 @@ def test_what_cannot_be_imaged_is_refused():
         fitted(Body(), Electrodes(), Drive(), -baseline())
     with pytest.raises(ValueError, match="has 100 readings"):
         fitted(Body(), Electrodes(), Drive(), baseline()[:100])
+
+
+def test_patches_are_fitted_and_imaged():
+    electrodes = Electrodes(kind="patch", length_m=0.008)
+    frame = read_out(Drive(), untouched_impedance(Body(), electrodes, S)).ravel()
+    found = fitted(Body(), electrodes, Drive(), frame)
+    assert found.conductance_S == pytest.approx(S, rel=2e-3)
+    again = read_out(Drive(), untouched_impedance(Body(), electrodes, 1.001 * S)).ravel()
+    assert distance(found.jacobian_V.sum(axis=1) * 1e-3, again - frame) < 0.01
 
 
 def test_a_missing_electrode_leaves_its_readings_out():

@@ -19,7 +19,7 @@ from eitsim.sensitivity import (
     impedance_by_tensor,
     readings_by,
 )
-from eitsim.template import rim_angles, ring_mesh
+from eitsim.template import patch_radii, rim_angles, ring_mesh
 
 Z = 0.7
 
@@ -70,6 +70,19 @@ def test_jacobian_of_contact_impedance_is_that_of_differences():
     jacobian = impedance_by_contact(mesh(), potentials(mesh(), sheet, Z), Z)
     assert distance(jacobian.sum(axis=0), slope(lambda by: impedance(mesh(), sheet, Z + by), 1e-3)) < 1e-8
     assert np.argmax(np.einsum("ekk->ek", jacobian), axis=0).tolist() == list(range(16))
+
+
+def test_patches_and_lines_obey_the_same_rule():
+    body, patches = Body(), Electrodes(kind="patch")
+    angles, electrode = rim_angles(body, patches, 1)
+    radii = np.concatenate([np.linspace(0, 1, 6)[:-1] * patch_radii(body, patches)[0], patch_radii(body, patches)])
+    covered = len(patch_radii(body, patches)) - 1
+    on = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, 16, covered=covered)
+    sheet, z = np.full(len(on.cells), 6e-4), np.linspace(1e-3, 1e-2, 16)
+    potential = potentials(on, sheet, z)
+    by_contact = np.tensordot(z, impedance_by_contact(on, potential, z), 1)
+    by_cell = np.tensordot(sheet, impedance_by_conductance(on, potential), 1)
+    assert distance(by_contact - by_cell, impedance(on, sheet, z)) < 1e-11
 
 
 def test_impedance_is_homogeneous_of_degree_one_in_resistances():

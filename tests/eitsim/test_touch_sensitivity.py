@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eitsim.axisymmetric import reached
-from eitsim.cem import impedance, potentials, quadrature_points
+from eitsim.cem import SkinMesh, impedance, potentials, quadrature_points
 from eitsim.electrics import following_mesh, solve
 from eitsim.pressing import equilibrium
 from eitsim.scene import Body, Electrodes, Hold, Punch, Scene, Skin
@@ -32,6 +32,7 @@ CARD = MaterialCard(name="made up", hyperfoam=FOAM, conductivity=LAW)
 PUNCH = Punch(0.03, 0.02, 0.014, 1.0)
 # Element size of the tests, m: twice the default.
 COARSE = 1.2e-4
+LINES, PATCHES = Electrodes(), Electrodes(kind="patch")
 
 
 @lru_cache(maxsize=4)
@@ -40,13 +41,13 @@ def base(punch: Punch = PUNCH) -> Settled:
 
 
 @lru_cache(maxsize=4)
-def mesh(punch: Punch = PUNCH):
-    return following_mesh(Body(), Electrodes(), ((punch, base(punch).touch),), 1)
+def mesh(punch: Punch = PUNCH, electrodes: Electrodes = LINES) -> SkinMesh:
+    return following_mesh(Body(), electrodes, ((punch, base(punch).touch),), 1)
 
 
 @lru_cache(maxsize=4)
-def varied(punch: Punch = PUNCH) -> dict[str, Variation]:
-    return {v.name: v for v in variations(mesh(punch).nodes_m, [base(punch)], LAW)}
+def varied(punch: Punch = PUNCH, free_m: float = 0.1) -> dict[str, Variation]:
+    return {v.name: v for v in variations(mesh(punch).nodes_m, [base(punch)], LAW, free_m)}
 
 
 def adjoint(variation: Variation, punch: Punch = PUNCH) -> np.ndarray:
@@ -95,6 +96,20 @@ def resolved(law: Hyperfoam, punch: Punch, by_load: float = 0.0) -> tuple:
     model, force = changed(base(), law, punch)
     state = equilibrium(model, force * (1 + by_load), base().state.x, tolerance=1e-12)
     return punch, sampled(base(), model, state.x)
+
+
+def test_patches_stay_where_they_are():
+    at_rest, z = mesh(PUNCH, PATCHES), 1e-2
+    found = {v.name: v for v in variations(at_rest.nodes_m, [base()], LAW, 0.09)}["x_mm"]
+
+    def at(by_mm: float) -> np.ndarray:
+        on = moved(at_rest, found.velocity, by_mm)
+        touch = (replace(PUNCH, x_m=PUNCH.x_m + by_mm / 1e3), base().touch)
+        return impedance(on, touched_conductance(quadrature_points(on), [touch], Skin(), LAW), z)
+
+    field = touched_conductance(quadrature_points(at_rest), [(PUNCH, base().touch)], Skin(), LAW)
+    change = conductance_change(at_rest, Skin(), found)
+    assert distance(impedance_by_field(at_rest, potentials(at_rest, field, z), change), slope(at, 1e-3)) < 1e-6
 
 
 @pytest.mark.parametrize(("name", "step"), [("F_N", 1e-4), ("d_mm", 1e-3), ("mu_1_Pa", 0.5), ("alpha_2", 1e-4)])
