@@ -11,7 +11,7 @@ from skfem import ElementLineP1, ElementLineP2, ElementQuad2, ElementTriP1, Elem
 from skfem.quadrature import get_quadrature
 
 from eitsim.dissection import Dissection, dissect
-from eitsim.elimination import Detached, Elimination, eliminate, impedance_of_last, residual, solve
+from eitsim.elimination import Detached, Elimination, eliminate, impedance_alone, impedance_of_last, residual, solve
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -102,9 +102,13 @@ def eliminated(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Arra
     try:
         return eliminate(order, weights(mesh, conductance_S, contact_impedance), base)
     except Detached as lost:
-        raise ValueError(f"the sheet is torn: no current flows between {_named(mesh, lost.unknown)} and electrode "
-                         f"{mesh.count - 1} (from 0), or none that counts beside others; join the parts of the mesh or "
-                         "leave what is torn off, with its electrodes, out of it.") from None
+        raise _torn(mesh, lost) from None
+
+
+def _torn(mesh: SkinMesh, lost: Detached) -> ValueError:
+    return ValueError(f"the sheet is torn: no current flows between {_named(mesh, lost.unknown)} and electrode "
+                      f"{mesh.count - 1} (from 0), or none that counts beside others; join the parts of the mesh or "
+                      "leave what is torn off, with its electrodes, out of it.")
 
 
 def _named(mesh: SkinMesh, unknown: int) -> str:
@@ -119,8 +123,14 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
     """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero.
 
     See `eliminated`. Z = Y' Y from the electrodes' rows of the factor alone, so that its error is quadratic in theirs;
-    refinements, which need all potentials, seldom gain a digit.
+    refinements, which need all potentials, seldom gain a digit. Without a base or refinements no front is kept.
     """
+    if base is None and refinements == 0:
+        order = dissection(mesh) if order is None else order
+        try:
+            return impedance_alone(order, weights(mesh, conductance_S, contact_impedance), mesh.count)
+        except Detached as lost:
+            raise _torn(mesh, lost) from None
     done = eliminated(mesh, conductance_S, contact_impedance, order=order, base=base)
     if refinements == 0:
         return impedance_of_last(done, mesh.count)

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.beyond import change_where_they_meet, first_order_change
-from eitsim.cem import SkinMesh, eliminated, impedance, quadrature_points
+from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.drive import read_out
 from eitsim.electrodes import among_all, contact_impedances, present
-from eitsim.elimination import impedance_of_last
 from eitsim.multipole import Scatterer, impedance_change, place, reaches, room, scattering
 from eitsim.results import Readings, Touch
 from eitsim.rim import HARMONICS, solve_rim
@@ -197,8 +196,8 @@ def _on_mesh(sensor: _Sensor, touches: Touches, level: int) -> tuple[Array, int]
     z = contact_impedances(sensor.electrodes)
     touched = touched_conductance(quadrature_points(mesh), touches, sensor.skin, sensor.law)
     untouched = np.full(len(mesh.cells), sensor.conductance_S)
-    base = eliminated(mesh, untouched, z)
-    change = impedance(mesh, touched, z, base=base) - impedance_of_last(base, mesh.count)
+    order = dissection(mesh)
+    change = impedance(mesh, touched, z, order=order) - impedance(mesh, untouched, z, order=order)
     return change, len(mesh.nodes_m) + mesh.count - 1
 
 

@@ -87,9 +87,37 @@ def impedance_of_last(elimination: Elimination, count: int) -> Array:
     """Impedance matrix (count, count), Ohm, of the last unknowns for currents that sum to zero; its rows do too."""
     dissection, root = elimination.dissection, len(elimination.dissection.height) - 1
     held = elimination if elimination.fresh[root] else elimination.base or elimination
-    members = int(dissection.begin[root + 1] - dissection.begin[root])
-    rows = held.rows[_layout(dissection)[0][root]:].reshape(-1, members)[members - count:, members - count:]
-    inverse = held.inverse[len(held.inverse) - (count - 1):]
+    return _between_last(dissection, held.rows[_layout(dissection)[0][root]:], held.inverse, count)
+
+
+def impedance_alone(dissection: Dissection, weights: Array, count: int) -> Array:
+    """As `impedance_of_last` of an elimination that keeps no front but the root: a fraction of the memory."""
+    members, pivots = np.diff(dissection.begin), np.diff(dissection.first)
+    size = (members - pivots) * (members - pivots - 1) // 2
+    start = _stacked(dissection.height, size)
+    passed, inverse = np.empty(int((start + size).max())), np.empty(len(dissection.order) - 1)
+    rows, nowhere = np.empty(int((pivots * members).max())), np.zeros(len(pivots) + 1, dtype=np.int64)
+    stopped = _eliminate(dissection.height, dissection.first, dissection.begin, dissection.into, dissection.source,
+                         dissection.target, dissection.leaf, nowhere, start, weights, np.ones(len(pivots), dtype=bool),
+                         passed, np.empty(int(members.max())**2), rows, inverse, passed)
+    if stopped >= 0:
+        raise Detached(int(dissection.order[stopped]))
+    return _between_last(dissection, rows[:pivots[-1] * members[-1]], inverse, count)
+
+
+def _stacked(height: NDArray[np.int64], size: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where what each front passes on begins, in the place of what its children passed on."""
+    start, top = np.zeros(len(height), dtype=np.int64), 0
+    for t, h in enumerate(height):
+        start[t] = top if h == 0 else start[t - (1 << int(h))]
+        top = start[t] + size[t]
+    return start
+
+
+def _between_last(dissection: Dissection, rows: Array, inverse: Array, count: int) -> Array:
+    members = int(dissection.begin[-1] - dissection.begin[-2])
+    rows = rows.reshape(-1, members)[members - count:, members - count:]
+    inverse = inverse[len(inverse) - (count - 1):]
     y = np.eye(count) - 1 / count
     for k in range(count - 1):
         y[k + 1:] += (rows[k, k + 1:] * inverse[k])[:, None] * y[k]
@@ -142,7 +170,7 @@ def _eliminate(height, first, begin, into, source, target, leaf_start, row_start
         stopped = _factorise(front, pivots, inverse[first[t]:first[t + 1]])
         if stopped >= 0:
             return first[t] + stopped
-        rows[row_start[t]:row_start[t + 1]] = work[:pivots * size]
+        rows[row_start[t]:row_start[t] + pivots * size] = work[:pivots * size]
         e = passed_start[t]
         for i in range(pivots, size):
             for j in range(i + 1, size):
