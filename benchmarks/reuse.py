@@ -1,18 +1,23 @@
 """Stored load paths against touches solved afresh: what a table costs, how fast and how far off a touch from it is.
 
-One table of flat punches of 8 to 20 mm in the paper's foam, then random diameters and forces (uniform in diameter,
-log-uniform in force from 1e-3 N to 1.3 mu_0 pi d^2) far from the rim; one of 14 mm with what the rim changes, then
-random gaps to the rim and forces. Errors are relative to the touch solved afresh on the same mesh: depth, stretches of
-the surface (L2, far from the rim only its own), largest pressure, contact area, and the 208 signals dV (2-norm). Run by
-`make bench`, which pins threads; writes results/reuse.csv beside this file; a table's own row holds its cost and its
-stated errors (with the rim, those of what the rim adds).
+One table of flat punches of 8 to 20 mm in the paper's foam, with what the rim changes: the whole that a sweep over
+those diameters anywhere on the disc makes, on two processes, its parts in a row each with their cost and their stated
+errors (of the rim's part those of what it adds). Then random diameters and forces far from the rim (log-uniform in
+force from 1e-3 N to 1.3 mu_0 pi d^2), and near it (gaps log-uniform from 2 to 40 mm, forces from 0.01 N to 0.5 mu_0 pi
+d^2). Errors are relative to the touch solved afresh: depth, stretches of the surface (L2, only the axisymmetric ones),
+largest pressure, contact area, and the 208 signals dV (2-norm); stored_ms is the time to serve the mechanics of a
+touch, or to read a table from the disk. Run by `make bench`, which pins threads; writes results/reuse.csv beside this
+file.
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import tempfile
 import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -34,28 +39,34 @@ RESULTS = Path(__file__).parent / "results"
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 SKIN_LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 SMALLEST_M, LARGEST_M, TOUCHES, SEED = 0.008, 0.020, 40, 5
-MIDDLE_M, NEAR_TOUCHES = 0.014, 12
+NEAR_TOUCHES, WORKERS = 16, 2
 
 
-def made(smallest_m: float, largest_m: float, rim: bool) -> tuple[Table, dict[str, object]]:
-    """The table, solved into an empty cache and read from it again, and what it took."""
-    spans = largest_m > smallest_m
-    diameters_m = [smallest_m, largest_m] if spans else [smallest_m]
-    shape = shape_of(TABLE_1, Body(), Punch(), "normal", diameters_m, spans=spans)
-    with tempfile.TemporaryDirectory() as folder:
+def made() -> tuple[Table, list[dict[str, object]]]:
+    """The table, solved into an empty cache, and what its parts took."""
+    shape = shape_of(TABLE_1, Body(), Punch(), "normal", [SMALLEST_M, LARGEST_M], spans=True)
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(
+            WORKERS, mp_context=multiprocessing.get_context("spawn")) as pool:
         os.environ["TOUCHCAL_CACHE"] = folder
-        table, _ = table_for(shape, rim=rim)
-        begun = time.process_time()
-        table_for(shape, rim=rim)
-        read = time.process_time() - begun
-        size = sum(entry.size_bytes for entry in cache.entries())
-    what = f"table of {len(shape.solved)} diameters x {len(table.depths)} depths"
-    error, spent = table.error, table.cpu_s
-    if table.rim is not None:
-        what += f", rim {len(table.rim.diameters)} x {len(table.rim.gaps)} gaps x {len(table.rim.depths)} depths"
-        error, spent = table.rim.error, spent + table.rim.cpu_s
-    return table, {"what": what, "table_MB": size / 1e6, "cpu_s": spent, "stored_ms": read * 1e3,
-                   "depth_error": error.depth, "signal_error": error.signal, "strain_error_L2": error.strain}
+        begun = time.perf_counter()
+        table, _ = table_for(shape, pool.map)
+        paths, begun, first = time.perf_counter() - begun, time.perf_counter(), held_MB()
+        table, _ = table_for(shape, pool.map, rim=True)
+        changes, begun = time.perf_counter() - begun, time.process_time()
+        table_for(shape, rim=True)
+        read, rim = time.process_time() - begun, table.rim
+        assert rim is not None
+        return table, [
+            {"what": f"table of {len(shape.solved)} diameters x {len(table.depths)} depths", "table_MB": first,
+             "cpu_s": table.cpu_s, "wall_s": paths, "depth_error": table.error.depth,
+             "signal_error": table.error.signal, "strain_error_L2": table.error.strain},
+            {"what": f"with the rim, {len(rim.diameters)} x {len(rim.gaps)} gaps x {len(rim.depths)} depths",
+             "table_MB": held_MB(), "cpu_s": rim.cpu_s, "wall_s": changes, "stored_ms": read * 1e3,
+             "depth_error": rim.error.depth, "signal_error": rim.error.signal}]
+
+
+def held_MB() -> float:
+    return sum(entry.size_bytes for entry in cache.entries()) / 1e6
 
 
 def strain_error(touch: Touch, fresh: Touch) -> float:
@@ -68,10 +79,9 @@ def strain_error(touch: Touch, fresh: Touch) -> float:
     return float(np.sqrt(missed / strain))
 
 
-def row(table: Table, punch: Punch) -> dict[str, object]:
+def row(table: Table, punch: Punch, near: bool) -> dict[str, object]:
     """One touch from the table and afresh."""
     gap = Body().radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    near = table.rim is not None
     begun = time.process_time()
     stored = touch_from(table, TABLE_1, Body(), punch, "normal")
     if near and stored is not None:
@@ -92,30 +102,22 @@ def row(table: Table, punch: Punch) -> dict[str, object]:
                   "area_error": abs(stored.contact_area_m2 / fresh.contact_area_m2 - 1)}
 
 
-def far() -> list[dict[str, object]]:
-    table, first = made(SMALLEST_M, LARGEST_M, False)
-    rng, rows = np.random.default_rng(SEED), [first]
-    for _ in range(TOUCHES):
-        diameter = rng.uniform(SMALLEST_M, LARGEST_M)
-        force = np.exp(rng.uniform(np.log(1e-3), np.log(1.3 * TABLE_1.mu_0_Pa * np.pi * diameter**2)))
-        rows.append(row(table, Punch(x_m=0.02, y_m=-0.01, diameter_m=float(diameter), force_N=float(force))))
-    return rows
-
-
-def near() -> list[dict[str, object]]:
-    table, first = made(MIDDLE_M, MIDDLE_M, True)
-    rng, rows = np.random.default_rng(SEED), [first]
-    for _ in range(NEAR_TOUCHES):
-        gap, force = (float(np.exp(rng.uniform(*np.log(ends)))) for ends in ((1e-3, 25e-3), (0.05, 3.0)))
-        rows.append(row(table, Punch(x_m=Body().radius_m - MIDDLE_M / 2 - gap, diameter_m=MIDDLE_M, force_N=force)))
-    return rows
+def punches(near: bool) -> Iterator[Punch]:
+    """Random punches far from the rim, or near it."""
+    rng, (least_N, most) = np.random.default_rng(SEED), (1e-2, 0.5) if near else (1e-3, 1.3)
+    for _ in range(NEAR_TOUCHES if near else TOUCHES):
+        diameter = float(rng.uniform(SMALLEST_M, LARGEST_M))
+        force = float(np.exp(rng.uniform(np.log(least_N), np.log(most * TABLE_1.mu_0_Pa * np.pi * diameter**2))))
+        gap = float(np.exp(rng.uniform(np.log(2e-3), np.log(40e-3))))
+        at = (Body().radius_m - diameter / 2 - gap, 0.0) if near else (0.02, -0.01)
+        yield Punch(*at, diameter_m=diameter, force_N=force)
 
 
 def main() -> None:
     RESULTS.mkdir(exist_ok=True)
-    rows: list[dict[str, object]] = []
-    for part in (far, near):
-        rows += part()
+    table, rows = made()
+    for near in (False, True):
+        rows += [row(table, punch, near) for punch in punches(near)]
         found = pd.DataFrame(rows)
         found.to_csv(RESULTS / "reuse.csv", index=False, float_format="%.4g")
     print(found.to_string(index=False))

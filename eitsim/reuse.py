@@ -15,8 +15,9 @@ from eitsim.near_rim import rim_problem
 from eitsim.path import Deviation
 from eitsim.plan import law_of, near_rim
 from eitsim.results import Decision, Touch
-from eitsim.rim_table import DEPTHS as RIM_DEPTHS
-from eitsim.rim_table import GAPS, RimTable, build_rim, changed_diameters, near_rim_from
+from eitsim.rim_table import RimTable, changed_diameters, near_rim_from
+from eitsim.rim_tabulate import DEPTHS as RIM_DEPTHS
+from eitsim.rim_tabulate import GAPS, build_rim
 from eitsim.scene import Punch, Scene
 from eitsim.table import Shape, Table, shape_of, touch_from
 from eitsim.tabulate import DEPTHS, Run, build
@@ -38,7 +39,7 @@ _APART = ("electrodes", "drive")
 _PATHS = ("depths", "radius", "values", "slopes", "told")
 _CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers")
 # Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
-RIM_REPAYS, _ROWS = 60, 200
+RIM_REPAYS, _ROWS = 25, 200
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches (benchmarks/results/reuse.csv) 35 are within once the largest, 39 within twice.
 _SAFETY = 2.0
@@ -167,7 +168,8 @@ def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
         rim = (f"; what the rim changes, from a table too, was at most {added.depth:.1e} off in depth and "
                f"{added.signal:.1e} in signal")
     bound *= _SAFETY
-    told = f"the bound is {_SAFETY:g} times the larger of depth and response"
+    told = (f"the bound is {_SAFETY:g} times the larger of depth and response; the table took {table.whole_cpu_s:.0f} "
+            "CPU s, once, not counted in the cost of a touch")
     return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
                     f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
                     f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "

@@ -1,45 +1,34 @@
 """What the rim changes of a touch, tabulated over diameter, gap and depth, and added to touches from load paths.
 
-A change is solved at a few gaps between the punch's edge and the rim and at a few depths of the axisymmetric touch, and
+A change is known at a few gaps between the punch's edge and the rim and at a few depths of the axisymmetric touch, and
 divided by the depth, in proportion to which it starts; between them it is cubic in the logarithm of gap and depth.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import interp1d
 
-from eitsim.change import Change, changed, signal_difference, within_face
-from eitsim.near_rim import corrected
+from eitsim.change import Change, changed, within_face
 from eitsim.path import Deviation
 from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch
-from eitsim.table import Shape, carried_over, parts_of, state, touch_from
-from matcal.errors import NotConverged
+from eitsim.table import Shape, carried_over
 
 if TYPE_CHECKING:
     from eitsim.table import Table
-    from eitsim.tabulate import Run
 
 Array = NDArray[np.float64]
 
-# Gaps, depths of the axisymmetric touch, both over the thickness, and the most diameters at which changes are solved.
-GAPS = tuple((np.geomspace(0.25, 3.2, 7) - 0.2).tolist())
-DEPTHS = (0.02, 0.06, 0.12, 0.2, 0.32, 0.48, 0.66, 0.86)
+# Most diameters at which changes are solved.
 _DIAMETERS = 3
 # Added to gaps and depths before the logarithm is taken.
 _GAP_SHIFT, _DEPTH_SHIFT = 0.2, 0.1
 # Nodes of a local cubic.
-_LOCAL = 4
-# How many changes are solved afresh to tell the error.
-_CHECKS = 6
+LOCAL = 4
 # Parts of a field's sample: displacement, metric, normal.
 _PARTS = 7
 
@@ -74,83 +63,10 @@ class Solved:
     signal_error: float
 
 
-def build_rim(table: Table, run: Run = map, gaps: Iterable[float] = GAPS, depths: Iterable[float] = DEPTHS) -> RimTable:
-    """Solve the changes of a table's touches; NotConverged where too few of them are found."""
-    diameters, gaps, depths = changed_diameters(table.shape), np.array(list(gaps)), np.array(list(depths))
-    depths = depths[depths < table.depths[-1]]
-    grid = [(d, g, s) for d in diameters for g in gaps for s in depths]
-    found = list(run(partial(_solved, table), grid))
-    spent = sum(cpu for _, cpu in found)
-    solved = np.array([one for one, _ in found], dtype=object).reshape(len(diameters), len(gaps), len(depths))
-    gaps, depths, solved = _complete(gaps, depths, solved)
-    middle = solved[len(diameters) // 2, 0, 0].change.field
-    made = [_row(table.shape, middle.radius_m, diameters, one, d, s) for d, part in zip(diameters, solved, strict=True)
-            for line in part for s, one in zip(depths, line, strict=True)]
-    fields, numbers = (np.stack(rows).reshape(*solved.shape, -1) for rows in zip(*made, strict=True))
-    rim = RimTable(diameters, gaps, depths, middle.radius_m, middle.share, fields.astype(np.float32), numbers,
-                   Deviation(0.0, 0.0, 0.0), spent)
-    return _checked(table, rim, run)
-
-
 def changed_diameters(shape: Shape) -> Array:
     """Diameters at which changes are solved, over the thickness."""
     low, high = np.log(shape.diameters[0]), np.log(shape.diameters[-1])
     return np.exp(np.linspace(low, high, _DIAMETERS)) if high > low else np.array(shape.diameters)
-
-
-def _punch(shape: Shape, diameter: float, gap: float) -> Punch:
-    _, body, punch = parts_of(shape, diameter)
-    return replace(punch, x_m=body.radius_m - diameter / 2 - gap)
-
-
-def _solved(table: Table, place: tuple[float, float, float]) -> tuple[Solved | None, float]:
-    """The change at a diameter, gap and depth, None where it is not found, and the CPU time."""
-    started = time.process_time()
-    diameter, gap, depth = place
-    law, body, _ = parts_of(table.shape, diameter)
-    found = state(table, diameter, depth=depth)
-    if found is None:
-        return None, 0.0
-    force = found.number["mean_pressure"] * np.pi * diameter**2 / 4
-    punch = replace(_punch(table.shape, diameter, gap), force_N=force)
-    touch = touch_from(table, law, body, punch, table.shape.strain)
-    assert touch is not None
-    try:
-        done = corrected(touch, law, body, punch, strain=table.shape.strain)
-    except NotConverged:
-        return None, time.process_time() - started
-    assert done.rim is not None
-    wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
-    change = Change(done.rim, done.depth_m - touch.depth_m, done.sigma_max_Pa / touch.sigma_max_Pa,
-                    done.contact_area_m2 / touch.contact_area_m2, wall, done.fraction_non_elliptic, done.residuals)
-    return Solved(change, done.depth_error - touch.depth_error, done.signal_error - touch.signal_error), (
-        time.process_time() - started)
-
-
-def _complete(gaps: Array, depths: Array, solved: NDArray[np.object_]) -> tuple[Array, Array, NDArray[np.object_]]:
-    """Without the smallest gaps and the largest depths at which changes were not found."""
-    while len(gaps) >= _LOCAL and len(depths) >= _LOCAL:
-        missing = solved == None  # noqa: E711
-        if not missing.any():
-            return gaps, depths, solved
-        if missing[:, 0].mean() >= missing[:, :, -1].mean():
-            gaps, solved = gaps[1:], solved[:, 1:]
-        else:
-            depths, solved = depths[:-1], solved[:, :, :-1]
-    raise NotConverged("changes by the rim were found at too few gaps and depths for a table.", estimate=gaps)
-
-
-def _row(shape: Shape, radius: Array, diameters: Array, one: Solved, diameter: float,
-         depth: float) -> tuple[Array, Array]:
-    """What a table keeps of a change, its circles carried over to those about the middle diameter."""
-    change, field = one.change, one.change.field
-    own = carried_over(shape, radius, float(diameters[len(diameters) // 2]), diameter)
-    parts = np.concatenate([field.displacement_m, field.metric - [1, 0, 1], field.normal[..., None] - 1], axis=-1)
-    at = np.clip(own, field.radius_m[0], field.radius_m[-1])
-    parts = interp1d(field.radius_m, parts, axis=0, assume_sorted=True)(at) / depth
-    numbers = [change.depth_m / depth, change.pressure, change.area, change.wall, change.fraction_non_elliptic,
-               one.depth_error, one.signal_error]
-    return parts.ravel(), np.array(numbers)
 
 
 def change_from(shape: Shape, rim: RimTable, diameter: float, gap: float, depth: float) -> Solved | None:
@@ -162,8 +78,8 @@ def change_from(shape: Shape, rim: RimTable, diameter: float, gap: float, depth:
     if not low <= gap <= high or depth > rim.depths[-1]:
         return None
     w_d = _lagrange(np.log(rim.diameters), np.log(diameter))
-    i, w_g = _local(np.log(rim.gaps + _GAP_SHIFT), np.log(gap + _GAP_SHIFT))
-    j, w_s = _local(np.log(rim.depths + _DEPTH_SHIFT), np.log(max(depth, rim.depths[0]) + _DEPTH_SHIFT))
+    i, w_g = across_gaps(rim.gaps, gap)
+    j, w_s = across_depths(rim.depths, max(depth, rim.depths[0]))
     weight = w_d[:, None, None] * w_g[:, None] * w_s
     fields, numbers = (np.tensordot(weight, part[:, i, j], 3) for part in (rim.fields, rim.numbers))
     parts = fields.reshape(len(rim.radius), len(rim.share), _PARTS) * depth
@@ -181,10 +97,21 @@ def _lagrange(nodes: Array, at: float) -> Array:
     return np.array([float(np.prod(np.delete((at - nodes) / apart[j], j))) for j in range(len(nodes))])
 
 
+def across_gaps(gaps: Array, at: float) -> tuple[slice, Array]:
+    """Gaps next to one, and the weights of a cubic through them."""
+    return _local(np.log(gaps + _GAP_SHIFT), np.log(at + _GAP_SHIFT))
+
+
+def across_depths(depths: Array, at: float) -> tuple[slice, Array]:
+    """Depths next to one, and the weights of a cubic through them."""
+    return _local(np.log(depths + _DEPTH_SHIFT), np.log(at + _DEPTH_SHIFT))
+
+
 def _local(nodes: Array, at: float) -> tuple[slice, Array]:
-    """Nodes and weights of the cubic through the nearest four."""
-    first = int(np.clip(np.searchsorted(nodes, at) - _LOCAL // 2, 0, len(nodes) - _LOCAL))
-    chosen = slice(first, first + _LOCAL)
+    """The nearest four nodes, or all where there are fewer, and the weights of the polynomial through them."""
+    count = min(LOCAL, len(nodes))
+    first = int(np.clip(np.searchsorted(nodes, at) - count // 2, 0, len(nodes) - count))
+    chosen = slice(first, first + count)
     return chosen, _lagrange(nodes[chosen], at)
 
 
@@ -203,28 +130,3 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
     with_rim = changed(touch, replace(found.change, field=field, depth_m=found.change.depth_m * unit))
     return replace(within_face(with_rim, punch), depth_error=touch.depth_error + found.depth_error,
                    signal_error=touch.signal_error + found.signal_error)
-
-
-def _checked(table: Table, rim: RimTable, run: Run) -> RimTable:
-    """The table with its largest deviation from changes solved afresh in the middle between its nodes."""
-    def middles(nodes: Array) -> Array:
-        return np.sqrt(nodes[1:] * nodes[:-1]) if len(nodes) > 1 else nodes
-
-    d, g, s = (middles(nodes) for nodes in (rim.diameters, rim.gaps, rim.depths))
-    count = np.arange(_CHECKS)
-    places = list(zip(d[count % len(d)].tolist(), g[count % len(g)].tolist(),
-                      s[(count * len(s)) // _CHECKS].tolist(), strict=True))
-    error, spent = rim.error, rim.cpu_s
-    for place, (fresh, cpu) in zip(places, run(partial(_solved, table), places), strict=True):
-        diameter, gap, depth = place
-        stored = change_from(table.shape, rim, diameter, gap, depth)
-        spent += cpu
-        if fresh is None or stored is None:
-            continue
-        law, body, punch = parts_of(table.shape, diameter)
-        touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
-        assert touch is not None
-        apart = signal_difference(touch, stored.change.field, fresh.change.field, table.shape.strain)
-        error = error.at_least(Deviation(abs(stored.change.depth_m - fresh.change.depth_m)
-                                         / (depth + fresh.change.depth_m), apart, 0.0))
-    return replace(rim, error=error, cpu_s=spent)

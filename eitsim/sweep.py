@@ -126,7 +126,8 @@ def _told(method: Mapping[str, Any], table: Table | None, note: str) -> str:
     if table.rim is not None:
         rim = (f"near the rim another {table.rim.error.depth:.1e} and {table.rim.error.signal:.1e}; those beyond the "
                "tables afresh")
-    return (f"touches from a table of {len(table.shape.solved)} load paths, at most {error.depth:.1e} off in depth and "
+    return (f"touches from a table of {len(table.shape.solved)} load paths ({table.whole_cpu_s:.0f} CPU s, once, not "
+            f"counted in the rows' cpu_s), at most {error.depth:.1e} off in depth and "
             f"{error.signal:.1e} in signal; {rim}" + (f"; {note}" if note else ""))
 
 

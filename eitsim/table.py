@@ -99,6 +99,11 @@ class Table:
     # what the rim changes of these touches; None where that is solved afresh
     rim: RimTable | None = None
 
+    @property
+    def whole_cpu_s(self) -> float:
+        """CPU time that it took with what the rim changes, s."""
+        return self.cpu_s + (0.0 if self.rim is None else self.rim.cpu_s)
+
 
 def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m: Iterable[float] = (), *,
              spans: bool = False) -> Shape:

@@ -12,7 +12,8 @@ from eitsim.design import design_from
 from eitsim.near_rim import solve_near_rim
 from eitsim.results import Touch
 from eitsim.reuse import decision, rim_repays, scene_shape, served
-from eitsim.rim_table import build_rim, near_rim_from
+from eitsim.rim_table import near_rim_from
+from eitsim.rim_tabulate import DEPTHS, GAPS, build_rim, refined
 from eitsim.scene import Body, Punch, scene_from
 from eitsim.simulate import simulate
 from eitsim.table import shape_of, state, touch_from
@@ -92,3 +93,13 @@ def test_a_table_of_changes_is_made_where_it_repays_its_cost() -> None:
     shape = scene_shape(scene_from({}), CARD)
     assert rim_repays(near, shape)
     assert not rim_repays(far, shape)
+
+
+def test_what_finer_solutions_add_is_quadratic_between_three() -> None:
+    gaps, depths = np.array(GAPS), np.array(DEPTHS)
+    i, j = np.array([0, 3, 6]), np.array([0, 4, 7])
+    x, y = np.meshgrid(np.log(gaps + 0.2), np.log(depths + 0.1), indexing="ij")
+    rough, added = np.sin(3 * x) * np.cos(5 * y), 0.1 * x**2 * y - 0.2 * y**2
+    whole = (rough + added)[None, ..., None]
+    found = refined(gaps, depths, gaps[i], depths[j], rough[None, ..., None], whole[:, i][:, :, j])
+    np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12)
