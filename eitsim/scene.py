@@ -156,13 +156,17 @@ def scene_keys() -> dict[str, tuple[str, ...]]:
 
 
 def scene_tables(scene: Scene) -> dict[str, Any]:
-    """The scene as the tables of a scene file, every default filled in, units as the keys say."""
+    """The scene as the tables of a scene file, every default that has an effect filled in, units as the keys say."""
     out: dict[str, Any] = {}
     for table, keys in _KEYS.items():
         parts = scene.punches if table == "punch" else (getattr(scene, table),)
         blocks = [{key: _unconverted(getattr(part, name), per) for key, (name, per) in keys.items()
                    if getattr(part, name) is not None} for part in parts]
         out[table] = blocks if table == "punch" else blocks[0]
+    drive = scene.drive
+    for key, instead in (("pattern", drive.currents), ("reading", drive.currents or drive.measurements)):
+        if instead is not None:
+            del out["drive"][key]
     return out
 
 

@@ -78,6 +78,7 @@ def test_one_matrix_of_measurements_serves_all_patterns():
     z = random_impedance(8)
     got = read_out(scene.drive, z)
     np.testing.assert_allclose(got, 5e-3 * (z @ np.array(currents).T).T, atol=1e-15)
+    assert scene_tables(scene)["drive"].keys() == {"current_mA", "currents", "measurements"}
     assert scene_from(json.loads(json.dumps(scene_tables(scene)))) == scene
     assert hash(scene.drive) == hash(scene_from(scene_tables(scene)).drive)
 
