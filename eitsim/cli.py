@@ -98,6 +98,10 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         for name, place in _written(parsed, result, path, fields, frames, skin, patterns, sensitivity):
             if not as_json:
                 print(f"{name}: {place}")
+        if skin is not None and out is not None:
+            from eitsim.provenance import file_identity
+
+            write_json(document | {"skin_file": file_identity(skin, out.parent)}, out)
     if report is not None and out is not None:
         _write_report(out, report)
     if result.outcome != "ok":

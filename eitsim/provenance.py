@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,11 @@ def card_identity(card: MaterialCard, path: Path) -> dict[str, Any]:
     text = json.dumps(parts, sort_keys=True)
     return {"name": card.name, "file": path.name, "sha256": hashlib.sha256(text.encode()).hexdigest(),
             "synthetic": bool(card.provenance.get("synthetic", False))}
+
+
+def file_identity(path: Path, folder: Path) -> dict[str, str]:
+    """Path of a file as seen from a folder, and the hash of its content."""
+    return {"name": os.path.relpath(path, folder), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
 def versions() -> dict[str, str]:

@@ -72,9 +72,14 @@ def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]],
     """
     if len(touches) == 1:
         return sheet_conductance(points_m, *touches[0], skin, law)
+    return _conductance_of(*added_metric(points_m, touches), skin, law)
+
+
+def added_metric(points_m: Array, touches: Sequence[tuple[Punch, Touch]]) -> tuple[Array, Array]:
+    """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) under one touch or
+    several, added up as in `touched_conductance`."""
     metrics, normals = zip(*(surface_metric(points_m, *touch) for touch in touches), strict=True)
-    metric = np.eye(2) + np.sum([metric - np.eye(2) for metric in metrics], axis=0)
-    return _conductance_of(metric, np.prod(normals, axis=0), skin, law)
+    return np.eye(2) + np.sum([metric - np.eye(2) for metric in metrics], axis=0), np.prod(normals, axis=0)
 
 
 def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, Array]:

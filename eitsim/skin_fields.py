@@ -19,7 +19,7 @@ from eitsim.electrics import following_mesh
 from eitsim.electrodes import contact_impedances, present, there
 from eitsim.results import Touch
 from eitsim.scene import Punch, Scene
-from eitsim.skin import local_axes, moved, touched_conductance
+from eitsim.skin import added_metric, local_axes, moved, touched_conductance, untouched_conductance
 from matcal.conductivity import Conductivity
 
 Array = NDArray[np.float64]
@@ -47,8 +47,10 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     """Points (n, 3) of the untouched surface, m, the cell's name in VTK with its nodes, and point fields; each cell has
     its own points, so that nothing is averaged.
 
-    displacement_m; sheet_conductance_S (n, 9), the tensor c t J_s C_s^-1 on the untouched surface, row by row; and of
-    every pattern asked for (from 0; all by default) potential_V_<pattern>, the mean of the electrodes being 0 V, and
+    displacement_m; contact_pressure_Pa, facet averages, of the touch alone where the rim or a neighbour changes it;
+    largest_in_plane_strain, the larger principal stretch less 1; sheet_conductance_S (n, 9), the tensor
+    c t J_s C_s^-1 on the untouched surface, row by row; and of every pattern asked for (from 0; all by default)
+    potential_V_<pattern> and untouched_potential_V_<pattern>, the mean of the electrodes being 0 V, and
     current_density_A_per_m_<pattern>, -sigma grad V per length of the untouched surface. A node where its cell is
     collapsed takes what the cell has at its middle; taken_from_middle tells where. The mesh follows the touches, also
     where the scene's own readings are solved without one, so that both differ by its error.
@@ -59,11 +61,24 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     pairs = tuple(zip(scene.punches, touches, strict=True))
     electrodes = present(scene.electrodes)
     mesh = following_mesh(scene.body, electrodes, pairs, level)
-    sigma = touched_conductance(quadrature_points(mesh), pairs, scene.skin, law)
-    unit = potentials(mesh, sigma, contact_impedances(electrodes))
-    unit = unit[:len(mesh.nodes_m)] - unit[len(mesh.nodes_m):].mean(axis=0)
+    sheets = (touched_conductance(quadrature_points(mesh), pairs, scene.skin, law),
+              np.full(len(mesh.cells), untouched_conductance(law, scene.skin)))
     driven = np.stack(list(currents.values()))[:, there(scene.electrodes)]
-    return _at_nodes(mesh, pairs, scene, law, unit @ driven.T, list(currents))
+    touched, untouched = (_driven(mesh, sheet, contact_impedances(electrodes), driven) for sheet in sheets)
+    points, cells, fields = _at_nodes(mesh, pairs, scene, law, touched, list(currents))
+    return points, cells, fields | _named("untouched_potential_V", untouched[mesh.cells.ravel()], list(currents))
+
+
+def _driven(mesh: SkinMesh, conductance_S: Array, impedances: Array, currents_A: Array) -> Array:
+    """Potentials (nodes, patterns), V, of currents (patterns, electrodes); the mean of the electrodes is 0 V."""
+    unit = potentials(mesh, conductance_S, impedances)
+    return (unit[:len(mesh.nodes_m)] - unit[len(mesh.nodes_m):].mean(axis=0)) @ currents_A.T
+
+
+def _named(name: str, values: Array, patterns: Sequence[int]) -> dict[str, Array]:
+    """Values (..., patterns) by the numbers of their patterns."""
+    digits = max(2, len(str(max(patterns))))
+    return {f"{name}_{k:0{digits}d}": values[..., i] for i, k in enumerate(patterns)}
 
 
 def driven_currents(scene: Scene, patterns: Sequence[int] | None = None) -> dict[int, Array]:
@@ -92,13 +107,15 @@ def _at_nodes(mesh: SkinMesh, touches: Touches, scene: Scene, law: Conductivity,
     sigma = touched_conductance(place, touches, scene.skin, law)
     density = -np.einsum("enab,enbp->enap", sigma, gradient)
     points = place.reshape(-1, 2)
+    metric, _ = added_metric(points, touches)
     fields = {"displacement_m": surface_displacement(points, touches),
+              "contact_pressure_Pa": contact_pressure(points, touches),
+              "largest_in_plane_strain": np.sqrt(np.linalg.eigvalsh(metric)[:, -1]) - 1,
               "sheet_conductance_S": _in_space(sigma.reshape(-1, 2, 2)).reshape(-1, 9),
               "taken_from_middle": middle.ravel().astype(float)}
-    digits = max(2, len(str(max(patterns))))
-    for i, k in enumerate(patterns):
-        fields[f"potential_V_{k:0{digits}d}"] = potential[mesh.cells.ravel(), i]
-        fields[f"current_density_A_per_m_{k:0{digits}d}"] = _in_space(density[..., i].reshape(-1, 2))
+    fields |= _named("potential_V", potential[mesh.cells.ravel()], patterns)
+    fields |= _named("current_density_A_per_m", np.stack([_in_space(density[..., i].reshape(-1, 2))
+                                                          for i in range(len(patterns))], axis=-1), patterns)
     numbers = np.arange(len(points)).reshape(mesh.cells.shape)
     return _in_space(points), (cell, numbers), fields
 
@@ -116,6 +133,13 @@ def _gradients(element: Any, place: Array, value: Array) -> tuple[Array, NDArray
     local = np.einsum("nkb,ekp->enbp", slope, value)
     local[:, :-1][collapsed] = np.repeat(local[:, -1:], len(nodes), axis=1)[collapsed]
     return (np.linalg.inv(jacobian).swapaxes(-1, -2) @ local)[:, :-1], collapsed
+
+
+def contact_pressure(points_m: Array, touches: Touches) -> Array:
+    """Pressure (n,), Pa, at points (n, 2), interpolated between facet averages; none beyond a touch's samples."""
+    away = [np.linalg.norm(points_m - np.array([punch.x_m, punch.y_m]), axis=1) for punch, _ in touches]
+    return np.sum([np.interp(radius, touch.radius_m, touch.pressure_Pa, right=0.0)
+                   for radius, (_, touch) in zip(away, touches, strict=True)], axis=0)
 
 
 def surface_displacement(points_m: Array, touches: Touches) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from matcal.errors import TestFileError
-from reports import hold, provenance, readings, touch_plates
+from reports import hold, provenance, readings, skin_maps, touch_plates
 from reports.numerals import counted, number, percent
 from reports.page import Plate, Report, Table
 
@@ -23,6 +23,9 @@ MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of 
 # key of an error estimate -> what it is the error of
 ERRORS = {"signal": "signal", "depth": "depth", "sigma_max": "largest pressure", "A_c": "contact area",
           "strain": "surface strain"}
+RUN_AGAIN = "Run `eitsim run` again with --skin."
+NO_MAPS = ("No maps of the skin: the result names no file of them. `eitsim run --skin skin.vtu --out result.json` "
+           "writes one.")
 NO_VOLTAGES = "No voltages: the result holds no readings, since its outcome is \"{outcome}\"."
 
 
@@ -30,7 +33,7 @@ def report(path: Path) -> Report:
     """Everything that the template `touch.typ` shows of a result; TestFileError where the file is none."""
     result = read_result(path)
     absent: dict[str, str] = {}
-    plates = _plates(result, absent)
+    plates = _plates(result, absent) + _maps(path, result, absent)
     tables = {"plan": _plan_table(result["plan"])}
     if "delta_max_mm" in result:
         tables["mechanics"] = _mechanics_table(result)
@@ -43,7 +46,8 @@ def report(path: Path) -> Report:
     else:
         absent["scene"] = "The result does not hold its scene."
     tables["quality"] = _quality_table(result)
-    footer = provenance.footer([provenance.source(path)], "no seed: nothing is drawn")
+    files = [file for file in (path, _skin_file(path, result)) if file is not None and file.is_file()]
+    footer = provenance.footer([provenance.source(file) for file in files], "no seed: nothing is drawn")
     return Report("touch", "Touch simulation", _subtitle(result), footer, _findings(result), plates, tables, absent,
                   _prose(result))
 
@@ -112,6 +116,28 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
     else:
         absent["readings"] = NO_VOLTAGES.format(outcome=result["outcome"])
     return plates
+
+
+def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
+    """Maps of the skin where the result names the file that holds them; else `absent` says why there are none."""
+    file = _skin_file(path, result)
+    if file is None or "scene" not in result:
+        absent["maps"] = NO_MAPS
+        return []
+    if not file.is_file():
+        absent["maps"] = f"No maps: {file.name}, which the result names, is not beside it."
+        return []
+    if provenance.source(file).sha256 != result["skin_file"]["sha256"]:
+        absent["maps"] = f"No maps: {file.name} is not the file that was written with this result. {RUN_AGAIN}"
+        return []
+    skin = skin_maps.read(file)
+    return [skin_maps.response(skin, result["scene"]),
+            skin_maps.equipotentials(skin, result["scene"], skin_maps.apart(skin.patterns))]
+
+
+def _skin_file(path: Path, result: Mapping[str, Any]) -> Path | None:
+    """The file of `eitsim run --skin` that the result names, beside it."""
+    return path.parent / result["skin_file"]["name"] if "skin_file" in result else None
 
 
 def _drawn_alone(plan: Sequence[Mapping[str, Any]]) -> bool:

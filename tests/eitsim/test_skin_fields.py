@@ -154,3 +154,16 @@ def test_what_the_rim_moves_is_added_in_its_own_axes(touch) -> None:
 def test_fields_that_cannot_be_are_refused(scene, patterns, message, touch) -> None:
     with pytest.raises(ValueError, match=message):
         skin_fields(scene, [touch], LAW, patterns)
+
+
+def test_pressure_strain_and_rest_are_those_of_the_touch(touch):
+    points, _, fields = skin_fields(Scene(punches=(PUNCH,)), [touch], LAW, patterns=[3])
+    away = np.hypot(points[:, 0] - PUNCH.x_m, points[:, 1] - PUNCH.y_m)
+    assert np.array_equal(fields["contact_pressure_Pa"] > 0, np.interp(away, touch.radius_m, touch.pressure_Pa) > 0)
+    assert fields["contact_pressure_Pa"].max() == pytest.approx(touch.sigma_max_Pa, rel=0.1)
+    stretch = np.maximum(touch.stretch_meridian, touch.stretch_hoop)
+    assert fields["largest_in_plane_strain"].max() == pytest.approx(stretch.max() - 1, rel=0.05)
+    far = away > touch.radius_m[-1]
+    assert np.allclose(fields["largest_in_plane_strain"][far], 0, atol=1e-12)
+    change = fields["potential_V_03"] - fields["untouched_potential_V_03"]
+    assert 0 < np.ptp(change) < 0.2 * np.ptp(fields["untouched_potential_V_03"])
