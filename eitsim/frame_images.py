@@ -9,7 +9,8 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.drive import protocol
+from eitsim.drive import read_out
+from eitsim.electrodes import among_all, there
 from eitsim.figures_of_merit import blob
 from eitsim.frames import read_frames
 from eitsim.number_table import write_numbers
@@ -29,12 +30,12 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
     largest value, and area and centre of the quarter-amplitude set (figures_of_merit.blob). ValueError where there is
     no touched frame, and as reconstruction.fitted and imager; TestFileError as frames.read_frames.
     """
-    count = int(np.prod(protocol(scene.drive, scene.electrodes.count).shape))
-    read, first = read_frames(frames, count), 0 if baseline else 1
+    unread = np.isnan(_without_current(scene))
+    read, first = read_frames(frames, unread.size, unread), 0 if baseline else 1
     if len(read.volts) == first:
         raise ValueError(f"{frames}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or a "
                          "touched frame in a row below it.")
-    reference = read_frames(baseline, count).volts.mean(axis=0) if baseline else read.volts[0]
+    reference = read_frames(baseline, unread.size, unread).volts.mean(axis=0) if baseline else read.volts[0]
     untouched = fitted(scene.body, scene.electrodes, scene.drive, reference)
     made = imager(untouched, prior=prior, noise_figure=noise_figure)
     images = made(read.volts[first:] - reference)
@@ -44,6 +45,12 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
         "conductance_S": untouched.conductance_S, "misfit": float(misfit), "prior": prior,
         "noise_figure": made.noise_figure,
         "frames": [_told(line, points, area, square) for line, square in zip(read.line[first:], squares, strict=True)]}
+
+
+def _without_current(scene: Scene) -> Array:
+    """Readings (readings,) of a sheet without resistance: 0 V, NaN where a missing electrode is needed."""
+    present = int(there(scene.electrodes).sum())
+    return read_out(scene.drive, among_all(scene.electrodes, np.zeros((present, present)))).ravel()
 
 
 def _told(line: int, points: Array, area: Array, image: Array) -> dict[str, float]:

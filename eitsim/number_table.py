@@ -28,9 +28,11 @@ class NumberTable:
     line: NDArray[np.int64]
 
 
-def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers") -> NumberTable:
+def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers",
+                 blanks: bool = False) -> NumberTable:
     """Read a CSV of numbers, blank lines left out; TestFileError names the line of a row of another width than
-    `columns` or, without it, than the first row, and the column of a cell that is no finite number."""
+    `columns` or, without it, than the first row, and the column of a cell that is no finite number. With `blanks`,
+    empty cells are NaN."""
     path = Path(path)
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
@@ -47,17 +49,18 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
         names, rows = tuple(rows[0][1]), rows[1:]
     if not rows:
         raise TestFileError(path, f"it holds no rows of {what}.")
-    values = np.array([[_value(path, number, column, cell, what) for column, cell in enumerate(cells, start=1)]
-                       for number, cells in rows])
+    values = np.array([[math.nan if blanks and not cell else _value(path, number, column, cell, what)
+                        for column, cell in enumerate(cells, start=1)] for number, cells in rows])
     return NumberTable(names, values, np.array([number for number, _ in rows], np.int64))
 
 
 def write_numbers(path: Path | str, names: Sequence[str], values: Array) -> None:
-    """Write rows (rows, columns) under a header, each number with all its digits."""
+    """Write rows (rows, columns) under a header, each number with all its digits, NaN as an empty cell."""
     with open(path, "w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(names)
-        table.writerows(np.asarray(values, dtype=float).tolist())
+        rows = np.asarray(values, dtype=float).tolist()
+        table.writerows(["" if math.isnan(value) else value for value in row] for row in rows)
 
 
 def _number(cell: str) -> float | None:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from eitsim.drive import read_out
+from eitsim.electrodes import Electrodes, among_all, present
+from eitsim.frame_images import images_of
 from eitsim.frames import read_frames, write_frames
 from eitsim.results import Readings
+from eitsim.rim import solve_rim
+from eitsim.scene import Scene
 from matcal.errors import TestFileError
 
 
@@ -48,3 +54,29 @@ def test_frames_that_cannot_be_are_refused(text: str, message: str, tmp_path: Pa
     (tmp_path / "frames.csv").write_text(text)
     with pytest.raises(TestFileError, match=message):
         read_frames(tmp_path / "frames.csv", 2)
+
+
+def test_readings_of_a_missing_electrode_are_empty_cells(frames: list[Readings], tmp_path: Path) -> None:
+    unread = np.arange(12) == 4
+    holed = [replace(frame, touched_V=np.where(unread.reshape(4, 3), np.nan, frame.touched_V),
+                     baseline_V=np.where(unread.reshape(4, 3), np.nan, frame.baseline_V)) for frame in frames]
+    write_frames(tmp_path / "frames.csv", holed)
+    whole = np.array([frame.touched_V.ravel() for frame in frames])
+    read = read_frames(tmp_path / "frames.csv", 12, unread)
+    np.testing.assert_array_equal(read.volts[1:], np.where(unread, 0.0, whole))
+    with pytest.raises(TestFileError, match="line 2: v_004 is empty, and its electrodes are all there"):
+        read_frames(tmp_path / "frames.csv", 12, np.arange(12) == 5)
+    with pytest.raises(TestFileError, match="line 2: column 5 holds ''"):
+        read_frames(tmp_path / "frames.csv", 12)
+
+
+def test_frames_of_a_ring_with_a_missing_electrode_are_imaged(tmp_path: Path) -> None:
+    scene = Scene(electrodes=Electrodes(missing=(4,)))
+    rim = solve_rim(scene.body, present(scene.electrodes), 1e-3).impedance_Ohm
+    baseline, touched = (read_out(scene.drive, among_all(scene.electrodes, z)) for z in (rim, rim * (1 + 1e-3)))
+    write_frames(tmp_path / "frames.csv", [Readings(touched, baseline, touched - baseline, rim, 0.0, 0.0, 0, 0.0)])
+    _, images, told = images_of(tmp_path / "frames.csv", scene)
+    assert np.isfinite(images).all()
+    assert told["conductance_S"] == pytest.approx(1e-3, rel=1e-2)
+    with pytest.raises(TestFileError, match="line 2: v_002 is empty"):
+        images_of(tmp_path / "frames.csv", Scene())
