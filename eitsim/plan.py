@@ -10,10 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.drive import protocol
+from eitsim.electrodes import present
 from eitsim.near_rim import LEAST_GAP, rim_problem
 from eitsim.neighbours import clusters, edge_gap_m, expected, gap_for
 from eitsim.results import Decision, Plan
+from eitsim.rim import unsolvable
 from eitsim.scene import Punch, Scene
+from eitsim.skin import untouched_conductance
 from eitsim.together import pair_problem
 from matcal.card import MaterialCard, require, with_moduli
 from matcal.hyperfoam import Hyperfoam
@@ -58,7 +61,8 @@ def make_plan(scene: Scene, card: MaterialCard, *, exact: bool = False, reused: 
     stored load path may cost, None where it is solved afresh.
     """
     decisions = _decisions(scene, card, reused or [None] * len(scene.punches), exact)
-    return Plan(tuple(_exactly(scene, decisions) if exact else decisions), _refusal(scene))
+    return Plan(tuple(_exactly(scene, decisions) if exact else decisions),
+                _electrode_refusal(scene, card) or _refusal(scene))
 
 
 def on_mesh(scene: Scene) -> bool:
@@ -101,6 +105,12 @@ def _refusal(scene: Scene) -> str:
         return problems[0]
     named = [f"touch {i}: {problem}" for i, problem in enumerate(problems, 1) if problem]
     return named[0] if named else _neighbour_refusal(scene)
+
+
+def _electrode_refusal(scene: Scene, card: MaterialCard) -> str:
+    if scene.electrodes.kind != "line" or card.conductivity is None:
+        return ""
+    return unsolvable(scene.body, present(scene.electrodes), untouched_conductance(card.conductivity, scene.skin))
 
 
 def _neighbour_refusal(scene: Scene) -> str:
@@ -169,8 +179,8 @@ def _patch_refusal(scene: Scene, punch: Punch) -> str:
     if onto < 0:
         return ""
     return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {scene.electrodes.length_m * 1e3:g} mm "
-            "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than that, or "
-            "make length_mm in [electrodes] smaller.")
+            "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than that, "
+            "or make length_mm in [electrodes] smaller.")
 
 
 def _rim_refusal(scene: Scene, punch: Punch) -> str:

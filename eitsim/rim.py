@@ -78,17 +78,15 @@ def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
     net currents. Each electrode is solved alone; what the others do to it is smooth there, and its values at a few
     nodes couple them: in one dense system, or by a Fourier transform over electrodes that are alike.
 
-    ValueError where electrodes that are not alike are too many and too close for the dense system, and where they
-    touch with a contact impedance so low that the current between them crowds on less than what is resolved.
+    ValueError for patches, and what `unsolvable` tells.
     """
     if electrodes.kind != "line":
         raise ValueError(f"the rim is solved for line electrodes, got kind \"{electrodes.kind}\"; patches need a mesh.")
-    ends, impedances = arcs(body.radius_m, electrodes), contact_impedances(electrodes)
-    scale = body.radius_m / (np.pi * conductance_S)
-    gaps = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi) - ends[:, 1]
-    _check_resolved(np.diff(ends)[:, 0] / 2, gaps, impedances / scale)
-    alone = [_alone((stop - start) / 2, z / scale, _panels_to(before, stop - start), _panels_to(after, stop - start))
-             for (start, stop), z, before, after in zip(ends, impedances, np.roll(gaps, 1), gaps, strict=True)]
+    if problem := unsolvable(body, electrodes, conductance_S):
+        raise ValueError(problem)
+    ends, layers = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
+    alone = [_alone((stop - start) / 2, np.pi * float(layer), before, after)
+             for (start, stop), layer, (before, after) in zip(ends, layers, _smooth_panels(ends), strict=True)]
     middle = ends.mean(axis=1) - electrodes.first_angle_rad
     impedance, driven, same, crossed = _together(alone, middle, _coupled_alike if alike(electrodes) else _coupled)
     unit = 1 / (np.pi * conductance_S)
@@ -116,15 +114,39 @@ def _together(alone: list[_Alone], middle: Array, couple: Callable[..., Array]) 
     return voltage - voltage.mean(axis=0), 2 * field @ voltage, same, crossed
 
 
-def _check_resolved(half: Array, gaps: Array, layers: Array) -> None:
-    """Where neighbours nearly touch, the current between them crowds on the larger of the gap and S z."""
-    resolved = np.maximum(half, np.roll(half, -1)) * _RATIO ** (_PANELS - 1)
-    crowd = np.maximum(gaps, np.minimum(layers, np.roll(layers, -1)) / np.pi)
-    if np.any(crowd < resolved):
-        k = int(np.argmin(crowd / resolved))
-        raise ValueError(f"electrodes {k} and {(k + 1) % len(half)} (from 0) touch, and their contact impedance is so "
-                         "low that nearly all current flows across their common end; leave a gap, or give them more "
-                         "contact impedance.")
+def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
+    """Why `solve_rim` refuses these line electrodes, with the mend; empty where it does not.
+
+    Electrodes that touch with so low a contact impedance that the current between them crowds on less, S z, than is
+    resolved; or unlike ones that are too many and too close for the dense system that couples them.
+    """
+    ends, layer = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
+    half = np.diff(ends)[:, 0] / 2
+    crowd = np.maximum(_gaps(ends), np.minimum(layer, np.roll(layer, -1)))
+    finest = np.maximum(half, np.roll(half, -1)) * _RATIO ** (_PANELS - 1)
+    if np.any(crowd < finest):
+        k = int(np.argmin(crowd / finest))
+        return (f"electrodes {k} and {(k + 1) % len(ends)} of those that have contact (from 0) touch, and their "
+                "contact impedance is so low that nearly all current flows across their common end; leave a gap of "
+                f"{finest[k] * body.radius_m * 1e3:.1g} mm, or give them "
+                f"{finest[k] * body.radius_m / conductance_S:.1g} Ohm m.")
+    own = [len(_smooth_nodes(_panels(h), *panels)[0]) for h, panels in zip(half, _smooth_panels(ends), strict=True)]
+    if sum(own) > _MOST_COUPLED and not alike(electrodes):
+        return (f"{len(ends)} electrodes that are not alike and this close to each other need {sum(own)} coupled "
+                f"unknowns, at most {_MOST_COUPLED} are solved; leave wider gaps between them, or make them alike.")
+    return ""
+
+
+def _gaps(ends: Array) -> Array:
+    """Angle from each electrode to the next."""
+    return np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi) - ends[:, 1]
+
+
+def _smooth_panels(ends: Array) -> list[tuple[int, int]]:
+    """Panels of each electrode from its middle to either end, as `_panels_to` tells."""
+    gaps, width = _gaps(ends), np.diff(ends)[:, 0]
+    return [(_panels_to(before, w), _panels_to(after, w))
+            for before, after, w in zip(np.roll(gaps, 1).tolist(), gaps.tolist(), width.tolist(), strict=True)]
 
 
 def _panels_to(gap: float, width: float) -> int:
@@ -161,13 +183,8 @@ def _alone(half: float, layer: float, before: int, after: int) -> _Alone:
 def _coupled(theta: list[Array], charges: list[Array], sources: Array) -> Array:
     """Potential phi (M, k) that all electrodes' charges raise at the smooth nodes of the others, phi = K (q - E phi),
     K = -log|2 sin|, E the charges that phi takes away, q those of the sources (M, k)."""
-    size = len(sources)
-    if size > _MOST_COUPLED:
-        raise ValueError(f"{len(theta)} electrodes that are not alike and this close to each other need {size} coupled "
-                         f"unknowns, at most {_MOST_COUPLED} are solved; leave wider gaps between them, or make them "
-                         "alike.")
     at, first = np.concatenate(theta), np.cumsum([0, *(len(t) for t in theta)])
-    matrix, raised = np.eye(size, dtype=float), np.empty_like(sources)
+    matrix, raised = np.eye(len(sources)), np.empty_like(sources)
     for own in (slice(a, b) for a, b in pairwise(first)):
         kernel = _kernel(at[own], at)
         kernel[:, own] = 0.0
