@@ -2,7 +2,8 @@
 
 In equilibrium the energy's gradient g(x, p) is zero, so dx/dp = -H^-1 dg/dp with the Hessian H at hand: one
 factorisation serves all parameters p. dx/dF is exact; the others take dg/dp as a central difference of the gradient at
-a kept x. The mesh is carried along with the punch's edge, so that nothing jumps.
+a kept x. The mesh is carried along with the punch's edge, so that nothing jumps. What the rim changes is solved anew on
+either side (`eitsim.rim_tangent`).
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from numpy.typing import NDArray
 from eitsim import surface
 from eitsim.axisymmetric import at_depth, force_unit, pressings, touch_of, under_force
 from eitsim.mesh import tensor_grid
+from eitsim.near_rim import COARSE, FINE, rim_change
 from eitsim.pressing import Equilibrium, Pressing, equilibrium, system
 from eitsim.punch import POINTS, facets_at
 from eitsim.results import Touch
+from eitsim.rim_tangent import RimLine, rim_line
 from eitsim.scene import Body, Punch
 from matcal.hyperfoam import Hyperfoam
 
@@ -27,6 +30,8 @@ Array = NDArray[np.float64]
 
 # Step of the differences, over the parameter.
 STEP = 1e-5
+# That of what the rim changes, over the parameter, and of the distance to the rim, in thicknesses.
+_RIM_STEP, _RIM_PLACE = 0.01, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +44,8 @@ class Settled:
     model: Pressing
     state: Equilibrium
     touch: Touch
+    # what the rim changes, by the distance from the disc's centre in m; None where the rim is far
+    by_offset: RimLine | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +75,10 @@ class _Parameter:
     shared: bool = False
 
 
-def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m: float | None = None) -> Settled:
-    """A touch without friction, as axisymmetric.solve_touch finds it; NotConverged as there."""
+def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m: float | None = None,
+            near_rim: bool = False) -> Settled:
+    """A touch without friction, as axisymmetric.solve_touch or near_rim.solve_near_rim finds it; NotConverged as there.
+    """
     started = time.process_time()
     levels = pressings(law, body, punch, element_m, None)
     if punch.force_N is not None:
@@ -78,7 +87,36 @@ def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m:
         assert punch.depth_m is not None
         states = at_depth(levels, punch.depth_m / body.thickness_m)
     touch = touch_of(law, body, levels, states, strain, started)
-    return Settled(law, body, punch, levels[-1], states[-1], touch)
+    base = Settled(law, body, punch, levels[-1], states[-1], touch)
+    return _beside_rim(base) if near_rim else base
+
+
+def _beside_rim(base: Settled) -> Settled:
+    field, outwards = rim_change(base.law, base.body, base.punch).field, _outwards(base.punch)
+
+    def at(by_m: float) -> tuple[Hyperfoam, Punch]:
+        x_m, y_m = np.array([base.punch.x_m, base.punch.y_m]) + by_m * outwards
+        return base.law, replace(base.punch, x_m=float(x_m), y_m=float(y_m))
+
+    gap = base.body.radius_m - field.offset_m - base.punch.diameter_m / 2
+    step = min(_RIM_PLACE * base.body.thickness_m, gap / 2)
+    line = rim_line(field, base.body, base.punch, at, step)
+    return replace(base, touch=replace(base.touch, rim=field), by_offset=line)
+
+
+def _outwards(punch: Punch) -> Array:
+    place = np.array([punch.x_m, punch.y_m])
+    return place / np.linalg.norm(place)
+
+
+def shifted(base: Settled, by_m: Array) -> tuple[Punch, Touch]:
+    """The touch moved by a small vector (2,), m."""
+    x_m, y_m = (np.array([base.punch.x_m, base.punch.y_m]) + by_m).tolist()
+    punch = replace(base.punch, x_m=x_m, y_m=y_m)
+    if base.by_offset is None:
+        return punch, base.touch
+    further = float(np.hypot(x_m, y_m)) - base.by_offset.field.offset_m
+    return punch, replace(base.touch, rim=base.by_offset.at(further))
 
 
 def varied(base: Settled) -> Iterator[Varied]:
@@ -104,14 +142,15 @@ def _load(base: Settled) -> tuple[_Parameter, Array]:
     """Force or depth as a parameter, and the derivative of the state by it, in its unit."""
     state, unit = base.state, force_unit(base.law, base.body)
     if base.punch.force_N is not None:
-        kept = _Parameter("F_N", "N", STEP * base.punch.force_N, lambda _: (base.law, base.punch))
-        return kept, state.by_force / unit
+        force_N = base.punch.force_N
+        return _Parameter("F_N", "N", STEP * force_N, lambda more: (
+            base.law, replace(base.punch, force_N=force_N + more))), state.by_force / unit
     less, more = (equilibrium(base.model, force, state.x + state.by_force * (force - state.force)).depth
                   for force in (state.force * (1 - STEP), state.force * (1 + STEP)))
     depth_mm = state.depth * base.body.thickness_m * 1e3
     by_depth = state.by_force * 2 * STEP * state.force / (more - less)
-    return (_Parameter("depth_mm", "mm", STEP * depth_mm, lambda _: (base.law, base.punch)),
-            by_depth / (base.body.thickness_m * 1e3))
+    return (_Parameter("depth_mm", "mm", STEP * depth_mm, lambda more: (
+        base.law, replace(base.punch, depth_m=(depth_mm + more) / 1e3))), by_depth / (base.body.thickness_m * 1e3))
 
 
 def _parameters(base: Settled) -> Iterator[_Parameter]:
@@ -128,8 +167,13 @@ def _parameters(base: Settled) -> Iterator[_Parameter]:
 
 def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[Pressing, Array]]) -> Varied:
     """The surface of both ends, each a pressing and what is added to the state."""
-    less, more = ((base.punch, sampled(base, model, base.state.x + shift)) for model, shift in ends)
-    return Varied(parameter.name, parameter.unit, parameter.step, parameter.shared, less, more)
+    less, more = (sampled(base, model, base.state.x + shift) for model, shift in ends)
+    if base.by_offset is not None:
+        line = rim_line(base.by_offset.field, base.body, base.punch, parameter.at, parameter.step * _RIM_STEP / STEP,
+                        COARSE if parameter.shared else FINE)
+        less, more = (replace(touch, rim=line.at(sign * parameter.step)) for sign, touch in ((-1, less), (1, more)))
+    return Varied(parameter.name, parameter.unit, parameter.step, parameter.shared, (base.punch, less),
+                  (base.punch, more))
 
 
 def changed(base: Settled, law: Hyperfoam, punch: Punch) -> tuple[Pressing, float]:

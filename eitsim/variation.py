@@ -20,7 +20,7 @@ from eitsim.multipole import reaches
 from eitsim.results import Touch
 from eitsim.scene import Body, Punch, Skin
 from eitsim.skin import touched_conductance
-from eitsim.touch_tangent import Settled, varied
+from eitsim.touch_tangent import Settled, shifted, varied
 from matcal.conductivity import Conductivity
 
 Array = NDArray[np.float64]
@@ -58,8 +58,7 @@ def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity, free
         suffix = f"_{i + 1}" if len(bases) > 1 else ""
         share = _share(nodes_m, *touches[i], room)
         for axis, direction in (("x", np.array([1.0, 0.0])), ("y", np.array([0.0, 1.0]))):
-            less, more = (_with(touches, i, (_shifted(touches[i][0], axis, sign * _PLACE_MM), touches[i][1]))
-                          for sign in (-1, 1))
+            less, more = (_with(touches, i, shifted(bases[i], by * 1e-3 * direction)) for by in (-_PLACE_MM, _PLACE_MM))
             yield Variation(f"{axis}_mm{suffix}", _PLACE_MM, (less, law), (more, law), 1e-3 * share * direction)
         for one in (v for v in own if not v.shared):
             velocity = 1e-3 * share * _with_edge(nodes_m, touches[i][0]) if one.name == "d_mm" else still
@@ -107,8 +106,3 @@ def _with_edge(points_m: Array, punch: Punch) -> Array:
 
 def _with(touches: Touches, i: int, touch: tuple[Punch, Touch]) -> list[tuple[Punch, Touch]]:
     return [touch if j == i else other for j, other in enumerate(touches)]
-
-
-def _shifted(punch: Punch, axis: str, by_mm: float) -> Punch:
-    place = {f"{axis}_m": getattr(punch, f"{axis}_m") + by_mm / 1e3}
-    return replace(punch, **place)

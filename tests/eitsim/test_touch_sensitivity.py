@@ -14,7 +14,10 @@ import pytest
 from eitsim.axisymmetric import reached
 from eitsim.cem import SkinMesh, impedance, potentials, quadrature_points
 from eitsim.electrics import following_mesh, solve
+from eitsim.near_rim import COARSE as COARSE_RIM
+from eitsim.near_rim import rim_change, solve_near_rim
 from eitsim.pressing import equilibrium
+from eitsim.rim_tangent import rim_line
 from eitsim.scene import Body, Electrodes, Hold, Punch, Scene, Skin
 from eitsim.sensitivity import impedance_by_field
 from eitsim.skin import touched_conductance
@@ -210,6 +213,39 @@ def test_readings_that_need_a_missing_electrode_have_no_derivative():
     assert np.array_equal(np.isnan(found.touched_by), np.repeat(lost[:, None], len(found.parameters), axis=1))
 
 
+@pytest.mark.parametrize(("step", "at"), [
+    (1e-4, lambda by: (FOAM, Punch(0.083 + by, 0.0, 0.014, 1.0))),
+    (0.02, lambda by: (FOAM, Punch(0.083, 0.0, 0.014, 1.0 + by))),
+    (1e-4, lambda by: (FOAM, Punch(0.083, 0.0, 0.014 + by, 1.0)))], ids=["place", "force", "diameter"])
+def test_what_the_rim_changes_follows_its_line(step: float, at: Callable):
+    punch = at(0.0)[1]
+    here, there = (rim_change(FOAM, Body(), at(by)[1], COARSE_RIM).field for by in (0.0, step))
+    found = rim_line(here, Body(), punch, at, step, COARSE_RIM).at(step)
+    assert found.offset_m == pytest.approx(there.offset_m, abs=1e-12)
+    assert found.radius_m == pytest.approx(there.radius_m, abs=2e-4)
+    apart, moved_by = (np.linalg.norm(np.interp(found.radius_m, there.radius_m, there.normal[:, 0]) - one.normal[:, 0])
+                       for one in (found, here))
+    assert apart < 0.2 * moved_by
+
+
+@pytest.mark.slow
+def test_derivatives_near_the_rim_are_those_of_scenes_solved_anew():
+    punch = Punch(0.0584, 0.0438, 0.014, 1.0)
+    scene = Scene(punches=(punch,))
+    found = sensitivity(scene)
+
+    def signal(changed: Punch) -> np.ndarray:
+        touch = solve_near_rim(FOAM, scene.body, changed)
+        return solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((changed, touch),), LAW,
+                     method="mesh", signal=0.01).signal_V.ravel()
+
+    for name, field, step, unit in (("x_mm", "x_m", 3e-4, 1e3), ("F_N", "force_N", 0.03, 1.0),
+                                    ("d_mm", "diameter_m", 2e-4, 1e3)):
+        ends = [signal(replace(punch, **{field: getattr(punch, field) + by})) for by in (-step, step)]
+        slope_V = (ends[1] - ends[0]) / (2 * step * unit)
+        assert distance(column(found, name), slope_V) < 0.03
+
+
 @pytest.mark.slow
 def test_several_touches_have_their_own_derivatives_and_one_foam():
     scene = Scene(punches=(PUNCH, Punch(-0.04, -0.02, 0.010, 0.3)))
@@ -223,7 +259,6 @@ def test_several_touches_have_their_own_derivatives_and_one_foam():
 @pytest.mark.parametrize(("scene", "named"), [
     (Scene(punches=(replace(PUNCH, friction="stick"),)), "friction"),
     (Scene(punches=(replace(PUNCH, conductor=True),)), "conductor"),
-    (Scene(punches=(replace(PUNCH, x_m=0.08),)), "rim"),
     (Scene(punches=(PUNCH,), hold=Hold((2.0,), "depth")), "hold"),
     (Scene(punches=(PUNCH, replace(PUNCH, x_m=0.0))), "together")])
 def test_what_is_not_built_is_refused_with_its_reason(scene: Scene, named: str):
@@ -235,12 +270,12 @@ def test_what_is_not_built_is_refused_with_its_reason(scene: Scene, named: str):
 def test_run_writes_the_file_and_refuses_before_solving(tmp_path):
     write_card(CARD, tmp_path / "card.json")
     (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
-    (tmp_path / "rim.toml").write_text('card = "card.json"\n[punch]\nx_mm = 85\n')
+    (tmp_path / "stick.toml").write_text('card = "card.json"\n[punch]\nfriction = "stick"\n')
     run = [sys.executable, "-m", "eitsim", "run", "scene.toml", "--sensitivity", "sens.csv"]
     done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "sens.csv").read_text().startswith("reading,value_V,x_mm,y_mm,F_N,d_mm,mu_1_Pa")
-    run[4] = "rim.toml"
+    run[4] = "stick.toml"
     done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 2
-    assert "the rim changes, as at (85, 0) mm" in done.stderr
+    assert "sensitivities are not built for friction" in done.stderr
