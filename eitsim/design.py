@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.drive_files import MATRICES, with_matrices
+from eitsim.drive_files import with_matrices
 from eitsim.scene import Scene, is_list, scene_from, scene_keys
 from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
@@ -120,7 +120,7 @@ def _variables(tables: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str,
         value = tables[name]
         for table in value if isinstance(value, list) else [value]:
             for key in sorted(table):
-                if (name == "drive" and key in MATRICES) or is_list(name, key, table[key]):
+                if is_list(name, key, table[key]):
                     continue
                 if (quantile := _quantile(f"{key} in [{name}]", table[key])) is not None:
                     yield table, key, quantile

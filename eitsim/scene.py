@@ -140,9 +140,10 @@ _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes
             "accuracy": Accuracy}
 
 
-def is_list(table: str, key: str, value: list[Any]) -> bool:
-    """Whether a list is the value of a key itself, not a range that a design draws one from."""
-    return table == "electrodes" and (key in _LISTS or (key in EACH and len(value) > 2))
+def is_list(table: str, key: str, value: Any) -> bool:
+    """Whether a value is a list that a key itself holds, not a range that a design draws one number from."""
+    whole = (table == "drive" and key in MATRICES) or (table == "electrodes" and key in _LISTS)
+    return isinstance(value, list) and (whole or (table == "electrodes" and key in EACH and len(value) > 2))
 
 
 def slope_rad(punch: Punch) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from eitsim.dataset import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_dataset
-from eitsim.scene import scene_from, scene_tables
+from eitsim.scene import is_list, scene_from, scene_tables
 from matcal.errors import TestFileError
 from reports import provenance, readings, sweep_plates
 from reports.numerals import counted, number, percent
@@ -127,21 +127,20 @@ def _design_table(design: Mapping[str, Any]) -> Table:
         for i, table in enumerate(value if isinstance(value, list) else [value]):
             where = f"{name} {i + 1}" if isinstance(value, list) and len(value) > 1 else name
             for key, cell in table.items():
-                drawn += isinstance(cell, list | dict)
-                rows.append([f"{where}.{key}", _law(cell)])
+                fixed = not isinstance(cell, list | dict) or is_list(name, key, cell)
+                drawn += not fixed
+                rows.append([f"{where}.{key}", str(cell) if fixed else _law(cell)])
     caption = f"The design: {counted(drawn, 'quantity', 'quantities')} given as a range or distribution."
     return Table(caption, ["key", "value"], rows, "lw")
 
 
 def _law(cell: Any) -> str:
-    """A scalar, range, choice or distribution of a design in words."""
+    """A range, choice or distribution of a design in words."""
     if isinstance(cell, list):
         return f"uniform from {cell[0]:g} to {cell[1]:g}"
     if isinstance(cell, Mapping) and "choice" in cell:
         return "one of " + ", ".join(str(c) for c in cell["choice"])
-    if isinstance(cell, Mapping):
-        return f"{cell['dist']}, mean {cell['mean']:g}, standard deviation {cell['sd']:g}"
-    return str(cell)
+    return f"{cell['dist']}, mean {cell['mean']:g}, standard deviation {cell['sd']:g}"
 
 
 def _output_table(ok: Columns) -> Table:

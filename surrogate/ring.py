@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.drive import protocol
-from eitsim.drive_files import MATRICES
 from eitsim.electrodes import middles
 from eitsim.scene import Scene, is_list, scene_from
 
@@ -75,8 +74,7 @@ def ring_of_design(tables: Mapping[str, Any]) -> Ring:
     fixed = {name: tables[name] for name in SENSOR_TABLES if name in tables}
     for name, table in fixed.items():
         if varied := [key for key, value in table.items()
-                      if isinstance(value, Mapping) or (isinstance(value, list) and not is_list(name, key, value)
-                                                        and not (name == "drive" and key in MATRICES))]:
+                      if isinstance(value, list | Mapping) and not is_list(name, key, value)]:
             raise ValueError(f"{varied[0]} in [{name}] varies between the rows; a surrogate learns one sensor. Sweep "
                              "with it fixed.")
     return ring_of(scene_from(fixed))

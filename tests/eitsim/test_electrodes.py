@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from pyarrow import parquet
 
+from eitsim.dataset import voltage_columns, write_part
+from eitsim.design import design_from, scene_at
 from eitsim.drive import Drive, read_out
 from eitsim.electrics import solve
 from eitsim.electrodes import Electrodes, among_all, arcs, contact_impedances, present
 from eitsim.results import Touch
 from eitsim.scene import Body, Punch, Skin, scene_from, scene_tables
+from eitsim.simulate import as_json, simulate
+from eitsim.sweep import solve_rows
+from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
 
 LAW = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4))
+CARD = MaterialCard("Table 1", Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm"),
+                    None, LAW)
 PUNCH = Punch(0.03, 0.02)
 SIXTEEN = np.degrees(np.pi / 8 * np.arange(16))
 
@@ -108,3 +119,27 @@ def test_the_matrix_of_those_present_stands_in_that_of_all():
     assert z[2, [0, 2, 3, 4]].tolist() == [4, 5, 6, 7]
     readings = read_out(Drive(), z)
     assert np.isnan(readings).tolist() == [[True, True], [True, True], [True, True], [False, True], [True, False]]
+
+
+def test_what_is_lost_is_null_in_results_and_data_sets(tmp_path: Path):
+    raw = {"punch": {"x_mm": 20, "force_N": 0.1}, "accuracy": {"signal": 0.2},
+           "electrodes": {"count": 8, "missing": [2], "contact_impedance_Ohm_m": [1, 1, 1, 1, 2, 1, 1, 1]}}
+    scene = scene_from(raw)
+    result = json.loads(json.dumps(as_json(simulate(scene, CARD), scene, CARD), allow_nan=False))
+    assert result["outcome"] == "ok"
+    assert result["readings_V"][1] == result["readings_V"][2] == result["readings_V"][3] == [None] * 5
+    assert [row.count(None) for row in result["baseline_V"]] == [1, 5, 5, 5, 1, 1, 1, 1]
+    assert result["impedance_Ohm"][2] == [None] * 8
+    path = write_part(tmp_path, solve_rows(design_from({"scenes": 1, **raw}), CARD, [0]))
+    nulls = [parquet.read_table(path)[name].null_count for name in voltage_columns(40)]
+    assert nulls == [value is None for row in result["readings_V"] for value in row]
+
+
+def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():
+    ring = {"count": 4, "width_mm": [10, 20, 10, 20], "angles_deg": [0, 80, 170, 280]}
+    one, other = (scene_at(design_from({"scenes": 2, "electrodes": ring}), i).electrodes for i in (0, 1))
+    assert one == other == scene_from({"electrodes": ring}).electrodes
+    drawn = {"count": 8, "width_mm": [5, 20], "missing": {"choice": [[0], [3, 4]]}}
+    rows = [scene_at(design_from({"scenes": 20, "electrodes": drawn}), i).electrodes for i in range(20)]
+    assert {row.missing for row in rows} == {(0,), (3, 4)}
+    assert len({row.width_m for row in rows}) == 20
