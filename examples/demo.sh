@@ -20,8 +20,8 @@ step() { # step RESULT COMMAND...: run it, say where the result went and how lon
 step "$out/card.json, $out/calibration.pdf" matcal fit data_raw/mts_uniaxial.txt data_raw/mts_shear.txt \
   data_raw/mts_relaxation.txt conductivity=data_raw/mts_stretch.txt,data_raw/nova_stretch.txt \
   --specimen data_raw/specimen.toml --posterior --seed 1 --out "$out/card.json" --report "$out/calibration.pdf"
-step "$out/touch.json, $out/touch.pdf" eitsim run examples/scene.toml --card "$out/card.json" \
-  --out "$out/touch.json" --report "$out/touch.pdf"
+step "$out/touch.json, $out/skin.vtu, $out/touch.pdf" eitsim run examples/scene.toml --card "$out/card.json" \
+  --out "$out/touch.json" --skin "$out/skin.vtu" --skin-patterns 0,4 --report "$out/touch.pdf"
 step "$out/sweep/" eitsim sweep examples/design.toml --card "$out/card.json" --scenes "$scenes" \
   --workers "$workers" --out "$out/sweep"
 step "$out/sweep.pdf" eitsim report "$out/sweep" --out "$out/sweep.pdf"
