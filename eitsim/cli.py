@@ -264,7 +264,8 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
                          "ones.")] = None,
                 baseline: Annotated[Path | None, typer.Option(
                     help="CSV of untouched frames, whose mean counts; else the first row of FRAMES.")] = None,
-                prior: Annotated[str, typer.Option(help="noser or laplace.")] = "noser",
+                prior: Annotated[str, typer.Option(help="laplace, or noser, which rings less and places "
+                                                         "touches worse.")] = "laplace",
                 noise_figure: Annotated[float, typer.Option(
                     help="SNR of the readings over SNR of the image; smaller is smoother.")] = 0.5,
                 out: Annotated[Path | None, typer.Option(help="Write the images (.vtu for ParaView, or .csv) "

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 SUFFIXES = (".vtu", ".csv")
 
 
-def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior: str = "noser",
+def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior: str = "laplace",
               noise_figure: float = NOISE_FIGURE) -> tuple[Pixels, Array, dict[str, Any]]:
     """Pixels, images (frames, triangles) of the frames in a file, and what is told of them as plain JSON values.
 
