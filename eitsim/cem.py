@@ -22,6 +22,8 @@ _KINDS = {"P1": (ElementTriP1, 1, ElementLineP1), "P2": (ElementTriP2, 4, Elemen
           "Q2": (ElementQuad2, 5, ElementLineP2)}
 # Degree of exactness of the quadrature over areas under patches.
 _AREA_DEGREE = 6
+# Rounding of the resistance between two electrodes, relative, at most.
+_ROUNDING = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,37 +126,50 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
 
     See `eliminated`. Z = Y' Y from the electrodes' rows of the factor alone, so that its error is quadratic in theirs;
     refinements, which need all potentials, seldom gain a digit. Without a base or refinements no front is kept.
+    ValueError where the resistance between two electrodes keeps fewer than four digits beside that between others.
     """
-    if base is None and refinements == 0:
-        order = dissection(mesh) if order is None else order
-        try:
-            return impedance_alone(order, weights(mesh, conductance_S, contact_impedance), mesh.count)
-        except Detached as lost:
-            raise _torn(mesh, lost) from None
-    done = eliminated(mesh, conductance_S, contact_impedance, order=order, base=base)
-    if refinements == 0:
-        return impedance_of_last(done, mesh.count)
-    electrodes = _solved(mesh, done, refinements)[len(mesh.nodes_m):]
-    return electrodes - electrodes.mean(axis=0)
+    if refinements > 0:
+        return _centred(potentials(mesh, conductance_S, contact_impedance, order=order, base=base,
+                                   refinements=refinements)[len(mesh.nodes_m):])
+    if base is not None:
+        return _resolved(impedance_of_last(eliminated(mesh, conductance_S, contact_impedance, base=base), mesh.count))
+    order = dissection(mesh) if order is None else order
+    try:
+        return _resolved(impedance_alone(order, weights(mesh, conductance_S, contact_impedance), mesh.count))
+    except Detached as lost:
+        raise _torn(mesh, lost) from None
 
 
 def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
                order: Dissection | None = None, base: Elimination | None = None, refinements: int = 0) -> Array:
     """Potentials (nodes + count, count), Ohm, of nodes, then electrodes, the last one earthed; column k is for 1 A into
-    electrode k and 1/count A out of every one. See `eliminated`.
+    electrode k and 1/count A out of every one. See `eliminated`; refused where `impedance` is.
 
     Each refinement solves for the currents that are left over, summed from differences of potentials.
     """
-    return _solved(mesh, eliminated(mesh, conductance_S, contact_impedance, order=order, base=base), refinements)
-
-
-def _solved(mesh: SkinMesh, done: Elimination, refinements: int) -> Array:
+    done = eliminated(mesh, conductance_S, contact_impedance, order=order, base=base)
     currents = np.zeros((len(mesh.nodes_m) + mesh.count, mesh.count))
     currents[len(mesh.nodes_m):] = np.eye(mesh.count) - 1 / mesh.count
     potential = solve(done, currents)
     for _ in range(refinements):
         potential += solve(done, residual(done, currents, potential))
+    _resolved(_centred(potential[len(mesh.nodes_m):]))
     return potential
+
+
+def _centred(electrodes: Array) -> Array:
+    return electrodes - electrodes.mean(axis=0)
+
+
+def _resolved(z: Array) -> Array:
+    """The impedance matrix, refused where its rounding hides the resistance between two electrodes."""
+    own = np.diagonal(z)
+    between = (own[:, None] + own - 2 * z)[~np.eye(len(z), dtype=bool)]
+    if not between.min() > np.finfo(float).eps / _ROUNDING * np.abs(z).max():
+        raise ValueError(f"the sheet is all but torn, or an electrode all but without contact: resistances between "
+                         f"electrodes reach {between.max():.1e} Ohm, beside which the least of them keeps fewer than "
+                         "four digits; leave out what is torn off, or give cut and contacts a larger conductance.")
+    return z
 
 
 def gradients(mesh: SkinMesh, potential: Array) -> tuple[Array, Array]:
