@@ -1,6 +1,6 @@
-"""Error against run time of one set of 208 readings, and digits lost in a stiff case.
+"""Error against run time of one set of 208 readings.
 
-Run by `make bench`, which pins threads; writes results/electrics.csv and results/electrics_stiff.csv beside this file.
+Run by `make bench`, which pins threads; writes results/electrics.csv beside this file.
 dV is compared with two solutions on a mesh (level 6) that follows the touch and is finer than any listed; where the
 listed method is that mesh itself, the error is one of refinement only. The touches are solved with Table 1's foam.
 """
@@ -36,11 +36,16 @@ REFERENCE_LEVEL = 6
 REPEATS = 5
 
 
-def fixed_mesh(level: int) -> SkinMesh:
-    """Concentric rings that know nothing of the touch, as linear triangles."""
+def rings(level: int) -> SkinMesh:
+    """Concentric rings that know nothing of the touch."""
     angles, electrode = rim_angles(BODY, ELECTRODES, level)
     radii = np.linspace(0, BODY.radius_m, 5 * level + 1)
-    mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, ELECTRODES.count)
+    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, ELECTRODES.count)
+
+
+def fixed_mesh(level: int) -> SkinMesh:
+    """The nodes of `rings` as linear triangles."""
+    mesh = rings(level)
     quarters = [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)]
     triangles = [mesh.cells[:, [q[i] for i in corner]] for q in quarters for corner in ((0, 1, 2), (0, 2, 3))]
     cells = np.concatenate([t[(t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 0] != t[:, 2])] for t in triangles])
@@ -101,29 +106,11 @@ def sensor() -> dict[str, object]:
     return {"touch": "untouched, once a card", "method": "rim integral equation", "cpu_ms": 1e3 * np.median(seconds)}
 
 
-def stiff() -> list[dict[str, object]]:
-    """Relative error of the impedance matrix by rounding alone, against four refinements, disc of 15 mm at (25, 10)."""
-    mesh = fixed_mesh(4)
-    centre = mesh.nodes_m[mesh.cells].mean(axis=1)
-    inside = np.hypot(centre[:, 0] - 0.025, centre[:, 1] - 0.01) < 0.015
-    out = []
-    for contrast, contact in ((1.0, 1.0), (1e6, 1.0), (1.0, 1e-6), (1e6, 1e-6)):
-        conductance = np.where(inside, 1e-3 * contrast, 1e-3)
-        exact = impedance(mesh, conductance, contact, refinements=4)
-        for steps in (0, 1, 2):
-            error = np.abs(impedance(mesh, conductance, contact, refinements=steps) - exact).max() / np.abs(exact).max()
-            out.append({"contrast": contrast, "z_Ohm_m": contact, "refinements": steps, "error": error,
-                        "digits_lost": max(0.0, np.log10(error / np.finfo(float).eps))})
-    return out
-
-
 def main() -> None:
     (HERE / "results").mkdir(exist_ok=True)
-    tables = {"electrics": [sensor(), *(r for punch in PUNCHES for r in rows(punch))], "electrics_stiff": stiff()}
-    for name, table in tables.items():
-        frame = pd.DataFrame(table)
-        frame.to_csv(HERE / "results" / f"{name}.csv", index=False, float_format="%.4g")
-        print(frame.to_string(index=False, float_format=lambda v: f"{v:.3g}"), end="\n\n")
+    frame = pd.DataFrame([sensor(), *(r for punch in PUNCHES for r in rows(punch))])
+    frame.to_csv(HERE / "results" / "electrics.csv", index=False, float_format="%.4g")
+    print(frame.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
 
 
 if __name__ == "__main__":

@@ -3,9 +3,9 @@
 The mesh is an unstructured one of linear triangles; each case is another random conductance. Ours keeps the order of
 elimination, EIDORS what it caches for a model, pyEIT its element matrices; the first case, which makes these, counts
 apart. EIDORS, under Octave, solves the same complete electrode model and is compared reading by reading; pyEIT has
-point electrodes, and nothing to compare. EIDORS_PATH names the folder with eidors_startup.m, PYEIT_PYTHON an interpreter that
-has pyEIT; a peer that is absent is left out with a note. Run by `make bench`, which pins threads; writes
-results/peers_electrics.csv beside this file.
+point electrodes, and nothing to compare. EIDORS_PATH names the folder with eidors_startup.m, PYEIT_PYTHON an
+interpreter that has pyEIT; a peer that is absent is left out with a note. Run by `make bench`, which pins threads;
+writes results/peers_electrics.csv beside this file.
 """
 
 from __future__ import annotations

@@ -1,0 +1,131 @@
+"""Digits lost by rounding where the skin is stiff: contrast 1e-9 to 1e9, contact impedance 1e-9 to 1e6 Ohm m, a cut.
+
+The impedance matrix by elimination of weights (eitsim) and by LU of the system's matrix (SuperLU in symmetric mode),
+each without and with refinements whose residuals are summed from differences of potentials, against potentials refined
+in extended precision until they settle. The contrast is that of a disc, or of a row of elements that cuts the sheet in
+two. digits_lost is of the matrix beside its largest entry, resistance_error the largest relative error of the
+resistance between two electrodes; condition that of the earthed matrix in the 1-norm, estimated. Run by `make bench`;
+writes results/electrics_stiff.csv beside this file.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pandas as pd
+from conditions import RESULTS, conditions
+from electrics import ELECTRODES, fixed_mesh, rings
+from scipy.sparse import csc_matrix, diags_array
+from scipy.sparse.linalg import LinearOperator, onenormest, splu
+
+from eitsim.cem import SkinMesh, dissection, eliminated, impedance
+from eitsim.elimination import Elimination, residual, solve
+
+COUNT = ELECTRODES.count
+CENTRE = np.eye(COUNT) - 1 / COUNT
+CONTRASTS, CONTACTS_OHM_M = (1e-9, 1e-6, 1.0, 1e6, 1e9), (1e-9, 1e-6, 1.0, 1e6)
+CUTS = (1e-3, 1e-6, 1e-9, 1e-12, 1e-18, 1e-100)
+SHEET_S = 1e-3
+REFINEMENTS = (0, 1, 2)
+# Refinements in extended precision until the last changes less than 5e-16.
+MOST_STEPS = 10
+
+
+def system(done: Elimination) -> csc_matrix:
+    """The matrix of a network, its last unknown earthed."""
+    pairs, place = done.dissection.pairs, np.arange(len(done.weights))
+    difference = csc_matrix((np.repeat([1.0, -1.0], len(pairs)), (np.tile(place, 2), pairs.T.ravel())))
+    return csc_matrix((difference.T @ diags_array(done.weights) @ difference)[:-1, :-1])
+
+
+def extended(done: Elimination, currents: np.ndarray) -> np.ndarray:
+    """Impedance matrix with iterates and residuals in long doubles."""
+    (one, other), weight = done.dissection.pairs.T, done.weights.astype(np.longdouble)[:, None]
+    x = np.zeros(currents.shape, dtype=np.longdouble)
+    for _ in range(MOST_STEPS):
+        left = currents.astype(np.longdouble)
+        flow = weight * (x[one] - x[other])
+        np.subtract.at(left, one, flow)
+        np.add.at(left, other, flow)
+        step = solve(done, left.astype(float))
+        x += step
+        if np.abs(step[-COUNT:]).max() < 5e-16 * np.abs(x[-COUNT:]).max():
+            return CENTRE.astype(np.longdouble) @ x[-COUNT:]
+    raise ArithmeticError(f"{MOST_STEPS} refinements in extended precision do not settle")
+
+
+def by_lu(done: Elimination, currents: np.ndarray) -> Callable[[int], np.ndarray]:
+    """Impedance matrix by LU, given the number of refinements."""
+    factors = splu(system(done), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def found(refinements: int) -> np.ndarray:
+        x = np.zeros_like(currents)
+        for _ in range(1 + refinements):
+            x[:-1] += factors.solve(residual(done, currents, x)[:-1])
+        return CENTRE @ x[-COUNT:]
+
+    return found
+
+
+def condition(done: Elimination) -> float:
+    """Estimate in the 1-norm; the inverse is applied by elimination."""
+    matrix = system(done)
+
+    def inverse(b: np.ndarray) -> np.ndarray:
+        return solve(done, np.vstack([b.reshape(len(b), -1), np.zeros((1, b.size // len(b)))]))[:-1].reshape(b.shape)
+
+    applied = LinearOperator(matrix.shape, matvec=inverse, rmatvec=inverse, matmat=inverse, dtype=float)
+    return float(onenormest(matrix) * onenormest(applied))
+
+
+def rows(mesh: SkinMesh, case: str, inside: np.ndarray, contrast: float, contact: float) -> Iterator[dict[str, object]]:
+    conductance, order = np.where(inside, SHEET_S * contrast, SHEET_S), dissection(mesh)
+    done = eliminated(mesh, conductance, contact, order=order)
+    given = {"elements": f"{mesh.element}, {len(mesh.cells)}", "of": case, "contrast": contrast, "z_Ohm_m": contact,
+             "condition": condition(done)}
+    try:
+        impedance(mesh, conductance, contact, order=order)
+    except ValueError as refused:
+        yield {**given, "method": "eitsim", "outcome": f"refused: {refused}"}
+        return
+    currents = np.zeros((len(mesh.nodes_m) + COUNT, COUNT))
+    currents[-COUNT:] = CENTRE
+    exact = extended(done, currents)
+    methods = {"eitsim": lambda n: impedance(mesh, conductance, contact, order=order, refinements=n),
+               "LU": by_lu(done, currents)}
+    for (method, found), refinements in itertools.product(methods.items(), REFINEMENTS):
+        z = found(refinements)
+        error = float(np.abs(z - exact).max() / np.abs(exact).max())
+        yield {**given, "method": method, "refinements": refinements, "error": error,
+               "digits_lost": float(np.clip(np.log10(error / np.finfo(float).eps), 0.0, 16.0)),
+               "resistance_error": float(np.abs(resistances(z) / resistances(exact) - 1).max()), "outcome": "solved"}
+
+
+def resistances(z: np.ndarray) -> np.ndarray:
+    """Between every two electrodes."""
+    between = np.add.outer(np.diagonal(z), np.diagonal(z)) - 2 * z
+    return between[~np.eye(COUNT, dtype=bool)]
+
+
+def main() -> None:
+    table: list[dict[str, object]] = []
+    for mesh in (fixed_mesh(2), rings(2)):
+        middle = mesh.nodes_m[mesh.cells].mean(axis=1)
+        disc = np.hypot(middle[:, 0] - 0.025, middle[:, 1] - 0.01) < 0.015
+        cut = np.ptp(np.sign(mesh.nodes_m[mesh.cells][..., 0] - 0.0213), axis=1) > 0
+        for contrast, contact in itertools.product(CONTRASTS, CONTACTS_OHM_M):
+            table += rows(mesh, "disc of 15 mm", disc, contrast, contact)
+        for contrast in CUTS:
+            table += rows(mesh, "cut", cut, contrast, 1.0)
+    frame = pd.DataFrame(table)
+    frame.assign(**conditions()).to_csv(RESULTS / "electrics_stiff.csv", index=False, float_format="%.3g")
+    print(frame[frame["outcome"] != "solved"].to_string(index=False))
+    wide = frame.pivot_table(index=["elements", "of", "contrast", "z_Ohm_m", "condition"],
+                             columns=["method", "refinements"], values="digits_lost")
+    print(wide.to_string(float_format=lambda v: f"{v:.3g}"))
+
+
+if __name__ == "__main__":
+    main()
