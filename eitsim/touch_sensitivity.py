@@ -56,9 +56,9 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
     """Derivatives of a scene's readings; its touches are solved on the default mesh of the foam.
 
     Parameters: those of variation.variations, c0_S_per_m, and z_k_Ohm_m or, of patches, z_k_Ohm_m2, the contact
-    impedance of electrode k from 0. On the default level they are within 0.2 % of those on finer meshes, by force and
-    mu_i 0.7 % (14 mm, 1 N), those of the signal by z_k 15 %. Near the rim those by place, force and diameter are within
-    2 % of differences of scenes solved anew (14 mm, 1 N, a gap of 20 mm).
+    impedance of electrode k from 0. On the default level they are within 0.7 % of those on twice as fine a mesh, but
+    for those by z_k, 13 %, whose currents crowd at the electrodes' ends (benchmarks/sensitivity.py). Near the rim those
+    by place, force and diameter are within 2 % of differences of scenes solved anew (14 mm, 1 N, a gap of 20 mm).
     ValueError where the plan refuses the scene, with friction or with a conducting punch, for touches solved together,
     and for a hold; NotConverged where the mechanics does not converge.
     """
