@@ -18,8 +18,9 @@ from eitsim.scene import Body, Electrodes, Punch
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
-# Edges along the rim under an electrode and between two of them, on level 1.
-_UNDER, _BETWEEN = 1, 3
+# Edges along the rim under an electrode and between two of them, on level 1, at least, and about how many on the whole
+# rim where electrodes or gaps are wide.
+_UNDER, _BETWEEN, _AROUND = 1, 3, 64
 # Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
 _CENTRED = 0.5
 # Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
@@ -49,7 +50,7 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     gap = room - max(touch.contact_radius_m - edge, 0.0)
     angles, electrode = rim_angles(body, electrodes, level)
     inner = centred_radii(punch, touch, gap, level, thinner)
-    blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * widths(electrodes).min() / level)
+    blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * _narrowest(body, electrodes) / level)
     radii = np.concatenate([inner, inner[-1] + blend * (patches[0] - inner[-1]), patches[1:]])
     shift = np.concatenate([np.ones(len(inner)), 1 - blend, np.zeros(len(patches) - 1)])
     return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count,
@@ -86,11 +87,11 @@ def rim_angles(body: Body, electrodes: Electrodes, level: int = 1) -> tuple[Arra
     following = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi)
     angles, electrode = [], []
     for k, (start, stop) in enumerate(ends):
-        angles.append(start + (stop - start) * _graded(_UNDER * level))
-        electrode += [k] * (_UNDER * level)
-        if following[k] - stop > TOUCHING:
-            angles.append(stop + (following[k] - stop) * _graded(_BETWEEN * level))
-            electrode += [-1] * (_BETWEEN * level)
+        for first, last, least, owner in ((start, stop, _UNDER, k), (stop, following[k], _BETWEEN, -1)):
+            edges = max(least, round((last - first) * _AROUND / (2 * np.pi))) * level
+            if last - first > TOUCHING:
+                angles.append(first + (last - first) * _graded(edges, wide=owner >= 0 and edges > least * level))
+                electrode += [owner] * edges
     return np.concatenate(angles), np.array(electrode)
 
 
@@ -165,7 +166,13 @@ def _with_middles(values: Array) -> Array:
     return out
 
 
-def _graded(count: int) -> Array:
-    """Points in [0, 1), finer at both ends."""
+def _narrowest(body: Body, electrodes: Electrodes) -> float:
+    """Width of the narrowest electrode or, where all are wide, of an edge on the whole rim, m."""
+    return min(float(widths(electrodes).min()), 2 * np.pi * body.radius_m / _AROUND)
+
+
+def _graded(count: int, *, wide: bool = False) -> Array:
+    """Points in [0, 1), finer at both ends, the more so where the whole is wide."""
     t = np.linspace(0, 1, count + 1)[:-1]
-    return (t + (1 - np.cos(np.pi * t)) / 2) / 2
+    finer = (1 - np.cos(np.pi * t)) / 2
+    return finer if wide else (t + finer) / 2
