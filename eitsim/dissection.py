@@ -17,6 +17,8 @@ Indices = NDArray[np.integer]
 
 # Unknowns of the elements of a part that is not halved, each counted once an element, at most.
 _LEAF = 96
+# Parts are cut across one of these.
+_DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ def dissect(points: Array, blocks: list[Indices], last: int) -> Dissection:
     cells, size = blocks[0], 1 + max(int(block.max()) for block in blocks)
     depth = int(np.ceil(np.log2(max(1.0, cells.size / _LEAF))))
     cell = np.arange(len(cells))
-    _halve(points, depth, cell)
+    _halve(points, cells, _DIRECTIONS, depth, cell, np.zeros(size, dtype=np.int64))
     leaf = np.repeat(np.arange(1 << depth), np.diff((len(cells) * np.arange((1 << depth) + 1)) >> depth))
     low, high = _range(cells[cell], leaf, size - last)
     element, leaves = [cell], [leaf]
@@ -111,34 +113,61 @@ def _tree(depth: int, low: Indices, high: Indices, blocks: list[Indices], elemen
 
 
 @compiled
-def _halve(points, depth, cell):
-    """Order cells so that each half, and each half of it, lies on one side of a line across its longer extent."""
-    count = len(cell)
+def _halve(points, cells, directions, depth, order, mark):
+    """Order cells so that each half, and each half of it, lies on one side of a line: of lines across the directions,
+    the one that leaves the fewest unknowns on both sides."""
+    count = len(order)
+    key, trial, best = np.empty(count), np.empty_like(order), np.empty_like(order)
+    stamp = 0
     for level in range(depth):
         for part in range(1 << level):
             start, stop = (count * part) >> level, (count * (part + 1)) >> level
             middle = (count * (2 * part + 1)) >> (level + 1)
-            x, y = points[cell[start:stop], 0], points[cell[start:stop], 1]
-            axis = 0 if x.max() - x.min() > y.max() - y.min() else 1
-            left, right = start, stop - 1
-            while left < right:
-                pivot = points[cell[(left + right) // 2], axis]
-                i, j = left, right
-                while i <= j:
-                    while points[cell[i], axis] < pivot:
-                        i += 1
-                    while points[cell[j], axis] > pivot:
-                        j -= 1
-                    if i <= j:
-                        cell[i], cell[j] = cell[j], cell[i]
-                        i += 1
-                        j -= 1
-                if middle <= j:
-                    right = j
-                elif middle >= i:
-                    left = i
-                else:
-                    break
+            fewest = -1
+            for direction in directions:
+                for c in range(start, stop):
+                    trial[c] = order[c]
+                    key[c] = direction[0] * points[order[c], 0] + direction[1] * points[order[c], 1]
+                _split(key, trial, start, stop, middle)
+                stamp += 1
+                for c in trial[start:middle]:
+                    for unknown in cells[c]:
+                        mark[unknown] = stamp
+                shared = 0
+                for c in trial[middle:stop]:
+                    for unknown in cells[c]:
+                        if mark[unknown] == stamp:
+                            mark[unknown] = 0
+                            shared += 1
+                if fewest < 0 or shared < fewest:
+                    fewest = shared
+                    best[start:stop] = trial[start:stop]
+            order[start:stop] = best[start:stop]
+
+
+@compiled
+def _split(key, order, start, stop, middle):
+    """Bring the smallest keys of a range, and what is ordered with them, before its middle."""
+    left, right = start, stop - 1
+    while left < right:
+        pivot = key[(left + right) // 2]
+        i, j = left, right
+        while i <= j:
+            while key[i] < pivot:
+                i += 1
+            while key[j] > pivot:
+                j -= 1
+            if i <= j:
+                key[i], key[j] = key[j], key[i]
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        if middle <= j:
+            right = j
+        elif middle >= i:
+            left = i
+        else:
+            break
 
 
 @compiled
