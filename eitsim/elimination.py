@@ -19,6 +19,7 @@ from eitsim.dissection import Dissection
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.integer]
 
 
 class Detached(ArithmeticError):
@@ -51,8 +52,10 @@ class Elimination:
 def eliminate(dissection: Dissection, weights: Array, base: Elimination | None = None) -> Elimination:
     """Eliminate all unknowns but the last; fronts whose weights are those of the base are taken from there.
 
-    Weights (pairs,) as dissection.pairs. Detached where a pivot is not positive.
+    Weights (pairs,) as dissection.pairs. Detached where a pivot is not positive; ValueError where the weights are those
+    of another network.
     """
+    _check(dissection, weights)
     base = base.base if base is not None and base.base is not None else base
     fresh = np.ones(len(dissection.height), dtype=bool)
     if base is not None:
@@ -92,6 +95,7 @@ def impedance_of_last(elimination: Elimination, count: int) -> Array:
 
 def impedance_alone(dissection: Dissection, weights: Array, count: int) -> Array:
     """As `impedance_of_last` of an elimination that keeps no front but the root: a fraction of the memory."""
+    _check(dissection, weights)
     members, pivots = np.diff(dissection.begin), np.diff(dissection.first)
     size = (members - pivots) * (members - pivots - 1) // 2
     start = _stacked(dissection.height, size)
@@ -105,7 +109,7 @@ def impedance_alone(dissection: Dissection, weights: Array, count: int) -> Array
     return _between_last(dissection, rows[:pivots[-1] * members[-1]], inverse, count)
 
 
-def _stacked(height: NDArray[np.int64], size: NDArray[np.int64]) -> NDArray[np.int64]:
+def _stacked(height: Indices, size: Indices) -> NDArray[np.int64]:
     """Where what each front passes on begins, in the place of what its children passed on."""
     start, top = np.zeros(len(height), dtype=np.int64), 0
     for t, h in enumerate(height):
@@ -130,6 +134,12 @@ def residual(elimination: Elimination, currents: Array, potentials: Array) -> Ar
     out = currents.copy()
     _leave(elimination.dissection.pairs, elimination.weights, potentials, out)
     return out
+
+
+def _check(dissection: Dissection, weights: Array) -> None:
+    if weights.shape != (len(dissection.pairs),):
+        raise ValueError(f"an order of elimination for {len(dissection.pairs)} pairs of unknowns got {len(weights)} "
+                         "weights; take the order, or the base, of this very mesh.")
 
 
 def _layout(dissection: Dissection) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:

@@ -169,6 +169,16 @@ def test_a_part_that_floats_is_refused_and_named():
         impedance(mesh, np.ones(len(mesh.cells)), 1.0)
 
 
+def test_the_order_of_another_mesh_is_refused():
+    mesh, other = rings(), rings(5)
+    order, base = dissection(other), eliminated(other, np.ones(len(other.cells)), 1.0)
+    for method in (impedance, potentials):
+        with pytest.raises(ValueError, match="of this very mesh"):
+            method(mesh, np.ones(len(mesh.cells)), 1.0, order=order)
+        with pytest.raises(ValueError, match="of this very mesh"):
+            method(mesh, np.ones(len(mesh.cells)), 1.0, base=base)
+
+
 def test_a_node_without_element_is_refused():
     mesh = rings()
     with pytest.raises(ValueError, match=f"node {len(mesh.nodes_m)} .* belongs to no element"):
