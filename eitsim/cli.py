@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
 import time
@@ -13,14 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eitsim.scene import Scene, read_scene, scene_tables
-from matcal.card import MaterialCard, read_card, require, write_json
+from matcal.card import MaterialCard, read_card, write_json
 from matcal.errors import NotConverged
 from matcal.terminal import application, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from eitsim.results import Plan, Result
+    from eitsim.beside import Beside
+    from eitsim.results import Result
 
 app = application("Touch a foam disc with a conductive skin: contact mechanics, skin conductance, 208 voltages.")
 
@@ -35,6 +33,7 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
 
     Example: eitsim plan scene.toml --card card.json
     """
+    from eitsim.display import show_plan
     from eitsim.plan import make_plan
     from eitsim.simulate import decisions
 
@@ -43,7 +42,7 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
     if as_json:
         print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
     else:
-        _print_plan(made)
+        show_plan(made)
     if made.refusal:
         raise ValueError(f"{scene}: {made.refusal}")
 
@@ -73,17 +72,20 @@ def run_scene(scene: SceneFile, card: CardOption = None,
 
     Example: eitsim run scene.toml --card card.json --out result.json --report touch.pdf
     """
+    from eitsim.beside import Beside, check_beside
+    from eitsim.display import show_result
+
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
-    for place, flag in ((out, "--out"), (fields, "--fields"), (frames, "--frames"), (skin, "--skin"),
-                        (sensitivity, "--sensitivity"), (report, "--report")):
+    parsed = read_scene(scene)
+    beside = Beside(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity)
+    for flag, place in {"--out": out, "--report": report, **beside.places}.items():
         if place is not None:
             check_out(place, flag)
-    parsed, patterns = read_scene(scene), _whole(skin_patterns, "--skin-patterns")
-    _check_fields(parsed, fields, exact, reuse)
-    _check_beside(parsed, skin, patterns, sensitivity)
-    path = _card_path(scene, parsed, card)
-    result, document, note = _solve(parsed, path, exact, reuse)
+    if reuse and (exact or fields is not None):
+        raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
+    check_beside(parsed, beside)
+    result, document, note = _solve(parsed, _card_path(scene, parsed, card), exact, reuse)
     if note:
         print(note, file=sys.stderr)
     if result.outcome == "refused":
@@ -93,19 +95,29 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     if as_json:
         print_json(document)
     else:
-        _print_result(result, document, out)
-    if result.readings is not None:
-        for name, place in _written(parsed, result, path, fields, frames, skin, patterns, sensitivity):
-            if not as_json:
-                print(f"{name}: {place}")
-        if skin is not None and out is not None:
-            from eitsim.provenance import file_identity
-
-            write_json(document | {"skin_file": file_identity(skin, out.parent)}, out)
-    if report is not None and out is not None:
-        _write_report(out, report)
+        show_result(result, document)
+    for line in _write_files(parsed, result, document, _card_path(scene, parsed, card), beside, out, report):
+        if not as_json:
+            print(line)
     if result.outcome != "ok":
         raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
+
+
+def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: Path, beside: Beside, out: Path | None,
+                 report: Path | None) -> Iterator[str]:
+    """Write what is asked for beside a stored result, whose hash comes after the skin's file is named in it."""
+    from eitsim.beside import write_beside
+    from eitsim.provenance import file_identity
+
+    if result.readings is not None:
+        yield from (f"{name}: {place}" for name, place in write_beside(scene, result, read_card(card), beside))
+    if out is None:
+        return
+    if result.readings is not None and beside.skin is not None:
+        write_json(document | {"skin_file": file_identity(beside.skin, out.parent)}, out)
+    yield f"result: {out} (sha256 {file_identity(out, out.parent)['sha256'][:12]})"
+    if report is not None:
+        yield _report_written(out, report)
 
 
 def _whole(text: str, flag: str) -> list[int] | None:
@@ -114,64 +126,6 @@ def _whole(text: str, flag: str) -> list[int] | None:
     if any(value != int(value) for value in found):
         raise ValueError(f"{flag} must hold whole numbers, got {text}.")
     return [int(value) for value in found] or None
-
-
-def _check_fields(scene: Scene, fields: Path | None, exact: bool, reuse: bool) -> None:
-    """ValueError where these options do not go together."""
-    if fields is not None:
-        _check_vtu(fields, "--fields")
-        if scene.hold.time_s:
-            raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
-        if len(scene.punches) > 1:
-            raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
-    if reuse and (exact or fields is not None):
-        raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
-
-
-def _check_beside(scene: Scene, skin: Path | None, patterns: list[int] | None, sensitivity: Path | None) -> None:
-    """ValueError, before anything is solved, where the scene has no such file."""
-    if skin is None and patterns is not None:
-        raise ValueError("--skin-patterns has no effect without --skin; add --skin skin.vtu.")
-    if skin is not None:
-        from eitsim.skin_fields import driven_currents
-
-        _check_vtu(skin, "--skin")
-        driven_currents(scene, patterns)
-    if sensitivity is not None:
-        from eitsim.touch_sensitivity import check_differentiable
-
-        check_differentiable(scene)
-
-
-def _check_vtu(path: Path, flag: str) -> None:
-    if path.suffix != ".vtu":
-        raise ValueError(f"{flag} {path}: the file is a VTU file; give a name that ends in .vtu.")
-
-
-def _written(scene: Scene, result: Result, card: Path, fields: Path | None, frames: Path | None, skin: Path | None,
-             patterns: list[int] | None, sensitivity: Path | None) -> Iterator[tuple[str, Path]]:
-    """Write the files that are asked for beside a solved result; what each is, and where."""
-    if fields is not None:
-        from eitsim.fields import write_vtu
-
-        (touch,) = result.touches
-        write_vtu(touch, fields)
-        yield "fields", fields
-    if frames is not None and result.readings is not None:
-        from eitsim.frames import write_frames
-
-        write_frames(frames, [moment.readings for moment in result.moments] or [result.readings])
-        yield "frames", frames
-    if skin is not None:
-        from eitsim.skin_fields import write_skin_vtu
-
-        write_skin_vtu(scene, result.touches, require(read_card(card), "conductivity", "the skin"), skin, patterns)
-        yield "skin", skin
-    if sensitivity is not None and result.outcome == "ok":
-        from eitsim.touch_sensitivity import scene_sensitivity, write_sensitivity
-
-        write_sensitivity(scene_sensitivity(scene, read_card(card)), sensitivity)
-        yield "sensitivity", sensitivity
 
 
 def _solve(scene: Scene, card_path: Path, exact: bool, reuse: bool) -> tuple[Result, dict[str, Any], str]:
@@ -243,6 +197,7 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
 
     Example: eitsim solve-mesh model.mat --conductance-S 1e-3 --out solved.json
     """
+    from eitsim.display import show_solved
     from eitsim.solve_mesh import solve_file
 
     if out is not None:
@@ -253,7 +208,7 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
     if as_json:
         print_json(document)
     else:
-        _print_solved(document, out)
+        show_solved(document, out)
 
 
 @app.command()
@@ -276,6 +231,7 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
 
     Example: eitsim reconstruct frames.csv --scene scene.toml --out image.vtu
     """
+    from eitsim.display import show_images
     from eitsim.frame_images import check_suffix, images_of, write_images
 
     if out is not None:
@@ -288,22 +244,7 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
     if as_json:
         print_json(document)
     else:
-        _print_images(document, out)
-
-
-def _print_images(document: dict[str, Any], out: Path | None) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    keys = ("line", "x_mm", "y_mm", "area_mm2", "peak")
-    table = Table(*keys, title="images: quarter-amplitude area, its centre, largest relative change of conductance")
-    for image in document["frames"]:
-        table.add_row(*(f"{image[key]:.4g}" for key in keys))
-    Console().print(table)
-    print(f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; prior "
-          f"{document['prior']}, noise figure {document['noise_figure']:.3g}")
-    if out is not None:
-        print(f"images: {out}")
+        show_images(document, out)
 
 
 @app.command()
@@ -332,14 +273,14 @@ def report(source: Annotated[Path, typer.Argument(metavar="DIR_OR_RESULT", help=
     Example: eitsim report sweep --out sweep.pdf
     """
     check_out(out)
-    _write_report(source, out)
+    print(_report_written(source, out))
 
 
-def _write_report(source: Path, out: Path) -> None:
+def _report_written(source: Path, out: Path) -> str:
     from reports.simulation import write
 
     write(source, out)
-    print(f"report: {out}")
+    return f"report: {out}"
 
 
 def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
@@ -348,89 +289,6 @@ def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
     if scene.card is None:
         raise ValueError(f"{scene_path}: no card. Give --card card.json, or card = \"card.json\" at its top.")
     return scene_path.parent / scene.card
-
-
-def _print_plan(made: Plan) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table("decision", "reason", "may cost of dV", title="plan")
-    for d in made.decisions:
-        table.add_row(escape(d.decision), escape(d.reason), f"{d.error_bound:.1e}" if d.error_bound else "-")
-    table.add_section()
-    table.add_row("all of them", "", f"{made.error_bound:.1e}")
-    Console().print(table)
-
-
-def _print_result(result: Result, document: dict[str, Any], out: Path | None) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    _print_plan(result.plan)
-    if result.readings is not None:
-        largest_V = max(abs(value) for value in result.readings.signal_V.flat if value == value)
-        table = Table("quantity", "value", title=f"touch: {result.outcome}")
-        for key in ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2"):
-            values = document[key] if isinstance(document[key], list) else [document[key]]
-            table.add_row(key, ", ".join(f"{value:.5g}" for value in values))
-        table.add_row("largest |dV|, mV", f"{largest_V * 1e3:.4g}")
-        for key, value in result.error_estimate.items():
-            table.add_row(f"error of {key}, of that numerical", f"{value:.2%}, {result.numerical_error[key]:.2%}")
-        for key, value in result.interaction.items():
-            table.add_row(f"of it at most by neighbours, {key}", f"{value:.2%}")
-        _add_ranges(table, document["stability"])
-        table.add_row("CPU, s", f"{result.cost['cpu_s']:.2f}")
-        Console().print(table)
-        if result.outcome == "ok" and result.message:
-            print(f"note: {result.message}")
-    if result.moments:
-        Console().print(_hold_table(document["times"]))
-    if out is not None:
-        print(f"result: {out} (sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]})")
-
-
-def _print_solved(document: dict[str, Any], out: Path | None) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    made, errors = document["model"], document["error_estimate"]
-    table = Table("quantity", "value", title=f"{made['file']}: {made['variable']}")
-    for name in ("electrodes", "nodes", "triangles"):
-        table.add_row(name, str(made[name]))
-    table.add_row("sheet conductance, S", " to ".join(f"{value:.5g}" for value in made["conductance_S"]))
-    table.add_row("readings", str(sum(len(row) for row in document["readings_V"])) if document["readings_V"] else
-                  "none: the model has no stimulation (--scene gives one)")
-    for key, value in errors.items():
-        table.add_row(f"error of {key} by the triangles", f"{value:.2e}")
-    table.add_row("CPU, s", f"{document['cost']['cpu_s']:.2f}")
-    Console().print(table)
-    if out is not None:
-        print(f"result: {out}")
-
-
-def _hold_table(times: list[dict[str, Any]]) -> Table:
-    """The hold, one row a time after loading."""
-    from rich.table import Table
-
-    keys = ("time_s", "delta_max_mm", "force_N", "sigma_ave_kPa", "sigma_max_kPa", "A_c_mm2")
-    table = Table(*keys, title="hold, from the end of loading")
-    for block in times:
-        table.add_row(*(f"{block[key]:.5g}" for key in keys))
-    return table
-
-
-def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
-    """Rows that set the least strain against the fitted ones; beyond them the laws are extrapolated."""
-    table.add_row("least strain of the surface", f"{stability['least_strain']:.3f}")
-    for part in ("foam", "skin"):
-        fitted = stability[f"fitted_{part}_strain"]
-        told = "not stated by the card"
-        if fitted is not None:
-            told = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
-        beyond = fitted is not None and stability["least_strain"] < fitted[0]
-        table.add_row(f"{part} law fitted over", told + (", extrapolated" if beyond else ""))
-    table.add_row("skin beyond its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc")
 
 
 def main() -> None:
