@@ -28,6 +28,8 @@ _FARTHEST = 0.9
 # Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
 # and how much wider they get per unit of distance from there.
 _AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
+# Window that the steepness of the stretches is averaged over, in fillet radii.
+_WINDOW = 0.2
 # Rings of patches from their inner edge to the rim, on level 1.
 _ALONG = 2
 # Lines of the contact closer than this share of the fillet radius are one line.
@@ -44,10 +46,8 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     Level n divides all widths and angles by n; `thinner` divides the widths of the rings at the lines of the contact
     alone. ValueError where the punch overhangs the rim, or its contact reaches the ring of patches.
     """
-    edge, patches = punch.diameter_m / 2, patch_radii(body, electrodes, level)
-    room = _room(punch, touch, patches)
-    touch = replace(touch, contact_radius_m=min(touch.contact_radius_m, edge + _FARTHEST * room))
-    gap = room - max(touch.contact_radius_m - edge, 0.0)
+    patches = patch_radii(body, electrodes, level)
+    touch, gap = inside_rim(punch, touch, patches)
     angles, electrode = rim_angles(body, electrodes, level)
     inner = centred_radii(punch, touch, gap, level, thinner)
     blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * _narrowest(body, electrodes) / level)
@@ -57,7 +57,11 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
                      covered=len(patches) - 1)
 
 
-def _room(punch: Punch, touch: Touch, patches: Array) -> float:
+def inside_rim(punch: Punch, touch: Touch, patches: Array) -> tuple[Touch, float]:
+    """The touch with its end of contact inside the rim, and its distance to the rim or the ring of patches, m.
+
+    ValueError where the punch overhangs the rim, or its contact reaches the ring of patches.
+    """
     edge = punch.diameter_m / 2
     room = float(patches[0]) - math.hypot(punch.x_m, punch.y_m) - edge
     if len(patches) == 1 and room <= 0:
@@ -67,7 +71,8 @@ def _room(punch: Punch, touch: Touch, patches: Array) -> float:
     if len(patches) > 1 and reach >= room:
         raise ValueError(f"the contact reaches {(reach - room) * 1e3:.1f} mm into the ring that the patch electrodes "
                          "lie on; move the punch inwards, or make the patches shorter.")
-    return room
+    touch = replace(touch, contact_radius_m=min(touch.contact_radius_m, edge + _FARTHEST * room))
+    return touch, room - max(touch.contact_radius_m - edge, 0.0)
 
 
 def patch_radii(body: Body, electrodes: Electrodes, level: int = 1) -> Array:
@@ -78,17 +83,19 @@ def patch_radii(body: Body, electrodes: Electrodes, level: int = 1) -> Array:
     return body.radius_m - electrodes.length_m * (1 - steps)
 
 
-def rim_angles(body: Body, electrodes: Electrodes, level: int = 1) -> tuple[Array, Indices]:
+def rim_angles(body: Body, electrodes: Electrodes, level: int = 1, *, under: int = _UNDER, between: int = _BETWEEN,
+               around: int = _AROUND) -> tuple[Array, Indices]:
     """Angles (m,), rad, of the nodes on the rim and the electrode (m,) that follows each; -1 in a gap.
 
-    Spacing halves towards the ends of the electrodes, where the current density is singular.
+    On level 1 at least `under` edges lie under an electrode and `between` between two, or as many as give the whole rim
+    `around`. Spacing halves towards the ends of the electrodes, where the current density is singular.
     """
     ends = arcs(body.radius_m, electrodes)
     following = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi)
     angles, electrode = [], []
     for k, (start, stop) in enumerate(ends):
-        for first, last, least, owner in ((start, stop, _UNDER, k), (stop, following[k], _BETWEEN, -1)):
-            edges = max(least, round((last - first) * _AROUND / (2 * np.pi))) * level
+        for first, last, least, owner in ((start, stop, under, k), (stop, following[k], between, -1)):
+            edges = max(least, round((last - first) * around / (2 * np.pi))) * level
             if last - first > TOUCHING:
                 angles.append(first + (last - first) * _graded(edges, wide=owner >= 0 and edges > least * level))
                 electrode += [owner] * edges
@@ -128,9 +135,11 @@ def _topology(rings: int, sectors: int) -> tuple[Indices, Indices]:
     return np.column_stack(cells), np.column_stack([rim[:-1:2], rim[2::2], rim[1::2]])
 
 
-def centred_radii(punch: Punch, touch: Touch, gap: float, level: int, thinner: int = 1) -> Array:
+def centred_radii(punch: Punch, touch: Touch, gap: float, level: int, thinner: int = 1,
+                  steepest: float = np.inf) -> Array:
     """Radii, m, from 0 over the lines of the contact to the last ring that is centred on the punch, part of the way
-    `gap`, m, from the contact."""
+    `gap`, m, from the contact; on level 1 the stretches change by the part `steepest` of all their change in a ring.
+    """
     edge, same = punch.diameter_m / 2, _SAME_LINE * punch.fillet_m
     marks = [edge - punch.fillet_m, edge, touch.contact_radius_m]
     marks = [m for i, m in enumerate(marks) if m > same and all(abs(m - other) > same for other in marks[:i])]
@@ -138,10 +147,21 @@ def centred_radii(punch: Punch, touch: Touch, gap: float, level: int, thinner: i
 
     def width(radius: Array) -> Array:
         nearest = np.min(np.abs(radius[:, None] - np.array(marks)), axis=1)
-        return (_AT_CONTACT * punch.fillet_m / thinner + _GROWTH * nearest) / level
+        widest = _AT_CONTACT * punch.fillet_m / thinner + _GROWTH * nearest
+        return np.minimum(widest, steepest / _steepness(touch, radius, _WINDOW * punch.fillet_m)) / level
 
     pieces = [_spread(a, b, width) for a, b in itertools.pairwise(stops)]
     return np.concatenate([[0.0], *pieces])
+
+
+def _steepness(touch: Touch, radius: Array, window: float) -> Array:
+    """Change of the logarithms of the stretches per length over all their change, added up, averages over a window
+    about each radius."""
+    logarithms = np.log(np.column_stack([touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal]))
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(logarithms, axis=0)).sum(axis=1))])
+    ends = [np.interp(radius + side * window / 2, touch.radius_m, path) for side in (-1, 1)]
+    tiny = np.finfo(float).tiny
+    return np.maximum((ends[1] - ends[0]) / max(window * path[-1], tiny), tiny)
 
 
 def _blend(distance: float, first: float, last: float) -> Array:

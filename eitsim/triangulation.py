@@ -1,4 +1,4 @@
-"""A mesh that follows several touches: curved triangles in rings about each punch, a graded triangulation between."""
+"""A mesh that follows touches: curved triangles in rings about each punch, a graded triangulation between."""
 
 from __future__ import annotations
 
@@ -13,18 +13,43 @@ from eitsim.cem import SkinMesh
 from eitsim.multipole import place
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch
-from eitsim.template import centred_radii, patch_radii, rim_angles
+from eitsim.template import centred_radii, inside_rim, patch_radii, rim_angles
 from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
+Touches = tuple[tuple[Punch, Touch], ...]
 
-# Triangles around a circle, on level 1, at least; growth of the triangles per unit of distance, and their largest size
-# in disc radii.
-_SECTORS, _GROWTH, _LARGEST = 32, 0.3, 0.15
 # Least distance of the other points from circles and rim, in sizes, and how often they are moved to their neighbours'
 # mean.
 _CLOSEST, _SMOOTHINGS = 0.6, 3
+
+
+# A rim edge is no longer than so many of its distances to a circle.
+_NEAR = 2.0
+
+
+@dataclass(frozen=True)
+class Grading:
+    """Sizes on level 1."""
+
+    # edges along the rim under an electrode and between two of them, at least, and about how many on the whole rim
+    under: int
+    between: int
+    around: int
+    # triangles around a circle, at least, and their length in widths of the outermost rings, at most
+    sectors: int
+    stretched: float
+    # growth of the triangles per unit of distance, and their largest size in disc radii
+    growth: float
+    largest: float
+    # part of the stretches' whole change in a ring, at most
+    steepest: float
+
+
+# For fields on one mesh, and for meshes that are halved.
+EVEN = Grading(2, 6, 128, 32, 1.0, 0.3, 0.15, np.inf)
+LEAN = Grading(3, 4, 112, 12, 3.0, 0.8, 0.4, 0.12)
 
 
 @dataclass(frozen=True)
@@ -47,25 +72,26 @@ class _Circle:
         return 2 * np.pi * self.radius_m / self.sectors
 
 
-def triangulation(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, Touch], ...],
-                  level: int = 1, thinner: int = 1) -> SkinMesh:
+def triangulation(body: Body, electrodes: Electrodes, touches: Touches,
+                  level: int = 1, thinner: int = 1, grading: Grading = EVEN) -> SkinMesh:
     """P2 mesh of the disc with circles at the punches' edges, the starts of their fillets and the ends of contact.
 
     Level n divides all sizes by n, `thinner` the widths of the rings at these circles alone.
     Patches lie on rings of triangles outside. ValueError where punches overlap or overhang the rim or these rings.
     """
     patches = patch_radii(body, electrodes, 2 * level)
-    angles, electrode = rim_angles(body, electrodes, 2 * level)
+    touches, gaps = _gaps(touches, patches)
+    circles = [_circle(punch, touch, gap, level, thinner, grading)
+               for (punch, touch), gap in zip(touches, gaps, strict=True)]
+    angles, electrode = _rim(body, electrodes, circles, level, grading)
     spoke = np.column_stack([np.cos(angles), np.sin(angles)])
     body, rim = replace(body, radius_m=float(patches[0])), patches[0] * spoke
-    circles = [_circle(punch, touch, gap, level, thinner)
-               for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
     parts = [_rings(circle) for circle in circles]
     ends = np.cumsum([0, *(len(nodes) for nodes, _ in parts)])
     outlines = [end - circle.sectors + np.arange(circle.sectors) for circle, end in zip(circles, ends[1:], strict=True)]
     outline = np.concatenate([*outlines, ends[-1] + np.arange(len(rim))])
     corners = np.vstack([*(nodes for nodes, _ in parts), rim])
-    fill, between = _between(body, circles, corners[outline], rim, level)
+    fill, between = _between(body, circles, corners[outline], rim, level, grading)
     numbers = np.concatenate([outline, len(corners) + np.arange(len(fill))])
     corners = np.vstack([corners, fill])
     cells = np.vstack([*(cells + start for (_, cells), start in zip(parts, ends, strict=False)), numbers[between]])
@@ -75,25 +101,41 @@ def triangulation(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch
     return _quadratic(circles, ends, corners, cells, loops, electrode, electrodes.count)
 
 
-def _gaps(body: Body, touches: tuple[tuple[Punch, Touch], ...]) -> Array:
-    """Distance from each contact to the rim or to the middle of the way to another contact, m."""
+def _gaps(touches: Touches, patches: Array) -> tuple[Touches, Array]:
+    """The touches, each with its end of contact inside the rim, and the distance of each to the rim or to the middle of
+    the way to another, m."""
+    kept, to_rim = zip(*(inside_rim(punch, touch, patches) for punch, touch in touches), strict=True)
+    touches = tuple((punch, touch) for (punch, _), touch in zip(touches, kept, strict=True))
     radius = np.array([max(punch.diameter_m / 2, touch.contact_radius_m) for punch, touch in touches])
     centre = np.array([place(punch) for punch, _ in touches])
     apart = np.abs(np.subtract.outer(centre, centre)) - np.add.outer(radius, radius)
     np.fill_diagonal(apart, np.inf)
-    to_rim = body.radius_m - np.abs(centre) - radius
-    if to_rim.min() <= 0:
-        raise ValueError(f"the contact reaches {-to_rim.min() * 1e3:.1f} mm beyond the rim of the disc; move the punch "
-                         "inwards.")
     if apart.min() <= 0:
         raise ValueError(f"two punches or their contacts overlap by {-apart.min() * 1e3:.1f} mm; move them apart.")
-    return np.minimum(to_rim, apart.min(axis=1) / 2)
+    return touches, np.minimum(to_rim, apart.min(axis=1) / 2)
 
 
-def _circle(punch: Punch, touch: Touch, gap: float, level: int, thinner: int) -> _Circle:
-    radii = centred_radii(punch, touch, gap, level, thinner)
-    around = 2 * np.pi * radii[-1] / (radii[-1] - radii[-2])
-    return _Circle(np.array([punch.x_m, punch.y_m]), radii, max(_SECTORS * level, int(np.ceil(around))))
+def _circle(punch: Punch, touch: Touch, gap: float, level: int, thinner: int, grading: Grading) -> _Circle:
+    radii = centred_radii(punch, touch, gap, level, thinner, grading.steepest)
+    around = 2 * np.pi * radii[-1] / (grading.stretched * max(np.diff(radii)[-3:].max(), punch.fillet_m / 2 / level))
+    return _Circle(np.array([punch.x_m, punch.y_m]), radii, max(grading.sectors * level, int(np.ceil(around))))
+
+
+def _rim(body: Body, electrodes: Electrodes, circles: list[_Circle], level: int,
+         grading: Grading) -> tuple[Array, Indices]:
+    """Angles of the nodes on the rim and the electrode that follows each, as `rim_angles`, halved where a circle is
+    near."""
+    angles, electrode = rim_angles(body, electrodes, level, under=grading.under, between=grading.between,
+                                   around=grading.around)
+    while True:
+        width = np.diff(angles, append=angles[0] + 2 * np.pi)
+        middle = body.radius_m * np.exp(1j * (angles + width / 2))
+        away = [np.abs(middle - complex(*circle.centre_m)) - circle.radius_m for circle in circles]
+        long = np.flatnonzero(body.radius_m * width > _NEAR * np.min(away, axis=0))
+        if not len(long):
+            return angles, electrode
+        angles = np.insert(angles, long + 1, angles[long] + width[long] / 2)
+        electrode = np.insert(electrode, long + 1, electrode[long])
 
 
 def _rings(circle: _Circle) -> tuple[Array, Indices]:
@@ -115,17 +157,18 @@ def _ring_cells(number: Indices) -> Indices:
     return np.vstack([np.column_stack([inner, outer, outer_after]), np.column_stack([inner, outer_after, inner_after])])
 
 
-def _between(body: Body, circles: list[_Circle], outline: Array, rim: Array, level: int) -> tuple[Array, Indices]:
+def _between(body: Body, circles: list[_Circle], outline: Array, rim: Array, level: int,
+             grading: Grading) -> tuple[Array, Indices]:
     """Points between circles and rim, and triangles of the outline's points and these."""
     spacing = np.linalg.norm(rim - np.roll(rim, 1, axis=0), axis=1)
     along = KDTree(rim)
 
     def size(points: Array) -> Array:
         reach, nearest = along.query(points)
-        out = np.minimum(spacing[nearest] + _GROWTH * reach, _LARGEST * body.radius_m / level)
+        out = np.minimum(spacing[nearest] + grading.growth * reach, grading.largest * body.radius_m / level)
         for circle in circles:
             away = np.linalg.norm(points - circle.centre_m, axis=1) - circle.radius_m
-            out = np.minimum(out, circle.size_m + _GROWTH * np.maximum(away, 0))
+            out = np.minimum(out, circle.size_m + grading.growth * np.maximum(away, 0))
         return out
 
     fill = _leaves(body, circles, size)
