@@ -145,8 +145,25 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "n
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal",
               coarse: Fineness = COARSE, fine: Fineness = FINE) -> Touch:
-    """An axisymmetric touch with the rim's effect, of finenesses whose difference tells the error; NotConverged where
-    no equilibrium is found."""
+    """An axisymmetric touch with the rim's effect, of finenesses whose difference tells the error; NotConverged, with
+    the likely cause, where no equilibrium is found."""
+    try:
+        return _corrected(touch, law, body, punch, strain, coarse, fine)
+    except NotConverged as error:
+        raise NotConverged(f"{error} {_likely_cause(touch, body, punch)}", estimate=error.estimate,
+                           residuals=error.residuals, load_fraction=error.load_fraction) from None
+
+
+def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
+    gap = body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
+    lost = (f"strong ellipticity is lost at {touch.fraction_non_elliptic:.1%} of the points of the foam, and "
+            if touch.fraction_non_elliptic else "")
+    return (f"Likely cause: {lost}the punch's edge is {gap * 1e3:.2f} mm from the rim, {touch.depth_m * 1e3:.2f} mm "
+            "deep, and squeezes the foam's free side out; move it inwards or press less.")
+
+
+def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: str, coarse: Fineness,
+               fine: Fineness) -> Touch:
     started = time.process_time()
     before = _found(law, body, punch, coarse)
     rough = _change_of(before, body)

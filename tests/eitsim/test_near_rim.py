@@ -24,6 +24,7 @@ from eitsim.scene import Body, Punch, Scene, Skin
 from eitsim.skin import changes, sheet_conductance, stretches
 from matcal import hyperfoam
 from matcal.conductivity import Conductivity
+from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
 FOAM = Hyperfoam(np.array([14.42e3, 16.78e3, -21.67e3]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
@@ -299,3 +300,10 @@ def test_a_contact_is_no_larger_than_the_face_and_the_excess_is_told():
     assert kept.contact_area_m2 == pytest.approx(np.pi * 0.007**2, rel=1e-12)
     assert kept.contact_area_error == pytest.approx(0.11)
     assert kept.sigma_ave_Pa == pytest.approx(far.force_N / kept.contact_area_m2)
+
+
+def test_a_failure_near_the_rim_tells_its_likely_cause():
+    punch = Punch(0.0332501, 0.0854838, 0.0157779, 4.78751, friction="stick")
+    told = r"Likely cause: .*0\.39 mm from the rim, \d\.\d\d mm deep.* move it inwards"
+    with pytest.raises(NotConverged, match=told):
+        solve_near_rim(FOAM, BODY, punch)
