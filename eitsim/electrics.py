@@ -88,8 +88,8 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     conductance that one touch makes at another's contact, and a quarter of what they make together where they meet
     (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less); for "mesh" it is the change by the coarser
     mesh times LEFT. It does not hold what interpolation between the touch's own samples costs. Halved meshes are nested
-    and cover the same cells, so that what is left falls by much the same ratio at every touch: over random touches
-    0.15 of the last change is left in the middle (benchmarks/electrics_random.py).
+    and cover the same cells, so that what is left falls by much the same ratio at every touch: over 39 random touches
+    0.12 of the last change is left in the middle, 0.05 to 0.6 at all (benchmarks/electrics_random.py).
 
     A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do.
 
