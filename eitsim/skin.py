@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator, RectBivariateSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from eitsim.circles import Outline
 from eitsim.results import RimField, Touch
@@ -41,9 +41,15 @@ def principal_conductances(law: Conductivity, skin: Skin, stretch_1: ArrayLike, 
     ValueError where c(e) is not positive.
     """
     first, second = np.asarray(stretch_1, dtype=float), np.asarray(stretch_2, dtype=float)
-    sheet = conductivity(law, driving_strain(skin.strain, first, second, stretch_normal))
-    sheet = sheet * coating_thickness(skin.thickness_m, first * second)
+    sheet = _current_sheet(law, skin, first, second, stretch_normal)
     return sheet * second / first, sheet * first / second
+
+
+def _current_sheet(law: Conductivity, skin: Skin, stretch_1: Array, stretch_2: Array,
+                   stretch_normal: ArrayLike) -> Array:
+    """Conductance c t of the stretched sheet, S a square of its own."""
+    sheet = conductivity(law, driving_strain(skin.strain, stretch_1, stretch_2, stretch_normal))
+    return sheet * coating_thickness(skin.thickness_m, stretch_1 * stretch_2)
 
 
 def untouched_conductance(law: Conductivity, skin: Skin) -> float:
@@ -60,8 +66,7 @@ def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, l
     radius = np.hypot(offset[..., 0], offset[..., 1])
     normal = np.where(radius[..., None] > 0, offset / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
     meridian, hoop = principal_conductances(law, skin, *stretches(touch, radius))
-    radial = normal[..., :, None] * normal[..., None, :]
-    return hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * radial
+    return hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * _outer(normal, normal)
 
 
 def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]], skin: Skin,
@@ -89,13 +94,21 @@ def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, 
     radius = np.hypot(local[..., 0], local[..., 1])
     meridian, hoop, normal = stretches(touch, radius)
     radial = np.where(radius[..., None] > 0, local / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
-    radial = radial[..., :, None] * radial[..., None, :]
     if touch.rim is None:
-        metric = (hoop**2)[..., None, None] * np.eye(2) + (meridian**2 - hoop**2)[..., None, None] * radial
-        return axes.T @ metric @ axes, normal
-    old = hoop[..., None, None] * np.eye(2) + (meridian - hoop)[..., None, None] * radial
+        radial = radial @ axes
+        return (hoop**2)[..., None, None] * np.eye(2) + (meridian**2 - hoop**2)[..., None, None] * _outer(
+            radial, radial), normal
+    stretch = hoop[..., None, None] * axes + (meridian - hoop)[..., None, None] * _outer(radial, radial @ axes)
     metric, factor = changes(touch.rim, local)
-    return axes.T @ old @ metric @ old @ axes, normal * factor
+    first, second = stretch[..., 0, :], stretch[..., 1, :]
+    mixed = _outer(first, second)
+    return (metric[..., :1, :1] * _outer(first, first) + metric[..., 1:, 1:] * _outer(second, second)
+            + metric[..., :1, 1:] * (mixed + np.swapaxes(mixed, -1, -2))), normal * factor
+
+
+def _outer(one: Array, other: Array) -> Array:
+    """Products (..., 2, 2) of vectors (..., 2)."""
+    return one[..., :, None] * other[..., None, :]
 
 
 def local_axes(punch: Punch, touch: Touch) -> Array:
@@ -109,10 +122,11 @@ def local_axes(punch: Punch, touch: Touch) -> Array:
 
 def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity) -> Array:
     """c t J_s C_s^-1 of a metric C_s and the stretch normal to the surface."""
-    value, vector = np.linalg.eigh(metric)
-    first, second = np.sqrt(np.moveaxis(value, -1, 0))
-    sheets = principal_conductances(law, skin, first, second, normal)
-    return (vector * np.stack(sheets, axis=-1)[..., None, :]) @ np.swapaxes(vector, -1, -2)
+    xx, xy, yy = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
+    first = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+    areal = np.sqrt(xx * yy - xy**2)
+    sheet = _current_sheet(law, skin, first, areal / first, normal) / areal
+    return np.stack([sheet * yy, -sheet * xy, -sheet * xy, sheet * xx], axis=-1).reshape(metric.shape)
 
 
 def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
@@ -142,8 +156,21 @@ def _sampled(rim: RimField, local_m: Array, parts: Sequence[Array], unchanged: S
     none = radius > rim.radius_m[-1]
     if rim.towards is not None:
         none |= angle < start - _ON_PLANE
-    found = [RectBivariateSpline(rim.radius_m, rim.share, part, kx=1, ky=3).ev(at, share) for part in parts]
+    cubics = np.moveaxis(CubicSpline(rim.share, np.stack(parts, axis=-1), axis=1).c, 1, 2)
+    ring = np.clip(np.searchsorted(rim.radius_m, at, side="right") - 1, 0, len(rim.radius_m) - 2)
+    sector = np.clip(np.searchsorted(rim.share, share, side="right") - 1, 0, len(rim.share) - 2)
+    way, beyond = (share - rim.share[sector])[..., None], (at - rim.radius_m[ring]) / np.diff(rim.radius_m)[ring]
+    inner, outer = (_polynomial(cubics[:, i, sector], way) for i in (ring, ring + 1))
+    found = np.moveaxis(inner + (outer - inner) * beyond[..., None], -1, 0)
     return [np.where(none, value, part) for value, part in zip(unchanged, found, strict=True)]
+
+
+def _polynomial(coefficients: Array, x: Array) -> Array:
+    """Sum of coefficients times powers of x, the highest power first."""
+    value = coefficients[0]
+    for coefficient in coefficients[1:]:
+        value = value * x + coefficient
+    return value
 
 
 def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:
