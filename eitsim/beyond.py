@@ -64,10 +64,10 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
     """Change (count, count), Ohm, of the impedance matrix, to first order, by what touches make of the conductance
     together beyond the sum of what each makes alone, outside their contacts; 0 for one touch."""
     field = _untouched(body, electrodes, conductance_S)
-    outside = np.ones(len(field.points_m), dtype=bool)
-    for punch, touch in touches:
-        away = np.hypot(field.points_m[:, 0] - punch.x_m, field.points_m[:, 1] - punch.y_m)
-        outside &= away > touch.contact_radius_m
+    away = np.array([np.linalg.norm(field.points_m - [punch.x_m, punch.y_m], axis=1) for punch, _ in touches])
+    inner, outer = (np.array([[radius] for radius in radii]) for radii in zip(*(
+        (touch.contact_radius_m, touch.radius_m[-1]) for _, touch in touches), strict=True))
+    outside = np.all(away > inner, axis=0) & (np.sum(away < outer, axis=0) > 1)
     points = field.points_m[outside]
     alone = [sheet_conductance(points, punch, touch, skin, law) for punch, touch in touches]
     rest = (len(touches) - 1) * conductance_S * np.eye(2)
