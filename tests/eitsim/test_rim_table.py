@@ -51,8 +51,10 @@ def test_touches_near_the_rim_are_recovered(table) -> None:
     quick, fresh = stored(table, punch), solve_near_rim(FOAM, Body(), punch)
     assert quick is not None
     added = fresh.depth_m / touch_from(table, FOAM, Body(), punch, "normal").depth_m - 1
-    print("the rim adds", added, "missed", quick.depth_m / fresh.depth_m - 1, table.rim.error)
-    assert 0 < abs(quick.depth_m / fresh.depth_m - 1) < 2 * (table.error.depth + table.rim.error.depth) < added
+    missed = abs(quick.depth_m / fresh.depth_m - 1)
+    print("the rim adds", added, "missed", missed, table.rim.error)
+    assert 0 < missed < table.error.depth + table.rim.error.depth
+    assert missed < added / 4
     assert signal_difference(fresh, quick.rim, fresh.rim, "normal") < 2 * table.rim.error.signal < 0.02
     assert quick.contact_area_m2 == pytest.approx(fresh.contact_area_m2, rel=0.02)
 
