@@ -129,8 +129,8 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
     ValueError where the resistance between two electrodes keeps fewer than four digits beside that between others.
     """
     if refinements > 0:
-        return _centred(potentials(mesh, conductance_S, contact_impedance, order=order, base=base,
-                                   refinements=refinements)[len(mesh.nodes_m):])
+        return centred(mesh, potentials(mesh, conductance_S, contact_impedance, order=order, base=base,
+                                        refinements=refinements))[len(mesh.nodes_m):]
     if base is not None:
         return _resolved(impedance_of_last(eliminated(mesh, conductance_S, contact_impedance, base=base), mesh.count))
     order = dissection(mesh) if order is None else order
@@ -153,12 +153,14 @@ def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Arra
     potential = solve(done, currents)
     for _ in range(refinements):
         potential += solve(done, residual(done, currents, potential))
-    _resolved(_centred(potential[len(mesh.nodes_m):]))
+    _resolved(centred(mesh, potential)[len(mesh.nodes_m):])
     return potential
 
 
-def _centred(electrodes: Array) -> Array:
-    return electrodes - electrodes.mean(axis=0)
+def centred(mesh: SkinMesh, potential: Array) -> Array:
+    """Potentials (nodes + count, n) less the mean of the electrodes', the impedance matrix in the last rows of
+    `potentials`."""
+    return potential - potential[len(mesh.nodes_m):].mean(axis=0)
 
 
 def _resolved(z: Array) -> Array:

@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import root_scalar
 from scipy.spatial import Delaunay, KDTree
 
-from eitsim.cem import SkinMesh, potentials, quadrature_points
+from eitsim.cem import SkinMesh, centred, potentials, quadrature_points
 from eitsim.drive import Drive, read_out
 from eitsim.electrodes import among_all, contact_impedances, present
 from eitsim.scene import Body, Electrodes
@@ -100,12 +100,12 @@ def pixels(radius_m: float, rings: int = RINGS) -> Pixels:
     return Pixels(nodes, triangles, nodes[triangles].mean(axis=1), np.abs(area))
 
 
-def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array, rings: int = RINGS) -> Untouched:
+def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array) -> Untouched:
     """The uniform skin that fits untouched readings (readings,) best, its contact impedances those of the electrodes.
 
     ValueError where the readings have another count, or no conductance fits them.
     """
-    mesh, mosaic, resistance = _fine(body, present(electrodes)), pixels(body.radius_m, rings), 1 / _FIRST_S
+    mesh, mosaic, resistance = _fine(body, present(electrodes)), pixels(body.radius_m), 1 / _FIRST_S
     for _ in range(_STEPS):
         potential, readings, slope = _uniform(mesh, electrodes, drive, 1 / resistance)
         if readings.shape != baseline_V.shape:
@@ -180,10 +180,10 @@ def _places(points: Array, mosaic: Pixels) -> Indices:
 def _uniform(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, conductance_S: float) -> tuple[Array, Array, Array]:
     """Potentials, readings (readings,), V, and their derivatives by the resistance of a square, A."""
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(present(electrodes)))
-    ends = potential[len(mesh.nodes_m):]
+    ends = centred(mesh, potential)[len(mesh.nodes_m):]
     sheet = np.broadcast_to(conductance_S**2 * np.eye(2), (*quadrature_points(mesh).shape[:2], 2, 2))
     slope = _by(drive, electrodes, -impedance_by_field(mesh, potential, sheet)[None])[:, 0]
-    return potential, read_out(drive, among_all(electrodes, ends - ends.mean(axis=0))).ravel(), slope
+    return potential, read_out(drive, among_all(electrodes, ends)).ravel(), slope
 
 
 def _by(drive: Drive, electrodes: Electrodes, impedance_by: Array) -> Array:

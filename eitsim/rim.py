@@ -72,7 +72,7 @@ class _Alone:
 
 @lru_cache(maxsize=64)
 def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
-    """Solve the complete electrode model of a homogeneous disc of sheet conductance S, S.
+    """Solve the complete electrode model of a homogeneous disc of sheet conductance S, S; arrays are read-only.
 
     The inflow j on the electrodes satisfies z j - (R/(pi S)) int log|2 sin((t - t')/2)| j(t') dt' = U - g, for given
     net currents. Each electrode is solved alone; what the others do to it is smooth there, and its values at a few
@@ -90,7 +90,10 @@ def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
     middle = ends.mean(axis=1) - electrodes.first_angle_rad
     impedance, driven, same, crossed = _together(alone, middle, _coupled_alike if alike(electrodes) else _coupled)
     unit = 1 / (np.pi * conductance_S)
-    return Rim(unit * (impedance + impedance.T) / 2, unit * driven, same, crossed)
+    rim = Rim(unit * (impedance + impedance.T) / 2, unit * driven, same, crossed)
+    for part in (rim.impedance_Ohm, rim.driven, rim.same, rim.crossed):
+        part.flags.writeable = False
+    return rim
 
 
 def _together(alone: list[_Alone], middle: Array, couple: Callable[..., Array]) -> tuple[Array, Complex, Complex,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 
-from eitsim.cem import SkinMesh, potentials, quadrature_points
+from eitsim.cem import SkinMesh, centred, potentials, quadrature_points
 from eitsim.drive import protocol
 from eitsim.electrics import following_mesh
 from eitsim.electrodes import contact_impedances, present, there
@@ -71,8 +71,7 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
 
 def _driven(mesh: SkinMesh, conductance_S: Array, impedances: Array, currents_A: Array) -> Array:
     """Potentials (nodes, patterns), V, of currents (patterns, electrodes); the mean of the electrodes is 0 V."""
-    unit = potentials(mesh, conductance_S, impedances)
-    return (unit[:len(mesh.nodes_m)] - unit[len(mesh.nodes_m):].mean(axis=0)) @ currents_A.T
+    return centred(mesh, potentials(mesh, conductance_S, impedances))[:len(mesh.nodes_m)] @ currents_A.T
 
 
 def _named(name: str, values: Array, patterns: Sequence[int]) -> dict[str, Array]:

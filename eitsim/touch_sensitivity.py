@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.cem import potentials, quadrature_points
+from eitsim.cem import centred, potentials, quadrature_points
 from eitsim.dataset import voltage_columns
 from eitsim.drive import read_out
 from eitsim.electrics import following_mesh
@@ -82,7 +82,7 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
     by_touch, whole, baseline = (
         readings_by(scene.drive, np.stack([among_all(scene.electrodes, one) for one in part]))
         for part in (by_field.values(), *both))
-    voltages, before = (read_out(scene.drive, among_all(scene.electrodes, _centred(u[len(mesh.nodes_m):]))).ravel()
+    voltages, before = (read_out(scene.drive, among_all(scene.electrodes, centred(mesh, u)[len(mesh.nodes_m):])).ravel()
                         for u in (touched, untouched))
     unit = IMPEDANCES[electrodes.kind].removeprefix("contact_impedance_")
     contacts = (f"z_{k}_{unit}" for k in np.flatnonzero(there(scene.electrodes)))
@@ -119,7 +119,3 @@ def _problem(scene: Scene) -> str:
         if punch.conductor:
             return "conductor = true in [punch]; leave it out."
     return ""
-
-
-def _centred(electrodes: Array) -> Array:
-    return electrodes - electrodes.mean(axis=0)

@@ -20,7 +20,8 @@ _LEVEL, _RINGS, _LAST = 6, 36, 4e-3
 
 
 def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
-    """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S."""
+    """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S;
+    read-only."""
     if electrodes.kind == "line":
         return solve_rim(body, electrodes, conductance_S).impedance_Ohm
     return _with_patches(body, electrodes, conductance_S)
@@ -33,4 +34,6 @@ def _with_patches(body: Body, electrodes: Electrodes, conductance_S: float, leve
     inside = 1 - np.geomspace(1, _LAST, _RINGS * level // _LEVEL)
     radii = np.concatenate([patches[0] * inside, patches])
     mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
-    return impedance(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
+    z = impedance(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
+    z.flags.writeable = False
+    return z

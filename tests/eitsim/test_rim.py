@@ -15,6 +15,7 @@ from eitsim.electrodes import arcs, contact_impedances, middles, present, widths
 from eitsim.rim import solve_rim
 from eitsim.scene import Body, Drive, Electrodes
 from eitsim.template import ring_mesh
+from eitsim.untouched import untouched_impedance
 
 REFERENCE = Path(__file__).parents[2].parent / "shared" / "reference" / "eit" / "analytic_homog_single.csv"
 
@@ -87,6 +88,12 @@ def unlike(electrodes: Electrodes) -> Electrodes:
 @pytest.mark.parametrize("electrodes", [
     Electrodes(), Electrodes(count=4, width_m=0.15), Electrodes(width_m=0.038), Electrodes(width_m=FULL_M / 16),
     Electrodes(count=64, width_m=0.0005), Electrodes(count=64, width_m=0.005)])
+@pytest.mark.parametrize("kind", ["line", "patch"])
+def test_what_is_kept_between_calls_cannot_be_overwritten(kind: str):
+    with pytest.raises(ValueError, match="read-only"):
+        untouched_impedance(Body(), Electrodes(kind=kind), 6e-4)[0, 0] = 0.0
+
+
 def test_modes_around_the_ring_and_one_dense_system_agree(electrodes):
     modes, dense = solve_rim(Body(), electrodes, 6e-4), solve_rim(Body(), unlike(electrodes), 6e-4)
     for name in ("impedance_Ohm", "driven", "same", "crossed"):
