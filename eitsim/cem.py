@@ -1,4 +1,7 @@
-"""Complete electrode model on a given mesh: from sheet conductance to the impedance matrix of the electrodes."""
+"""Complete electrode model on a given mesh: from sheet conductance to the impedance matrix of the electrodes.
+
+Direct currents alone: conductances, contact impedances and potentials are real.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from skfem import ElementLineP1, ElementLineP2, ElementQuad2, ElementTriP1, Elem
 from skfem.quadrature import get_quadrature
 
 from eitsim.dissection import Dissection, dissect
-from eitsim.elimination import Detached, Elimination, eliminate, impedance_alone, impedance_of_last, residual, solve
+from eitsim.elimination import Detached, Elimination, eliminate, impedance_alone, residual, solve
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -24,6 +27,8 @@ _KINDS = {"P1": (ElementTriP1, 1, ElementLineP1), "P2": (ElementTriP2, 4, Elemen
 _AREA_DEGREE = 6
 # Rounding of the resistance between two electrodes, relative, at most.
 _ROUNDING = 1e-4
+# Largest difference of a tensor's xy and yx over the sum of its xx and yy.
+_UNSYMMETRIC = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +67,22 @@ def quadrature_points(mesh: SkinMesh) -> Array:
 def dissection(mesh: SkinMesh) -> Dissection:
     """Order of elimination of nodes, then electrodes; it fits every mesh with these cells and electrodes, wherever its
     nodes are. ValueError where a node belongs to no cell."""
-    under = np.column_stack([mesh.under, len(mesh.nodes_m) + mesh.electrode])
-    return dissect(mesh.nodes_m[mesh.cells].mean(axis=1), [mesh.cells, under], mesh.count)
+    return dissect(mesh.nodes_m[mesh.cells].mean(axis=1), _blocks(mesh), mesh.count)
+
+
+def _blocks(mesh: SkinMesh) -> list[Indices]:
+    """Unknowns of each cell, then of each part under an electrode."""
+    return [mesh.cells, np.column_stack([mesh.under, len(mesh.nodes_m) + mesh.electrode])]
+
+
+def _fitting(mesh: SkinMesh, order: Dissection | None) -> Dissection:
+    """The mesh's order, or the one given, checked to be of these cells and electrodes."""
+    if order is None:
+        return dissection(mesh)
+    if len(order.order) != len(mesh.nodes_m) + mesh.count or not all(map(np.array_equal, order.blocks, _blocks(mesh))):
+        raise ValueError("the order of elimination is that of a mesh with other cells or electrodes; take the one that "
+                         "`dissection` finds for this very mesh.")
+    return order
 
 
 def weights(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike) -> Array:
@@ -72,7 +91,8 @@ def weights(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLi
 
     The matrix is int grad v . sigma grad u + (1/z) int (v - V)(u - U), over lengths under lines, areas under patches;
     its rows sum to zero. Conductance is (cells,) or (cells, q) where isotropic, (cells, q, 2, 2) where a tensor; z one
-    number or (count,), Ohm m for lines and Ohm m^2 for patches. ValueError where z or a conductance is not positive.
+    number or (count,), Ohm m for lines and Ohm m^2 for patches. ValueError where z or a conductance is not positive,
+    or a tensor not symmetric.
     Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060.
     """
     local = contacts(mesh) / _per_electrode(mesh, contact_impedance)[mesh.electrode, None, None]
@@ -94,15 +114,15 @@ def _per_electrode(mesh: SkinMesh, contact_impedance: ArrayLike) -> Array:
 
 
 def eliminated(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-               order: Dissection | None = None, base: Elimination | None = None) -> Elimination:
-    """All nodes and electrodes but the last eliminated, in an order of `dissection`; with the elimination of another
-    conductance on this mesh as the base, only the fronts are redone that hold what differs.
+               order: Dissection | None = None) -> Elimination:
+    """All nodes and electrodes but the last eliminated, in an order of `dissection`.
 
-    ValueError where a part of the mesh is joined to no electrode, or an electrode to no other.
+    ValueError where the order is that of other cells or electrodes, a part of the mesh is joined to no electrode, or an
+    electrode to no other.
     """
-    order = base.dissection if base is not None else dissection(mesh) if order is None else order
+    order = _fitting(mesh, order)
     try:
-        return eliminate(order, weights(mesh, conductance_S, contact_impedance), base)
+        return eliminate(order, weights(mesh, conductance_S, contact_impedance))
     except Detached as lost:
         raise _torn(mesh, lost) from None
 
@@ -121,19 +141,19 @@ def _named(mesh: SkinMesh, unknown: int) -> str:
 
 
 def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-              order: Dissection | None = None, base: Elimination | None = None, refinements: int = 0) -> Array:
+              order: Dissection | None = None, refinements: int = 0) -> Array:
     """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero.
 
-    See `eliminated`. Z = Y' Y from the electrodes' rows of the factor alone, so that its error is quadratic in theirs;
-    refinements, which need all potentials, seldom gain a digit. Without a base or refinements no front is kept.
+    See `eliminated`. Z = Y' Y from the electrodes' rows of the factor alone, and no front is kept; it is symmetric by
+    its form, and its relative error is about twice that of Y. With refinements Z is the electrodes' rows of
+    `potentials`, symmetric to rounding only: their substitution sums over all nodes, which may lose a digit more than
+    it gains.
     ValueError where the resistance between two electrodes keeps fewer than four digits beside that between others.
     """
     if refinements > 0:
-        return centred(mesh, potentials(mesh, conductance_S, contact_impedance, order=order, base=base,
+        return centred(mesh, potentials(mesh, conductance_S, contact_impedance, order=order,
                                         refinements=refinements))[len(mesh.nodes_m):]
-    if base is not None:
-        return _resolved(impedance_of_last(eliminated(mesh, conductance_S, contact_impedance, base=base), mesh.count))
-    order = dissection(mesh) if order is None else order
+    order = _fitting(mesh, order)
     try:
         return _resolved(impedance_alone(order, weights(mesh, conductance_S, contact_impedance), mesh.count))
     except Detached as lost:
@@ -141,13 +161,13 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
 
 
 def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-               order: Dissection | None = None, base: Elimination | None = None, refinements: int = 0) -> Array:
+               order: Dissection | None = None, refinements: int = 0) -> Array:
     """Potentials (nodes + count, count), Ohm, of nodes, then electrodes, the last one earthed; column k is for 1 A into
     electrode k and 1/count A out of every one. See `eliminated`; refused where `impedance` is.
 
     Each refinement solves for the currents that are left over, summed from differences of potentials.
     """
-    done = eliminated(mesh, conductance_S, contact_impedance, order=order, base=base)
+    done = eliminated(mesh, conductance_S, contact_impedance, order=order)
     currents = np.zeros((len(mesh.nodes_m) + mesh.count, mesh.count))
     currents[len(mesh.nodes_m):] = np.eye(mesh.count) - 1 / mesh.count
     potential = solve(done, currents)
@@ -215,7 +235,7 @@ def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:
 
 
 def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    """xx, yy and xy parts (cells, q), checked to be positive definite."""
+    """xx, yy and xy parts (cells, q), checked to be symmetric and positive definite."""
     if conductance.ndim == 4:
         xx, yy, xy = conductance[..., 0, 0], conductance[..., 1, 1], conductance[..., 0, 1]
     else:
@@ -223,6 +243,8 @@ def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Arra
         yy, xy = xx, np.zeros_like(xx)
     if not (np.all((xx > 0) & (xx < np.inf)) and np.all(xx * yy > xy**2)):
         raise ValueError("the sheet conductance must be positive (definite) and finite everywhere.")
+    if conductance.ndim == 4 and not np.all(np.abs(xy - conductance[..., 1, 0]) <= _UNSYMMETRIC * (xx + yy)):
+        raise ValueError("the sheet conductance must be symmetric everywhere, got tensors whose xy and yx differ.")
     return np.broadcast_to(xx, shape), np.broadcast_to(yy, shape), np.broadcast_to(xy, shape)
 
 

@@ -37,6 +37,8 @@ class Dissection:
     begin: Indices
     # (members,) where unknowns that are passed on are in the parent's front
     into: Indices
+    # (elements, k) unknowns of the elements, block by block
+    blocks: tuple[Indices, ...]
     # (pairs, 2) unknowns of every pair within an element, element by element, block by block
     pairs: Indices
     # (pairs,) pairs sorted by the leaf that takes them, and their places in its front, a square array row by row
@@ -108,8 +110,8 @@ def _tree(depth: int, low: Indices, high: Indices, blocks: list[Indices], elemen
                             for block in blocks])
     source, target, leaves = np.empty(len(pairs), np.int64), np.empty(len(pairs), np.int64), np.empty_like(starts)
     _place(height, begin, member, starts, element[by_leaf], offset, unknown, mark, source, target, leaves)
-    return Dissection(order, height, first, member[:used].copy(), begin, into[:used].copy(), pairs, source, target,
-                      leaves)
+    return Dissection(order, height, first, member[:used].copy(), begin, into[:used].copy(), tuple(blocks), pairs,
+                      source, target, leaves)
 
 
 @compiled

@@ -18,7 +18,6 @@ from eitsim.compiled import compiled
 from eitsim.dissection import Dissection
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Indices = NDArray[np.integer]
 
 
@@ -41,34 +40,20 @@ class Elimination:
     rows: Array
     # (size - 1,) reciprocals of the pivots
     inverse: Array
-    # weights between the unknowns that each front passes on, upper triangle row by row, front after front
-    passed: Array
-    # (fronts,) which fronts were eliminated here, the others being the base's
-    fresh: Flags
-    # another elimination in the same order, complete
-    base: Elimination | None
 
 
-def eliminate(dissection: Dissection, weights: Array, base: Elimination | None = None) -> Elimination:
-    """Eliminate all unknowns but the last; fronts whose weights are those of the base are taken from there.
+def eliminate(dissection: Dissection, weights: Array) -> Elimination:
+    """Eliminate all unknowns but the last.
 
-    Weights (pairs,) as dissection.pairs. Detached where a pivot is not positive; ValueError where the weights are those
-    of another network.
+    Weights (pairs,) as dissection.pairs. Detached where a pivot is not positive; ValueError where there are not as many
+    weights as pairs.
     """
     _check(dissection, weights)
-    base = base.base if base is not None and base.base is not None else base
-    fresh = np.ones(len(dissection.height), dtype=bool)
-    if base is not None:
-        changed = (weights != base.weights)[dissection.source]
-        fresh[dissection.height == 0] = np.logical_or.reduceat(changed, dissection.leaf[:-1])
-        _spread(dissection.height, fresh)
-    row_start, passed_start, largest = _layout(dissection)
-    new = Elimination(dissection, weights, np.empty(row_start[-1]), np.empty(len(dissection.order) - 1),
-                      np.empty(passed_start[-1]), fresh, base)
-    old = new if base is None else base
+    row_start, passed_start, largest, most = _layout(dissection)
+    new = Elimination(dissection, weights, np.empty(row_start[-1]), np.empty(len(dissection.order) - 1))
     stopped = _eliminate(dissection.height, dissection.first, dissection.begin, dissection.into, dissection.source,
-                         dissection.target, dissection.leaf, row_start, passed_start, weights, fresh, old.passed,
-                         np.empty(largest**2), new.rows, new.inverse, new.passed)
+                         dissection.target, dissection.leaf, row_start, passed_start, weights, np.empty(largest**2),
+                         new.rows, new.inverse, np.empty(most))
     if stopped >= 0:
         raise Detached(int(dissection.order[stopped]))
     return new
@@ -76,46 +61,32 @@ def eliminate(dissection: Dissection, weights: Array, base: Elimination | None =
 
 def solve(elimination: Elimination, currents: Array) -> Array:
     """Potentials (size, k) for currents (size, k) into the unknowns, the last one at 0 whatever its current is."""
-    dissection, old = elimination.dissection, elimination.base or elimination
+    dissection = elimination.dissection
     x = currents[dissection.order]
-    row_start, _, largest = _layout(dissection)
-    _substitute(dissection.height, dissection.first, dissection.begin, dissection.member, row_start, elimination.fresh,
-                elimination.rows, elimination.inverse, old.rows, old.inverse, np.empty((largest, x.shape[1])), x)
+    row_start, _, largest, _ = _layout(dissection)
+    _substitute(dissection.height, dissection.first, dissection.begin, dissection.member, row_start, elimination.rows,
+                elimination.inverse, np.empty((largest, x.shape[1])), x)
     out = np.empty_like(x)
     out[dissection.order] = x
     return out
 
 
-def impedance_of_last(elimination: Elimination, count: int) -> Array:
-    """Impedance matrix (count, count), Ohm, of the last unknowns for currents that sum to zero; its rows do too."""
-    dissection, root = elimination.dissection, len(elimination.dissection.height) - 1
-    held = elimination if elimination.fresh[root] else elimination.base or elimination
-    return _between_last(dissection, held.rows[_layout(dissection)[0][root]:], held.inverse, count)
-
-
 def impedance_alone(dissection: Dissection, weights: Array, count: int) -> Array:
-    """As `impedance_of_last` of an elimination that keeps no front but the root: a fraction of the memory."""
+    """Impedance matrix (count, count), Ohm, of the last unknowns for currents that sum to zero; its rows do too.
+
+    No front is kept but the root, which takes a fraction of the memory of `eliminate`; errors as there.
+    """
     _check(dissection, weights)
     members, pivots = np.diff(dissection.begin), np.diff(dissection.first)
-    size = (members - pivots) * (members - pivots - 1) // 2
-    start = _stacked(dissection.height, size)
-    passed, inverse = np.empty(int((start + size).max())), np.empty(len(dissection.order) - 1)
+    _, passed_start, largest, most = _layout(dissection)
     rows, nowhere = np.empty(int((pivots * members).max())), np.zeros(len(pivots) + 1, dtype=np.int64)
+    inverse = np.empty(len(dissection.order) - 1)
     stopped = _eliminate(dissection.height, dissection.first, dissection.begin, dissection.into, dissection.source,
-                         dissection.target, dissection.leaf, nowhere, start, weights, np.ones(len(pivots), dtype=bool),
-                         passed, np.empty(int(members.max())**2), rows, inverse, passed)
+                         dissection.target, dissection.leaf, nowhere, passed_start, weights, np.empty(largest**2),
+                         rows, inverse, np.empty(most))
     if stopped >= 0:
         raise Detached(int(dissection.order[stopped]))
     return _between_last(dissection, rows[:pivots[-1] * members[-1]], inverse, count)
-
-
-def _stacked(height: Indices, size: Indices) -> NDArray[np.int64]:
-    """Where what each front passes on begins, in the place of what its children passed on."""
-    start, top = np.zeros(len(height), dtype=np.int64), 0
-    for t, h in enumerate(height):
-        start[t] = top if h == 0 else start[t - (1 << int(h))]
-        top = start[t] + size[t]
-    return start
 
 
 def _between_last(dissection: Dissection, rows: Array, inverse: Array, count: int) -> Array:
@@ -139,35 +110,29 @@ def residual(elimination: Elimination, currents: Array, potentials: Array) -> Ar
 def _check(dissection: Dissection, weights: Array) -> None:
     if weights.shape != (len(dissection.pairs),):
         raise ValueError(f"an order of elimination for {len(dissection.pairs)} pairs of unknowns got {len(weights)} "
-                         "weights; take the order, or the base, of this very mesh.")
+                         "weights; take the order of this very mesh.")
 
 
-def _layout(dissection: Dissection) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-    """Where the rows of each front begin, where what it passes on, and the members of the largest."""
+def _layout(dissection: Dissection) -> tuple[NDArray[np.int64], NDArray[np.int64], int, int]:
+    """Where the rows of each front begin, where what it passes on, in the place of what its children passed on; the
+    members of the largest front, and the most that is passed on at a time."""
     members, pivots = np.diff(dissection.begin), np.diff(dissection.first)
-    passed = members - pivots
-    return (np.append(0, np.cumsum(pivots * members)), np.append(0, np.cumsum(passed * (passed - 1) // 2)),
-            int(members.max()))
+    size = (members - pivots) * (members - pivots - 1) // 2
+    start, top = np.zeros(len(size), dtype=np.int64), 0
+    for t, h in enumerate(dissection.height):
+        start[t] = top if h == 0 else start[t - (1 << int(h))]
+        top = start[t] + size[t]
+    return np.append(0, np.cumsum(pivots * members)), start, int(members.max()), int((start + size).max())
 
 
 @compiled
-def _spread(height, fresh):
-    """A front is fresh where one of its children is."""
-    for t in range(len(height)):
-        if height[t] > 0:
-            fresh[t] = fresh[t - 1] or fresh[t - (1 << height[t])]
-
-
-@compiled
-def _eliminate(height, first, begin, into, source, target, leaf_start, row_start, passed_start, weights, fresh,
-               old_passed, work, rows, inverse, passed):
-    """All fresh fronts; -1, or the place of the first pivot that is not positive."""
+def _eliminate(height, first, begin, into, source, target, leaf_start, row_start, passed_start, weights, work, rows,
+               inverse, passed):
+    """All fronts; -1, or the place of the first pivot that is not positive."""
     leaf = 0
     for t in range(len(height)):
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
         leaf += height[t] == 0
-        if not fresh[t]:
-            continue
         front = work[:size * size].reshape(size, size)
         front[:] = 0.0
         if height[t] == 0:
@@ -176,7 +141,7 @@ def _eliminate(height, first, begin, into, source, target, leaf_start, row_start
         else:
             for child in (t - (1 << height[t]), t - 1):
                 place = into[begin[child] + first[child + 1] - first[child]:begin[child + 1]]
-                _add(front, place, (passed if fresh[child] else old_passed)[passed_start[child]:])
+                _add(front, place, passed[passed_start[child]:])
         stopped = _factorise(front, pivots, inverse[first[t]:first[t + 1]])
         if stopped >= 0:
             return first[t] + stopped
@@ -239,13 +204,12 @@ def _update_by_four(front, k, inverse):
 
 
 @compiled
-def _substitute(height, first, begin, member, row_start, fresh, new_rows, new_inverse, old_rows, old_inverse, local, x):
+def _substitute(height, first, begin, member, row_start, all_rows, inverse, local, x):
     """Currents x (size, k), in the order of elimination, become potentials: down the tree, then up."""
     count = x.shape[1]
     for t in range(len(height)):
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
-        rows = (new_rows if fresh[t] else old_rows)[row_start[t]:row_start[t + 1]].reshape(pivots, size)
-        inverse = new_inverse if fresh[t] else old_inverse
+        rows = all_rows[row_start[t]:row_start[t + 1]].reshape(pivots, size)
         for i in range(size):
             local[i] = x[member[begin[t] + i]]
         for k in range(pivots):
@@ -258,8 +222,7 @@ def _substitute(height, first, begin, member, row_start, fresh, new_rows, new_in
     x[-1] = 0.0
     for t in range(len(height) - 1, -1, -1):
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
-        rows = (new_rows if fresh[t] else old_rows)[row_start[t]:row_start[t + 1]].reshape(pivots, size)
-        inverse = new_inverse if fresh[t] else old_inverse
+        rows = all_rows[row_start[t]:row_start[t + 1]].reshape(pivots, size)
         for i in range(size):
             local[i] = x[member[begin[t] + i]]
         for k in range(pivots - 1, -1, -1):

@@ -29,7 +29,6 @@ def solve_file(path: Path, variable: str | None = None, conductance_S: float | N
                                   "--conductance-S, or save the image.")
     protocols = model.stimulation if drive is None else (protocol(drive, model.mesh.count),)
     solved = solve_model(model.mesh, conductance, model.contact_impedance_Ohm_m, protocols, element=element)
-    z = solved.impedance_Ohm
     errors = {"impedance": solved.impedance_error, "readings": solved.readings_error}
     value = np.linalg.eigvalsh(conductance) if np.ndim(conductance) > 1 else np.asarray(conductance)
     return {"schema": 1,
@@ -38,8 +37,7 @@ def solve_file(path: Path, variable: str | None = None, conductance_S: float | N
                       "nodes": len(model.mesh.nodes_m), "triangles": len(model.mesh.cells), "element": element,
                       "conductance_S": [float(np.min(value)), float(np.max(value))],
                       "contact_impedance_Ohm_m": model.contact_impedance_Ohm_m.tolist()},
-            "impedance_Ohm": z.tolist(),
+            "impedance_Ohm": solved.impedance_Ohm.tolist(),
             "readings_V": [row for part in solved.readings_V for row in part.tolist()],
             "error_estimate": {key: error for key, error in errors.items() if error is not None},
-            "reciprocity": float(np.abs(z - z.T).max() / np.abs(z).max()),
             "cost": {"cpu_s": solved.cpu_s, "unknowns": solved.unknowns}, "versions": versions()}

@@ -135,6 +135,11 @@ def test_tensors_and_several_models(tmp_path: Path) -> None:
     z = [solve_model(m.mesh, m.conductance_S, m.contact_impedance_Ohm_m).impedance_Ohm for m in (one, other)
          if m.conductance_S is not None]
     np.testing.assert_allclose(z[0], z[1], rtol=1e-12, atol=1e-14)
+    skew = np.broadcast_to([[1.0, 0.0], [5.0, 1.0]], (72, 2, 2))
+    wrong = read_eidors(saved(tmp_path / "b.mat", img={"fwd_model": forward, "elem_data": skew}))
+    assert wrong.conductance_S is not None
+    with pytest.raises(ValueError, match="conductance must be symmetric"):
+        solve_model(wrong.mesh, wrong.conductance_S, wrong.contact_impedance_Ohm_m)
     with pytest.raises(TestFileError, match="no forward model named 'third'; models in the file: img, other"):
         read_eidors(path, "third")
 
@@ -218,7 +223,6 @@ def test_the_command_solves_a_model_of_ones_own(tmp_path: Path, monkeypatch: pyt
     z = np.array(document["impedance_Ohm"])
     np.testing.assert_allclose(document["readings_V"], read_out(Drive(1e-3, reading="differential"), z), rtol=1e-12)
     assert document["error_estimate"].keys() == {"impedance", "readings"}
-    assert document["reciprocity"] < 1e-12
     status, out, _ = run("--conductance-S", "0.5", "--element", "P2", "--out", tmp_path / "solved.json")
     assert status == 0
     assert "triangles" in out
