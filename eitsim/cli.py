@@ -14,7 +14,7 @@ import typer
 from eitsim.scene import Scene, read_scene, scene_tables
 from matcal.card import MaterialCard, read_card, write_json
 from matcal.errors import NotConverged
-from matcal.terminal import application, check_out, numbers, print_json, run
+from matcal.terminal import application, check_apart, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
     from eitsim.beside import Beside
@@ -79,13 +79,17 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
     parsed = read_scene(scene)
     beside = Beside(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity)
-    for flag, place in {"--out": out, "--report": report, **beside.places}.items():
+    outs = {"--out": out, "--report": report, **beside.places}
+    for flag, place in outs.items():
         if place is not None:
             check_out(place, flag)
+    path = _card_path(scene, parsed, card)
+    check_apart(outs, (scene, path))
+    _check_pdf(report, "--report")
     if reuse and (exact or fields is not None):
         raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
     check_beside(parsed, beside)
-    result, document, note = _solve(parsed, _card_path(scene, parsed, card), exact, reuse)
+    result, document, note = _solve(parsed, path, exact, reuse)
     if note:
         print(note, file=sys.stderr)
     if result.outcome == "refused":
@@ -96,7 +100,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         print_json(document)
     else:
         show_result(result, document)
-    for line in _write_files(parsed, result, document, _card_path(scene, parsed, card), beside, out, report):
+    for line in _write_files(parsed, result, document, path, beside, out, report):
         if not as_json:
             print(line)
     if result.outcome != "ok":
@@ -202,6 +206,7 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
 
     if out is not None:
         check_out(out)
+        check_apart({"--out": out}, [path for path in (model, scene) if path is not None])
     document = solve_file(model, variable, conductance, read_scene(scene).drive if scene is not None else None, element)
     if out is not None:
         write_json(document, out)
@@ -236,6 +241,7 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
 
     if out is not None:
         check_out(out)
+        check_apart({"--out": out}, [path for path in (frames, scene, baseline) if path is not None])
         check_suffix(out)
     pixels, images, document = images_of(frames, read_scene(scene) if scene is not None else Scene(),
                                          baseline=baseline, prior=prior, noise_figure=noise_figure)
@@ -273,7 +279,13 @@ def report(source: Annotated[Path, typer.Argument(metavar="DIR_OR_RESULT", help=
     Example: eitsim report sweep --out sweep.pdf
     """
     check_out(out)
+    _check_pdf(out, "--out")
     print(_report_written(source, out))
+
+
+def _check_pdf(place: Path | None, flag: str) -> None:
+    if place is not None and place.suffix != ".pdf":
+        raise ValueError(f"{flag} {place}: the file is a PDF; give a name that ends in .pdf.")
 
 
 def _report_written(source: Path, out: Path) -> str:

@@ -59,7 +59,7 @@ def protocol(drive: Drive, count: int) -> Protocol:
     "differential" reads V_(j+1) - V_j of neighbours that carry no current, j counter-clockwise from k + 1: EIDORS's
     default signs, in the order of its rotate_meas.
 
-    ValueError names the key: an unknown name, an odd count with opposite electrodes, a sink on the source or the
+    ValueError names the keys: an unknown name, an odd count with opposite electrodes, a sink on the source or the
     reference, matrices of another size, currents that do not sum to zero, a row of zeros.
     """
     if drive.currents is None:
@@ -74,7 +74,12 @@ def protocol(drive: Drive, count: int) -> Protocol:
         if drive.reading != Drive.reading:
             raise ValueError("reading in [drive] has no effect with measurements; leave it out.")
         weights = _weights(drive.measurements, len(unit), count)
-    return matrices(drive.current_A * unit, weights)
+    try:
+        return matrices(drive.current_A * unit, weights)
+    except ValueError as error:
+        keys = "pattern and reading" if drive.currents is None and drive.measurements is None else (
+            "currents and measurements")
+        raise ValueError(f"{keys} in [drive]: {error}") from None
 
 
 def matrices(currents_A: ArrayLike, weights: ArrayLike) -> Protocol:

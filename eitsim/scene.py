@@ -10,7 +10,7 @@ from typing import Any
 
 from eitsim.drive import Drive
 from eitsim.drive_files import MATRICES, with_matrices
-from eitsim.electrodes import IMPEDANCES, Electrodes, check, nothing_read
+from eitsim.electrodes import IMPEDANCES, Electrodes, check, unread
 from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
 
@@ -248,6 +248,9 @@ def _electrodes(raw: Any) -> Electrodes:
     """Electrodes, with lists of one number an electrode; an infinite contact impedance is a missing electrode."""
     lists = {key: value for key, value in raw.items() if key in EACH and isinstance(value, list)} if isinstance(
         raw, Mapping) else {}
+    if isinstance(raw, Mapping) and math.inf in [raw.get(key) for key in IMPEDANCES.values()]:
+        raise ValueError("contact impedances in [electrodes] are one finite number or a list of one an electrode, inf "
+                         "where it has no contact; or name those electrodes in missing.")
     given = _table("electrodes", {key: value for key, value in raw.items() if key not in lists} if lists else raw)
     values, open_ends = {}, set()
     for key, cells in lists.items():
@@ -274,11 +277,11 @@ def _punch(raw: Any) -> Punch:
 
 def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
-    positive = {"radius_mm in [body]": body.radius_m, "thickness_mm in [body]": body.thickness_m,
-                "thickness_um in [skin]": scene.skin.thickness_m,
-                "current_mA in [drive]": scene.drive.current_A, "signal in [accuracy]": scene.accuracy.signal}
+    positive = {"radius_mm in [body]": body.radius_m * 1e3, "thickness_mm in [body]": body.thickness_m * 1e3,
+                "thickness_um in [skin]": scene.skin.thickness_m * 1e6,
+                "current_mA in [drive]": scene.drive.current_A * 1e3, "signal in [accuracy]": scene.accuracy.signal}
     for where, value in positive.items():
-        _require(value > 0, where, "must be positive", value)
+        _require(value > 0, where, "must be positive", f"{value:g}")
     _choice("strain in [skin]", scene.skin.strain, STRAINS)
     _choice("control in [hold]", scene.hold.control, CONTROLS)
     _choice("moduli in [hold]", scene.hold.moduli, MODULI)
@@ -290,7 +293,7 @@ def _check(scene: Scene) -> None:
     _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
              "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
              scene.hold.moduli)
-    if nothing_read(scene.drive, electrodes):
+    if unread(scene.drive, electrodes).all():
         raise ValueError(f"missing in [electrodes]: without {', '.join(map(str, electrodes.missing))} no reading of "
                          "the drive is left; leave some of them, or choose another pattern in [drive].")
     for punch in scene.punches:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from matcal.errors import NotConverged
-from matcal.terminal import application, check_out, counter, print_json, run
+from matcal.terminal import application, check_apart, check_out, counter, print_json, run
 
 if TYPE_CHECKING:
     from matcal.calibrate import Calibration, Choices
@@ -190,6 +190,7 @@ def export(card: CardFile,
 
     if out is not None:
         check_out(out)
+        check_apart({"--out": out}, [card])
     deck = exported(read_card(card), to, moduli, units, density)
     for warning in deck.warnings:
         print(f"matcal: warning: {warning}", file=sys.stderr)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -80,6 +80,17 @@ def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
                          "Choose another name.")
     if not os.access(out if out.exists() else out.parent, os.W_OK):
         raise ValueError(f"{flag} {out} cannot be written: no permission. Choose another place.")
+
+
+def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None:
+    """Before any work: ValueError where a file to be written (option -> place) is one that is read, or another one."""
+    taken = {path.resolve(): f"{path} is read" for path in inputs}
+    for flag, place in outs.items():
+        if place is None:
+            continue
+        if place.resolve() in taken:
+            raise ValueError(f"{flag} {place} would be overwritten: {taken[place.resolve()]}. Choose another name.")
+        taken[place.resolve()] = f"{flag} {place} is written"
 
 
 @contextmanager

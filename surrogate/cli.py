@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from matcal.terminal import application, check_out, counter, numbers, print_json, run
+from matcal.terminal import application, check_apart, check_out, counter, numbers, print_json, run
 
 if TYPE_CHECKING:
     from surrogate.model import Model
@@ -102,6 +102,7 @@ def predict(model_folder: ModelFolder,
 
     if out is not None:
         check_out(out)
+        check_apart({"--out": out}, [path for path in (frames, baseline) if path is not None])
     model = store.load(model_folder)
     touched, reference = _frames(model, frames, baseline)
     if noise_v is not None and not noise_v >= 0:

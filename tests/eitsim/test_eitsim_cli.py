@@ -105,3 +105,12 @@ def test_an_exact_run_writes_the_fields(folder: Path) -> None:
     result = json.loads((folder / "result.json").read_text())
     assert result["electrics_method"] == "mesh"
     assert result["plan"][0]["decision"].startswith("exact")
+
+
+def test_run_refuses_to_write_over_its_scene_or_its_card(folder: Path) -> None:
+    before = {name: (folder / name).read_bytes() for name in ("scene.toml", "card.json")}
+    for option, place in (("--frames", "card.json"), ("--out", "scene.toml")):
+        done = eitsim(folder, "run", "scene.toml", option, place)
+        assert done.returncode == 2
+        assert "would be overwritten" in done.stderr
+    assert {name: (folder / name).read_bytes() for name in before} == before

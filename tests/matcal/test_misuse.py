@@ -18,7 +18,7 @@ from matcal.errors import TestFileError
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import nominal_stress
 from matcal.protocols import reduce_tests
-from matcal.terminal import check_out
+from matcal.terminal import check_apart, check_out
 
 DATA = Path(__file__).parents[2] / "data_raw"
 CURVES = ("fit", str(DATA / "uniaxial.csv"), str(DATA / "shear.csv"))
@@ -134,3 +134,12 @@ def test_nu_at_its_bound_is_among_the_cautions() -> None:
     assert not any("bound" in s for s in cautions(card))
     told = replace(card, provenance={"decisions": ["nu = 0.49 for every term; 0.49 stopped at that bound: do not."]})
     assert any("The fitted nu (0.49) ended on the bound" in s for s in cautions(told))
+
+
+def test_what_is_read_is_not_overwritten_and_files_are_kept_apart(tmp_path: Path) -> None:
+    card, other = tmp_path / "card.json", tmp_path / "other.csv"
+    check_apart({"--out": other, "--report": None}, [card])
+    with pytest.raises(ValueError, match=r"--frames .*card\.json would be overwritten: .*card\.json is read"):
+        check_apart({"--frames": tmp_path / "." / "card.json"}, [card])
+    with pytest.raises(ValueError, match=r"--skin .* would be overwritten: --out .* is written"):
+        check_apart({"--out": other, "--skin": other}, [card])
