@@ -63,8 +63,11 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
     keys = ("line", "x_mm", "y_mm", "area_mm2", "peak")
     table = Table(*keys, title="images: quarter-amplitude area, its centre, largest relative change of conductance")
     for image in document["frames"]:
-        table.add_row(*(f"{image[key]:.4g}" for key in keys))
+        table.add_row(*("-" if image[key] is None else f"{image[key]:.4g}" for key in keys))
     Console().print(table)
+    for image in document["frames"]:
+        if "note" in image:
+            print(f"line {image['line']}: {image['note']}")
     print(f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; prior "
           f"{document['prior']}, noise figure {document['noise_figure']:.3g}")
     if out is not None:

@@ -111,10 +111,10 @@ def among_all(electrodes: Electrodes, impedance_Ohm: Array) -> Array:
     return out
 
 
-def nothing_read(drive: Drive, electrodes: Electrodes) -> bool:
-    """Whether every reading of a drive needs an electrode without contact; ValueError for a drive that cannot be."""
+def unread(drive: Drive, electrodes: Electrodes) -> NDArray[np.bool_]:
+    """(readings,) which of a drive need an electrode without contact; ValueError for a drive that cannot be."""
     count = int(there(electrodes).sum())
-    return bool(np.all(np.isnan(read_out(drive, among_all(electrodes, np.zeros((count, count)))))))
+    return np.isnan(read_out(drive, among_all(electrodes, np.zeros((count, count))))).ravel()
 
 
 def check(radius_m: float, electrodes: Electrodes) -> None:

@@ -9,8 +9,7 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.drive import read_out
-from eitsim.electrodes import among_all, there
+from eitsim.electrodes import unread
 from eitsim.figures_of_merit import blob
 from eitsim.frames import read_frames
 from eitsim.number_table import write_numbers
@@ -27,15 +26,16 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
     """Pixels, images (frames, triangles) of the frames in a file, and what is told of them as plain JSON values.
 
     The untouched frame is the mean of those in `baseline`, else the first row of `frames`. Of each image: its line,
-    largest value, and area and centre of the quarter-amplitude set (figures_of_merit.blob). ValueError where there is
-    no touched frame, and as reconstruction.fitted and imager; TestFileError as frames.read_frames.
+    largest value, and area and centre of the quarter-amplitude set (figures_of_merit.blob); of one of a frame that
+    equals the untouched one no centre, and a note. ValueError where there is no touched frame, and as
+    reconstruction.fitted and imager; TestFileError as frames.read_frames.
     """
-    unread = np.isnan(_without_current(scene))
-    read, first = read_frames(frames, unread.size, unread), 0 if baseline else 1
+    lost = unread(scene.drive, scene.electrodes)
+    read, first = read_frames(frames, lost.size, lost), 0 if baseline else 1
     if len(read.volts) == first:
         raise ValueError(f"{frames}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or a "
                          "touched frame in a row below it.")
-    reference = read_frames(baseline, unread.size, unread).volts.mean(axis=0) if baseline else read.volts[0]
+    reference = read_frames(baseline, lost.size, lost).volts.mean(axis=0) if baseline else read.volts[0]
     untouched = fitted(scene.body, scene.electrodes, scene.drive, reference)
     made = imager(untouched, prior=prior, noise_figure=noise_figure)
     images = made(read.volts[first:] - reference)
@@ -47,15 +47,10 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
         "frames": [_told(line, points, area, square) for line, square in zip(read.line[first:], squares, strict=True)]}
 
 
-def _without_current(scene: Scene) -> Array:
-    """Readings (readings,) of a sheet without resistance: 0 V, NaN where a missing electrode is needed."""
-    present = int(there(scene.electrodes).sum())
-    return read_out(scene.drive, among_all(scene.electrodes, np.zeros((present, present)))).ravel()
-
-
-def _told(line: int, points: Array, area: Array, image: Array) -> dict[str, float]:
+def _told(line: int, points: Array, area: Array, image: Array) -> dict[str, Any]:
     if not image.any():
-        raise ValueError(f"the frame in line {line} equals the untouched one: there is nothing to see. Leave it out.")
+        return {"line": int(line), "x_mm": None, "y_mm": None, "area_mm2": 0.0, "peak": 0.0,
+                "note": "this frame equals the untouched one: its image is 0 and has no centre."}
     found = blob(points, area, image)
     return {"line": int(line), "x_mm": found.x_m * 1e3, "y_mm": found.y_m * 1e3, "area_mm2": found.area_m2 * 1e6,
             "peak": found.peak}

@@ -157,8 +157,12 @@ def test_command_writes_images_of_frames(tmp_path: Path):
     assert np.hypot(told["x_mm"] - 60, told["y_mm"] + 30) < 9
     mesh = meshio.read(tmp_path / "image.vtu")
     assert mesh.cell_data["frame_000"][0].max() == pytest.approx(told["peak"], rel=1e-6)
-    done = reconstruct(tmp_path, "frames.csv", "--baseline", "frames.csv", "--out", "image.csv")
+    write_numbers(tmp_path / "rest.csv", names, baseline()[None])
+    done = reconstruct(tmp_path, "frames.csv", "--baseline", "rest.csv", "--out", "image.csv")
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "image.csv").read_text().startswith("x_mm,y_mm,area_mm2,frame_000,frame_001")
+    assert "line 2: this frame equals the untouched one" in done.stdout
+    lines = (tmp_path / "image.csv").read_text().splitlines()
+    assert lines[0] == "x_mm,y_mm,area_mm2,frame_000,frame_001"
+    assert float(lines[1].split(",")[3]) == 0
     done = reconstruct(tmp_path, "frames.csv", "--out", "image.png")
     assert (done.returncode, "give a name that ends so" in done.stderr) == (2, True)
