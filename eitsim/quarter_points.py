@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.cem import SkinMesh
+from eitsim.unfolded import unfolded
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,8 @@ _ON_RIM = 1e-9
 
 
 def with_quarter_points(mesh: SkinMesh) -> SkinMesh:
-    """The P2 mesh of a disc with middle nodes moved to a quarter of the way from the ends of line electrodes.
+    """The P2 mesh of a disc with middle nodes moved to a quarter of the way from the ends of line electrodes, those two
+    that touch have in common too, but where a triangle would fold over.
 
     Polynomials of an element are then polynomials of the root of the distance from there, and when it is halved the
     parts are graded towards it. Potentials behave so further from the end than z S; nodes on the rim stay there, whose
@@ -29,11 +31,12 @@ def with_quarter_points(mesh: SkinMesh) -> SkinMesh:
     """
     if mesh.under.shape[1] != 3:
         return mesh
-    corner, times = np.unique(mesh.under[:, :2], return_counts=True)
+    owned = np.column_stack([mesh.under[:, :2].ravel(), np.repeat(mesh.electrode, 2)])
+    corner, times = np.unique(owned, axis=0, return_counts=True)
     end = np.zeros(len(mesh.nodes_m), dtype=bool)
-    end[corner[times == 1]] = True
+    end[corner[times == 1, 0]] = True
     place = mesh.nodes_m @ np.array([1, 1j])
-    radius = abs(place[corner[0]])
+    radius = abs(place[mesh.under[0, 0]])
     rim = np.abs(np.abs(place) - radius) < _ON_RIM * radius
     moved = place.copy()
     for i, j, middle in _EDGES:
@@ -42,4 +45,4 @@ def with_quarter_points(mesh: SkinMesh) -> SkinMesh:
             along = place[a] * np.exp(1j * _QUARTER * np.angle(place[b] / place[a]))
             straight = (1 - _QUARTER) * place[a] + _QUARTER * place[b]
             moved[m] = np.where(rim[a] & rim[b] & rim[m], along, straight)
-    return replace(mesh, nodes_m=np.column_stack([moved.real, moved.imag]))
+    return unfolded(replace(mesh, nodes_m=np.column_stack([moved.real, moved.imag])), mesh.nodes_m)

@@ -14,6 +14,7 @@ from eitsim.multipole import place
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch
 from eitsim.template import centred_radii, inside_rim, patch_radii, rim_angles
+from eitsim.unfolded import straight, unfolded
 from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -23,10 +24,11 @@ Touches = tuple[tuple[Punch, Touch], ...]
 # Least distance of the other points from circles and rim, in sizes, and how often they are moved to their neighbours'
 # mean.
 _CLOSEST, _SMOOTHINGS = 0.6, 3
-
-
 # A rim edge is no longer than so many of its distances to a circle.
 _NEAR = 2.0
+# Where a rim edge is cut, from an end that two electrodes share: the current density grows towards it as one over the
+# distance, until z S.
+_SHARED = (1 / 27, 1 / 9, 1 / 3)
 
 
 @dataclass(frozen=True)
@@ -123,10 +125,10 @@ def _circle(punch: Punch, touch: Touch, gap: float, level: int, thinner: int, gr
 
 def _rim(body: Body, electrodes: Electrodes, circles: list[_Circle], level: int,
          grading: Grading) -> tuple[Array, Indices]:
-    """Angles of the nodes on the rim and the electrode that follows each, as `rim_angles`, halved where a circle is
-    near."""
-    angles, electrode = rim_angles(body, electrodes, level, under=grading.under, between=grading.between,
-                                   around=grading.around)
+    """Angles of the nodes on the rim and the electrode that follows each, as `rim_angles`, finer at ends that two
+    electrodes share and halved where a circle is near."""
+    angles, electrode = _finer_at_shared_ends(*rim_angles(
+        body, electrodes, level, under=grading.under, between=grading.between, around=grading.around))
     while True:
         width = np.diff(angles, append=angles[0] + 2 * np.pi)
         middle = body.radius_m * np.exp(1j * (angles + width / 2))
@@ -136,6 +138,17 @@ def _rim(body: Body, electrodes: Electrodes, circles: list[_Circle], level: int,
             return angles, electrode
         angles = np.insert(angles, long + 1, angles[long] + width[long] / 2)
         electrode = np.insert(electrode, long + 1, electrode[long])
+
+
+def _finer_at_shared_ends(angles: Array, electrode: Indices) -> tuple[Array, Indices]:
+    width, before = np.diff(angles, append=angles[0] + 2 * np.pi), np.roll(electrode, 1)
+    start = np.flatnonzero((electrode >= 0) & (before >= 0) & (electrode != before))
+    cuts = [(start, cut) for cut in _SHARED] + [((start - 1) % len(angles), 1 - cut) for cut in _SHARED]
+    edge = np.concatenate([edges for edges, _ in cuts])
+    new = np.concatenate([angles[edges] + cut * width[edges] for edges, cut in cuts])
+    angles, electrode = np.append(angles, new), np.append(electrode, electrode[edge])
+    order = np.argsort(angles, kind="stable")
+    return angles[order], electrode[order]
 
 
 def _rings(circle: _Circle) -> tuple[Array, Indices]:
@@ -241,7 +254,8 @@ def _edges(cells: Indices) -> Indices:
 def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Indices, loops: Indices,
                electrode: Indices, count: int) -> SkinMesh:
     """Middle nodes on every edge, in polar coordinates about its circle or, along the rim and in the rings between the
-    loops (rings + 1, m), about the disc."""
+    loops (rings + 1, m), about the disc; halfway where a circle's edges bulge more than what lies beside them is wide.
+    """
     covered = _ring_cells(loops)
     cells = np.vstack([cells, covered])
     edges, number = np.unique(_edges(cells), axis=0, return_inverse=True)
@@ -257,8 +271,9 @@ def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Ind
     under = np.column_stack([rim, np.roll(rim, -1), len(corners) + along[:len(rim)]])
     if len(covered):
         under, electrode = quadratic[-len(covered):], np.tile(electrode, 2 * (len(loops) - 1))
-    return SkinMesh(np.vstack([corners, middle]), quadratic, under[electrode >= 0], electrode[electrode >= 0], count,
+    mesh = SkinMesh(np.vstack([corners, middle]), quadratic, under[electrode >= 0], electrode[electrode >= 0], count,
                     "P2")
+    return unfolded(mesh, straight(mesh))
 
 
 def _turned(ends: Array, centre: Array) -> Array:

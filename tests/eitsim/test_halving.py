@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from skfem import ElementTriP2
+from skfem.quadrature import get_quadrature
 
 from eitsim.alike import alike_mesh
 from eitsim.cem import SkinMesh, gradients, impedance
@@ -19,6 +21,8 @@ from eitsim.rim import solve_rim
 from eitsim.scene import Body, Punch
 from eitsim.template import template
 from eitsim.triangulation import LEAN, triangulation
+from eitsim.unfolded import unfolded
+from matcal.errors import NotConverged
 
 
 def contact(radius_m: float) -> Touch:
@@ -83,3 +87,45 @@ def test_scenes_that_are_alike_get_meshes_that_are():
     one, other, mirrored = (places(0.05 * math.cos(a), 0.05 * math.sin(a)) for a in (angle, angle + turn, -angle))
     np.testing.assert_allclose(other, one * np.exp(1j * turn), atol=1e-14)
     np.testing.assert_allclose(mirrored, one.conj(), atol=1e-14)
+
+
+def least_turn(mesh: SkinMesh) -> float:
+    """Least Jacobian of the elements at the points of their stiffness, over the area of the element."""
+    points = get_quadrature(ElementTriP2(), 4)[0]
+    slopes = [np.broadcast_to(ElementTriP2().lbasis(points, i)[1], points.shape) for i in range(6)]
+    jacobian = np.linalg.det(np.einsum("eka,kbq->eqab", mesh.nodes_m[mesh.cells], slopes))
+    return float((jacobian * np.sign(jacobian.sum(axis=1))[:, None] / area_m2(mesh)[:, None]).min())
+
+
+@pytest.mark.parametrize("electrodes", [Electrodes(), Electrodes(width_m=0.2 * np.pi / 16), Electrodes(
+    count=8, width_m=(0.001, 0.002, 0.03, 0.01, 0.01, 0.02, 0.01, 0.01))])
+def test_no_element_folds_over_however_close_the_contact_comes_to_the_rim(electrodes: Electrodes):
+    """Edges on the circle about a punch bulge more than the gap is wide, and reach past the middles on the rim."""
+    rng = np.random.default_rng(3)
+    for gap in np.geomspace(5e-5, 2e-3, 6):
+        diameter, angle = rng.uniform(0.006, 0.024), rng.uniform(0, 2 * np.pi)
+        away = Body().radius_m - diameter / 2 - gap
+        punch = Punch(away * math.cos(angle), away * math.sin(angle), diameter)
+        radius = diameter / 2 + rng.choice([-rng.uniform(0, 1e-3), rng.uniform(0, 1.5 * gap)])
+        mesh = alike_mesh(Body(), electrodes, ((punch, contact(radius)),))
+        for part in (mesh, halved(mesh), halved(halved(mesh))):
+            assert least_turn(part) > 0, (gap, diameter, radius)
+
+
+def test_only_the_triangles_that_fold_over_get_plain_nodes():
+    mesh = triangulation(Body(), LINES, ((Punch(0.03, 0.02), TOUCH),), grading=LEAN)
+    nodes = mesh.nodes_m.copy()
+    cell = mesh.cells[50]
+    nodes[cell[3]] = nodes[cell[2]]
+    repaired = unfolded(replace(mesh, nodes_m=nodes), mesh.nodes_m)
+    assert np.array_equal(repaired.nodes_m, mesh.nodes_m)
+    with pytest.raises(NotConverged, match="move the punch"):
+        unfolded(replace(mesh, nodes_m=nodes), nodes)
+
+
+def test_ends_that_two_electrodes_share_get_quarter_points():
+    touching = Electrodes(count=8, width_m=0.2 * np.pi / 8)
+    plain = triangulation(Body(), touching, ((Punch(0.03, 0.02), TOUCH),), grading=LEAN)
+    moved = np.flatnonzero(np.any(with_quarter_points(plain).nodes_m != plain.nodes_m, axis=1))
+    owner = plain.electrode[np.isin(plain.under[:, 2], moved)]
+    assert np.bincount(owner).tolist() == [2] * 8
