@@ -146,8 +146,8 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
 
     See `eliminated`. Z = Y' Y from the electrodes' rows of the factor alone, and no front is kept; it is symmetric by
     its form, and its relative error is about twice that of Y. With refinements Z is the electrodes' rows of
-    `potentials`, symmetric to rounding only: their substitution sums over all nodes, which may lose a digit more than
-    it gains.
+    `potentials`, symmetric to rounding only: their substitution sums over all nodes, so that they can lose digits:
+    one of Q2 elements, two where tensors differ much in their axes (benchmarks/electrics_stiff.py).
     ValueError where the resistance between two electrodes keeps fewer than four digits beside that between others.
     """
     if refinements > 0:
