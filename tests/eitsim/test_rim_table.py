@@ -10,16 +10,18 @@ import pytest
 from eitsim.change import signal_difference
 from eitsim.design import design_from
 from eitsim.near_rim import solve_near_rim
+from eitsim.path import Deviation
 from eitsim.results import Touch
 from eitsim.reuse import decision, rim_repays, scene_shape, served
-from eitsim.rim_table import near_rim_from
-from eitsim.rim_tabulate import DEPTHS, GAPS, build_rim, refined
+from eitsim.rim_table import RimTable, near_rim_from
+from eitsim.rim_tabulate import DEPTHS, GAPS, build_rim, checked, refined
 from eitsim.scene import Body, Punch, scene_from
 from eitsim.simulate import simulate
-from eitsim.table import shape_of, state, touch_from
+from eitsim.table import Table, shape_of, state, touch_from
 from eitsim.tabulate import build
 from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
+from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
@@ -105,3 +107,12 @@ def test_what_finer_solutions_add_is_quadratic_between_three() -> None:
     whole = (rough + added)[None, ..., None]
     found = refined(gaps, depths, gaps[i], depths[j], rough[None, ..., None], whole[:, i][:, :, j])
     np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12)
+
+
+def test_a_table_whose_error_cannot_be_told_is_none() -> None:
+    none, exact = np.zeros(0), Deviation(0.0, 0.0, 0.0)
+    table = Table(shape_of(FOAM, Body(), Punch(), "normal"), none, none, none, none, none, exact, 0, 0.0)
+    rim = RimTable(np.array([1.4]), np.array(GAPS), np.array(DEPTHS), none, none, none.astype(np.float32), none, exact,
+                   0.0)
+    with pytest.raises(NotConverged, match="6 of 6 changes"):
+        checked(table, rim, lambda _, places: [(None, 0.0) for _ in places])
