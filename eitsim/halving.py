@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 # Corners and middle node of each edge of a triangle, in the order of its nodes.
-_EDGES = ((0, 1, 3), (1, 2, 4), (0, 2, 5))
+EDGES = ((0, 1, 3), (1, 2, 4), (0, 2, 5))
 # Nodes of the four parts: 0 to 5 are the triangle's own, 6 to 11 lie halfway between a corner and a middle node, in the
 # order of `_HALVES`, 12 to 14 between the middle nodes 3 and 4, 4 and 5, 3 and 5.
 _PARTS = ((0, 3, 5, 6, 14, 11), (3, 1, 4, 7, 8, 12), (5, 4, 2, 13, 9, 10), (3, 4, 5, 12, 13, 14))
@@ -32,7 +32,7 @@ def halved(mesh: SkinMesh) -> SkinMesh:
     count, nodes = len(mesh.nodes_m), mesh.nodes_m
     start = np.full(count, -1)
     stop = np.full(count, -1)
-    for a, b, middle in _EDGES:
+    for a, b, middle in EDGES:
         start[mesh.cells[:, middle]] = np.minimum(mesh.cells[:, a], mesh.cells[:, b])
         stop[mesh.cells[:, middle]] = np.maximum(mesh.cells[:, a], mesh.cells[:, b])
     middles = np.flatnonzero(start >= 0)

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.cem import SkinMesh
+from eitsim.halving import EDGES
 from eitsim.unfolded import unfolded
 
 Array = NDArray[np.float64]
 
 # Part of the way along an edge that starts at the end of an electrode at which its middle node lies.
 _QUARTER = 0.25
-# Corners and middle node of each edge of a triangle.
-_EDGES = ((0, 1, 3), (1, 2, 4), (0, 2, 5))
 # A node on the rim is nearer to it than this, over its radius.
 _ON_RIM = 1e-9
 
@@ -39,7 +38,7 @@ def with_quarter_points(mesh: SkinMesh) -> SkinMesh:
     radius = abs(place[mesh.under[0, 0]])
     rim = np.abs(np.abs(place) - radius) < _ON_RIM * radius
     moved = place.copy()
-    for i, j, middle in _EDGES:
+    for i, j, middle in EDGES:
         for one, other in ((i, j), (j, i)):
             a, b, m = mesh.cells[end[mesh.cells[:, one]] & ~end[mesh.cells[:, other]]][:, [one, other, middle]].T
             along = place[a] * np.exp(1j * _QUARTER * np.angle(place[b] / place[a]))

@@ -11,6 +11,7 @@ from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 
 from eitsim.cem import SkinMesh
+from eitsim.halving import EDGES
 from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ def unfolded(mesh: SkinMesh, plain_m: Array) -> SkinMesh:
 def straight(mesh: SkinMesh) -> Array:
     """Nodes (n, 2), m, of the P2 mesh with all edges straight and their middle nodes halfway."""
     nodes = mesh.nodes_m.copy()
-    for a, b, middle in ((0, 1, 3), (1, 2, 4), (0, 2, 5)):
+    for a, b, middle in EDGES:
         nodes[mesh.cells[:, middle]] = (nodes[mesh.cells[:, a]] + nodes[mesh.cells[:, b]]) / 2
     return nodes
 
