@@ -206,6 +206,19 @@ def test_bad_input_is_told_plainly(call: Call, forward: Path, sweep: Path, make_
     assert not out.exists()
 
 
+def test_a_sweep_with_a_missing_electrode_is_refused_for_that_and_not_for_its_empty_readings(
+        call: Call, make_dataset: Callable[..., Path], tmp_path: Path) -> None:
+    holed = make_dataset(tmp_path / "holed", 30, 0, dv_017=[np.nan] * 30)
+    manifest = json.loads((holed / "design.json").read_text())
+    manifest["design"]["tables"] = {"electrodes": {"missing": [5]}}
+    (holed / "design.json").write_text(json.dumps(manifest))
+    status, _, err = call("train", holed, "--out", tmp_path / "m")
+    assert status == 2
+    assert "electrodes 5 (from 0) are missing" in " ".join(err.split())
+    assert "learn from all readings" in " ".join(err.split())
+    assert "Sweep that part again" not in " ".join(err.split())
+
+
 def test_help_needs_no_torch() -> None:
     import subprocess
     import sys
