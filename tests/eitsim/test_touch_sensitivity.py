@@ -223,37 +223,41 @@ def test_readings_that_need_a_missing_electrode_have_no_derivative():
     assert np.array_equal(np.isnan(found.touched_by), np.repeat(lost[:, None], len(found.parameters), axis=1))
 
 
-@pytest.mark.parametrize(("step", "at"), [
-    pytest.param(1e-4, lambda by: (FOAM, Punch(0.083 + by, 0.0, 0.014, 1.0)), id="place"),
-    pytest.param(0.02, lambda by: (FOAM, Punch(0.083, 0.0, 0.014, 1.0 + by)), id="force", marks=pytest.mark.slow),
-    pytest.param(1e-4, lambda by: (FOAM, Punch(0.083, 0.0, 0.014 + by, 1.0)), id="diameter")])
-def test_what_the_rim_changes_follows_its_line(step: float, at: Callable):
-    punch = at(0.0)[1]
-    here, there = (rim_change(FOAM, Body(), at(by)[1], COARSE_RIM).field for by in (0.0, step))
-    found = rim_line(here, Body(), punch, at, step, COARSE_RIM).at(step)
+@pytest.mark.parametrize("side", [-0.5, 0.5])
+@pytest.mark.parametrize(("step", "within", "at"), [
+    pytest.param(1e-4, 0.02, lambda by: (FOAM, Punch(0.083 + by, 0.0, 0.014, 1.0)), id="place"),
+    pytest.param(0.02, 0.2, lambda by: (FOAM, Punch(0.083, 0.0, 0.014, 1.0 + by)), id="force"),
+    pytest.param(1e-4, 0.2, lambda by: (FOAM, Punch(0.083, 0.0, 0.014 + by, 1.0)), id="diameter")])
+def test_what_the_rim_changes_halfway_to_the_ends_of_its_line_is_on_it(step: float, within: float, at: Callable,
+                                                                      side: float):
+    here, there = (rim_change(FOAM, Body(), at(by)[1], COARSE_RIM).field for by in (0.0, side * step))
+    found = rim_line(here, Body(), at(0.0)[1], at, step, COARSE_RIM).at(side * step)
     assert found.offset_m == pytest.approx(there.offset_m, abs=1e-12)
     assert found.radius_m == pytest.approx(there.radius_m, abs=2e-4)
     apart, moved_by = (np.linalg.norm(np.interp(found.radius_m, there.radius_m, there.normal[:, 0]) - one.normal[:, 0])
                        for one in (found, here))
-    assert apart < 0.2 * moved_by
+    print(f"apart {apart / moved_by:.3f} of what the way there changes")
+    assert apart < within * moved_by
 
 
 @pytest.mark.slow
 def test_derivatives_near_the_rim_are_those_of_scenes_solved_anew():
     punch = Punch(0.0584, 0.0438, 0.014, 1.0)
     scene = Scene(punches=(punch,))
-    found = sensitivity(scene)
+    found = scene_sensitivity(scene, CARD)
 
     def signal(changed: Punch) -> np.ndarray:
         touch = solve_near_rim(FOAM, scene.body, changed)
         return solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((changed, touch),), LAW,
                      method="mesh", signal=0.01).signal_V.ravel()
 
-    for name, field, step, unit in (("x_mm", "x_m", 3e-4, 1e3), ("F_N", "force_N", 0.03, 1.0),
-                                    ("d_mm", "diameter_m", 2e-4, 1e3)):
+    apart = {}
+    for name, field, step, unit in (("x_mm", "x_m", 3e-4, 1e3), ("y_mm", "y_m", 3e-4, 1e3),
+                                    ("F_N", "force_N", 0.03, 1.0), ("d_mm", "diameter_m", 2e-4, 1e3)):
         ends = [signal(replace(punch, **{field: getattr(punch, field) + by})) for by in (-step, step)]
-        slope_V = (ends[1] - ends[0]) / (2 * step * unit)
-        assert distance(column(found, name), slope_V) < 0.03
+        apart[name] = distance(column(found, name), (ends[1] - ends[0]) / (2 * step * unit))
+    print(apart)
+    assert max(apart.values()) < 0.04
 
 
 @pytest.mark.slow
