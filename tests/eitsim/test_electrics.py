@@ -103,7 +103,8 @@ def test_a_mirrored_touch_mirrors_the_impedance(method):
 
 
 def test_the_touched_impedance_is_reciprocal():
-    z = readings(Punch(0.04, 0.01), synthetic()).impedance_Ohm
+    """Of harmonics, whose change of the impedance is not made symmetric; what meshes give is so by its form."""
+    z = readings(Punch(0.04, 0.01), synthetic(), method="multipole").impedance_Ohm
     assert np.abs(z - z.T).max() < 1e-12 * np.abs(z).max()
     assert np.abs(z.sum(axis=0)).max() < 1e-12 * np.abs(z).max()
 

@@ -116,10 +116,10 @@ def test_unequal_electrodes_equal_graded_quadratic_meshes_to_a_millionth():
     assert errors[2] < 1e-6
 
 
-def test_unequal_electrodes_are_reciprocal_and_passive():
+def test_unequal_electrodes_balance_and_are_passive():
+    """Reciprocity cannot be read off: the impedance is made symmetric before it is given."""
     z = solve_rim(Body(), UNEQUAL, 6e-4).impedance_Ohm
     assert np.abs(z.sum(axis=0)).max() < 1e-12 * np.abs(z).max()
-    np.testing.assert_array_equal(z, z.T)
     assert np.linalg.eigvalsh(z)[1] > 0
 
 
