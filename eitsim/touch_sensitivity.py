@@ -59,7 +59,7 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
     impedance of electrode k from 0. On the default level they are within 0.7 % of those on twice as fine a mesh, but
     for those by z_k, 13 %, whose currents crowd at the electrodes' ends (benchmarks/sensitivity.py). Near the rim
     (14 mm, 1 N, a gap of 20 mm) they differ from central differences of scenes solved anew by 0.5 (x), 2.0 (y), 0.8 (d)
-    and 3.6 % (F, of steps of 0.03 N; 10 % of steps of 0.06 N, so that much of it is the differences' own).
+    and 0.7 % (F, of steps of 0.0075 N; 2.2 and 3.6 % of twice and four times those, whose own errors grow).
     ValueError where the plan refuses the scene, with friction or with a conducting punch, for touches solved together,
     and for a hold; NotConverged where the mechanics does not converge.
     """
