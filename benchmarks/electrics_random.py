@@ -54,6 +54,10 @@ class Fineness:
     edges: int = 8
 
 
+# gap below which the reference takes its finest mesh
+SLIM_M, FINEST = 3e-4, Fineness(6, 64, 10)
+
+
 def punch_of(k: int) -> Punch:
     """Punch k, drawn from the seed (SEED, k) alone."""
     rng = np.random.default_rng([SEED, k])
@@ -158,11 +162,11 @@ def rows(k: int) -> list[dict[str, object]]:
     punch = punch_of(k)
     rim = near_rim(Scene(punches=(punch,)), punch)
     touch = (solve_near_rim if rim else solve_touch)(FOAM, BODY, punch)
-    mesh = reference_mesh(punch, touch, Fineness(3 if rim else 6))
+    gap = BODY.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
+    mesh = reference_mesh(punch, touch, FINEST if gap < SLIM_M else Fineness(3 if rim else 6))
     exact, off = signal_on(mesh, punch, touch), np.nan
     if k % 10 == 5:
-        off = distance(exact, signal_on(reference_mesh(punch, touch, Fineness(6, 64, 10)), punch, touch))
-    gap = BODY.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
+        off = distance(exact, signal_on(reference_mesh(punch, touch, FINEST), punch, touch))
     out = []
     for method in ("auto",) if rim else ("auto", "mesh"):
         got = solve(BODY, SKIN, ELECTRODES, DRIVE, ((punch, touch),), LAW, signal=SHARE * Accuracy().signal,
