@@ -75,15 +75,6 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
     return _rubbed(law, body, levels, course, strain, started)
 
 
-def solve_state(law: Hyperfoam, body: Body, punch: Punch, force_N: float, *, strain: str = "normal",
-                element_m: float | None = None) -> tuple[Touch, Pressing, Equilibrium]:
-    """As `solve_touch` under a force, with the discretised foam and its equilibrium beside the touch."""
-    started = time.process_time()
-    levels = pressings(law, body, punch, element_m, PENALTY)
-    states = under_force(levels, force_N / force_unit(law, body), None)
-    return touch_of(law, body, levels, states, strain, started), levels[-1], states[-1]
-
-
 def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
                strain: str = "normal", penalty: float | None = None, order: int = 2) -> list[Touch]:
     """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch.

@@ -59,8 +59,12 @@ def write_numbers(path: Path | str, names: Sequence[str], values: Array) -> None
     with open(path, "w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(names)
-        rows = np.asarray(values, dtype=float).tolist()
-        table.writerows(["" if math.isnan(value) else value for value in row] for row in rows)
+        table.writerows(cells(values))
+
+
+def cells(values: Array) -> list[list[float | str]]:
+    """Rows of numbers as a CSV holds them: NaN is an empty cell."""
+    return [["" if math.isnan(value) else value for value in row] for row in np.asarray(values, dtype=float).tolist()]
 
 
 def _number(cell: str) -> float | None:

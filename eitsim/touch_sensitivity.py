@@ -22,6 +22,7 @@ from eitsim.dataset import voltage_columns
 from eitsim.drive import read_out
 from eitsim.electrics import following_mesh
 from eitsim.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
+from eitsim.number_table import cells
 from eitsim.plan import law_of, make_plan, near_rim, together
 from eitsim.scene import Scene
 from eitsim.sensitivity import impedance_by_contact, impedance_by_field, readings_by
@@ -93,14 +94,15 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
 
 def write_sensitivity(sensitivity: Sensitivity, path: Path) -> None:
     """A CSV of one row a reading, touched as v_000, v_001, ..., then what the touches change as dv_000, ...; columns
-    reading, value_V and one a parameter: the derivative, V over the parameter's unit."""
+    reading, value_V and one a parameter: the derivative, V over the parameter's unit; empty where an electrode is
+    missing."""
     blocks = (("v", sensitivity.touched_V, sensitivity.touched_by), ("dv", sensitivity.signal_V, sensitivity.signal_by))
     with open(path, "w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["reading", "value_V", *sensitivity.parameters])
         for prefix, values, slopes in blocks:
-            rows.writerows([name, repr(float(value)), *map(repr, row.tolist())] for name, value, row in zip(
-                voltage_columns(len(values), prefix), values, slopes, strict=True))
+            rows.writerows([name, *row] for name, row in zip(
+                voltage_columns(len(values), prefix), cells(np.column_stack([values, slopes])), strict=True))
 
 
 def check_differentiable(scene: Scene) -> None:

@@ -215,12 +215,16 @@ def test_file_holds_a_row_a_reading_and_a_column_a_parameter(tmp_path):
     assert np.array_equal(values[208:, 0], found.signal_V)
 
 
-def test_readings_that_need_a_missing_electrode_have_no_derivative():
+def test_readings_that_need_a_missing_electrode_have_no_derivative(tmp_path):
     found = sensitivity(Scene(punches=(PUNCH,), electrodes=Electrodes(missing=(3,))))
     assert "z_3_Ohm_m" not in found.parameters
     lost = np.isnan(found.touched_V)
     assert 0 < lost.sum() < len(lost)
     assert np.array_equal(np.isnan(found.touched_by), np.repeat(lost[:, None], len(found.parameters), axis=1))
+    write_sensitivity(found, tmp_path / "sens.csv")
+    rows = [line.split(",")[1:] for line in (tmp_path / "sens.csv").read_text().splitlines()[1:]]
+    empty = np.array([[not cell for cell in row] for row in rows])
+    assert np.array_equal(empty, np.repeat(np.tile(lost, 2)[:, None], 1 + len(found.parameters), axis=1))
 
 
 @pytest.mark.parametrize("side", [-0.5, 0.5])
