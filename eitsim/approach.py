@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.pressing import Equilibrium, Pressing, at_rest, energy, equilibrium, transferred
+from eitsim.work import used_up
 from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -21,6 +22,9 @@ _FIRST, _STARTS = 1 / 8, 4
 _ROUND, _SHARPER = 0.05, 2.5
 # Steps in the logarithm of the force: first, least, and growth after one that succeeds.
 _STEP, _LEAST_STEP, _GROWTH = 0.7, 0.02, 1.5
+# Towards a depth: the largest step in the force's logarithm, and the part of the last step's miss above which the next
+# one halves the interval of forces.
+_LARGEST_STEP, _SLOW = 0.5, 0.5
 # Depth over thickness from which a touch counts as bottomed out.
 BOTTOM = 0.95
 # Iterations of a step.
@@ -90,6 +94,21 @@ def carried_over(coarse: Pressing, state: Equilibrium, fine: Pressing) -> Equili
     return from_rest(fine, state.force)
 
 
+def towards(depth: float, state: Equilibrium, short: Equilibrium | None, beyond: Equilibrium | None,
+            last: float) -> float:
+    """The force of a corrected depth by the slope at a state, kept between those that fell short and went beyond; the
+    middle of their logarithms where the step before, which missed by `last`, gained little.
+    """
+    missing = depth - state.depth
+    growth = missing / (state.by_force[-1] * state.force)
+    force = float(state.force * np.exp(np.clip(growth, -_LARGEST_STEP, _LARGEST_STEP)))
+    if short and beyond:
+        low, high = sorted((short.force, beyond.force))
+        if abs(missing) > _SLOW * last or not low < force < high:
+            return float(np.sqrt(low * high))
+    return force
+
+
 class BottomedOut(NotConverged):
     """No equilibrium under the force was found, and less of it already squeezes the foam flat."""
 
@@ -108,7 +127,7 @@ def in_steps(model: Pressing, start: Equilibrium, force: float) -> Equilibrium:
             state, step = _next(model, state, target), _GROWTH * step
         except NotConverged as error:
             step = min(step, left) / 3
-            if step < _LEAST_STEP:
+            if step < _LEAST_STEP or used_up():
                 raise _short_of(state, force, error) from None
     return state
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import functools
 import hashlib
 import json
 import os
@@ -55,7 +56,9 @@ def key_of(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+@functools.cache
 def _code() -> str:
+    """Of the code as it is when this process first asks."""
     import matcal
 
     found = hashlib.sha256()
@@ -90,6 +93,22 @@ def kept(key: str, make: Callable[[], Arrays]) -> tuple[Arrays, str]:
             return arrays, f"not kept: {error.strerror} at {place.parent}. Set TOUCHCAL_CACHE to a folder of your own."
     _trim(place)
     return arrays, ""
+
+
+def stored(key: str) -> Arrays | None:
+    """The arrays of a key, None where they are not there."""
+    return _read(folder() / f"{key}.npz", key)
+
+
+def store(key: str, arrays: Arrays) -> None:
+    """Keep the arrays of a key; OSError where the folder cannot be used."""
+    folder().mkdir(parents=True, exist_ok=True)
+    _write(folder() / f"{key}.npz", key, arrays)
+
+
+def forget(key: str) -> None:
+    """Remove the arrays of a key, if they are there."""
+    (folder() / f"{key}.npz").unlink(missing_ok=True)
 
 
 def _read(place: Path, key: str) -> Arrays | None:

@@ -59,27 +59,62 @@ class SkinMesh:
                              "one.")
 
 
+@dataclass(frozen=True, eq=False)
+class Floating:
+    """Conductors on the surface that let no current out (`eitsim.floating`), each an unknown after the nodes."""
+
+    # (parts, k) node numbers of the elements that each part covers, ordered as in the mesh's cells
+    under: Indices
+    # (parts,) the conductor that lies on each, from 0
+    conductor: Indices
+    # (parts, pairs) weights, 1/Ohm, of the pairs of its nodes and, last, its conductor
+    weights: Array
+    # how many conductors
+    count: int
+
+
 def quadrature_points(mesh: SkinMesh) -> Array:
     """Points (cells, q, 2), m, where the conductance is wanted."""
     return np.einsum("qk,ekx->eqx", _reference(mesh.element)[0], mesh.nodes_m[mesh.cells])
 
 
-def dissection(mesh: SkinMesh) -> Dissection:
-    """Order of elimination of nodes, then electrodes; it fits every mesh with these cells and electrodes, wherever its
-    nodes are. ValueError where a node belongs to no cell."""
-    return dissect(mesh.nodes_m[mesh.cells].mean(axis=1), _blocks(mesh), mesh.count)
+def area_points(mesh: SkinMesh) -> Array:
+    """Points (cells, q, 2), m, at which what lies on areas is summed."""
+    return np.einsum("qk,ekx->eqx", _reference(mesh.element, _AREA_DEGREE)[0], mesh.nodes_m[mesh.cells])
 
 
-def _blocks(mesh: SkinMesh) -> list[Indices]:
-    """Unknowns of each cell, then of each part under an electrode."""
-    return [mesh.cells, np.column_stack([mesh.under, len(mesh.nodes_m) + mesh.electrode])]
+def joined_over_areas(mesh: SkinMesh, cell: Indices, conductance: Array) -> Array:
+    """Weights (parts, pairs), 1/Ohm, of int g (v - V)(u - U) over cells (parts,) that something lies on, of g (parts,
+    q), S/m^2, at their `area_points`: pairs of the cells' nodes and, last, of what lies there."""
+    value, area = _on_cells(mesh, mesh.cells[cell])
+    local = _joined(value, conductance * area)
+    return -local[:, *np.triu_indices(local.shape[1], 1)]
 
 
-def _fitting(mesh: SkinMesh, order: Dissection | None) -> Dissection:
-    """The mesh's order, or the one given, checked to be of these cells and electrodes."""
+def dissection(mesh: SkinMesh, floating: Floating | None = None) -> Dissection:
+    """Order of elimination of nodes, then floating conductors, then electrodes; it fits every mesh with these cells,
+    conductors and electrodes, wherever its nodes are. ValueError where a node belongs to no cell."""
+    return dissect(mesh.nodes_m[mesh.cells].mean(axis=1), _blocks(mesh, floating), _conductors(floating) + mesh.count)
+
+
+def _blocks(mesh: SkinMesh, floating: Floating | None) -> list[Indices]:
+    """Unknowns of each cell, then of each part under an electrode, then of each part under a floating conductor."""
+    first = len(mesh.nodes_m)
+    blocks = [mesh.cells, np.column_stack([mesh.under, first + _conductors(floating) + mesh.electrode])]
+    return blocks if floating is None else [*blocks, np.column_stack([floating.under, first + floating.conductor])]
+
+
+def _conductors(floating: Floating | None) -> int:
+    return 0 if floating is None else floating.count
+
+
+def _fitting(mesh: SkinMesh, order: Dissection | None, floating: Floating | None) -> Dissection:
+    """The mesh's order, or the one given, checked to be of these cells, conductors and electrodes."""
     if order is None:
-        return dissection(mesh)
-    if len(order.order) != len(mesh.nodes_m) + mesh.count or not all(map(np.array_equal, order.blocks, _blocks(mesh))):
+        return dissection(mesh, floating)
+    size, blocks = len(mesh.nodes_m) + _conductors(floating) + mesh.count, _blocks(mesh, floating)
+    if len(order.order) != size or len(order.blocks) != len(blocks) or not all(
+            map(np.array_equal, order.blocks, blocks)):
         raise ValueError("the order of elimination is that of a mesh with other cells or electrodes; take the one that "
                          "`dissection` finds for this very mesh.")
     return order
@@ -114,34 +149,40 @@ def _per_electrode(mesh: SkinMesh, contact_impedance: ArrayLike) -> Array:
 
 
 def eliminated(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-               order: Dissection | None = None) -> Elimination:
-    """All nodes and electrodes but the last eliminated, in an order of `dissection`.
+               order: Dissection | None = None, floating: Floating | None = None) -> Elimination:
+    """All nodes, floating conductors and electrodes but the last eliminated, in an order of `dissection`.
 
-    ValueError where the order is that of other cells or electrodes, a part of the mesh is joined to no electrode, or an
-    electrode to no other.
+    ValueError where the order is that of other cells, conductors or electrodes, a part of the mesh is joined to no
+    electrode, or an electrode to no other.
     """
-    order = _fitting(mesh, order)
+    order = _fitting(mesh, order, floating)
     try:
-        return eliminate(order, weights(mesh, conductance_S, contact_impedance))
+        return eliminate(order, _with_floating(weights(mesh, conductance_S, contact_impedance), floating))
     except Detached as lost:
-        raise _torn(mesh, lost) from None
+        raise _torn(mesh, lost, floating) from None
 
 
-def _torn(mesh: SkinMesh, lost: Detached) -> ValueError:
-    return ValueError(f"the sheet is torn: no current flows between {_named(mesh, lost.unknown)} and electrode "
-                      f"{mesh.count - 1} (from 0), or none that counts beside others; join the parts of the mesh or "
-                      "leave what is torn off, with its electrodes, out of it.")
+def _with_floating(weights: Array, floating: Floating | None) -> Array:
+    return weights if floating is None else np.concatenate([weights, floating.weights.ravel()])
 
 
-def _named(mesh: SkinMesh, unknown: int) -> str:
-    if unknown >= len(mesh.nodes_m):
-        return f"electrode {unknown - len(mesh.nodes_m)}"
+def _torn(mesh: SkinMesh, lost: Detached, floating: Floating | None) -> ValueError:
+    return ValueError(f"the sheet is torn: no current flows between {_named(mesh, lost.unknown, floating)} and "
+                      f"electrode {mesh.count - 1} (from 0), or none that counts beside others; join the parts of the "
+                      "mesh or leave what is torn off, with its electrodes, out of it.")
+
+
+def _named(mesh: SkinMesh, unknown: int, floating: Floating | None) -> str:
+    beyond = unknown - len(mesh.nodes_m)
+    if beyond >= 0:
+        electrode = beyond - _conductors(floating)
+        return f"floating conductor {beyond}" if electrode < 0 else f"electrode {electrode}"
     x, y = mesh.nodes_m[unknown] * 1e3
     return f"the node at ({x:.3g}, {y:.3g}) mm"
 
 
 def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-              order: Dissection | None = None, refinements: int = 0) -> Array:
+              order: Dissection | None = None, refinements: int = 0, floating: Floating | None = None) -> Array:
     """Impedance matrix Z (count, count), Ohm: U = Z I for currents I that sum to zero; rows and columns sum to zero.
 
     See `eliminated`. Z = Y' Y from the electrodes' rows of the factor alone, and no front is kept; it is symmetric by
@@ -151,36 +192,37 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
     ValueError where the resistance between two electrodes keeps fewer than four digits beside that between others.
     """
     if refinements > 0:
-        return centred(mesh, potentials(mesh, conductance_S, contact_impedance, order=order,
-                                        refinements=refinements))[len(mesh.nodes_m):]
-    order = _fitting(mesh, order)
+        return centred(mesh, potentials(mesh, conductance_S, contact_impedance, order=order, refinements=refinements,
+                                        floating=floating))[-mesh.count:]
+    order, given = _fitting(mesh, order, floating), weights(mesh, conductance_S, contact_impedance)
     try:
-        return _resolved(impedance_alone(order, weights(mesh, conductance_S, contact_impedance), mesh.count))
+        return _resolved(impedance_alone(order, _with_floating(given, floating), mesh.count))
     except Detached as lost:
-        raise _torn(mesh, lost) from None
+        raise _torn(mesh, lost, floating) from None
 
 
 def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
-               order: Dissection | None = None, refinements: int = 0) -> Array:
+               order: Dissection | None = None, refinements: int = 0, floating: Floating | None = None) -> Array:
     """Potentials (nodes + count, count), Ohm, of nodes, then electrodes, the last one earthed; column k is for 1 A into
-    electrode k and 1/count A out of every one. See `eliminated`; refused where `impedance` is.
+    electrode k and 1/count A out of every one. Those of floating conductors come between nodes and electrodes. See
+    `eliminated`; refused where `impedance` is.
 
     Each refinement solves for the currents that are left over, summed from differences of potentials.
     """
-    done = eliminated(mesh, conductance_S, contact_impedance, order=order)
-    currents = np.zeros((len(mesh.nodes_m) + mesh.count, mesh.count))
-    currents[len(mesh.nodes_m):] = np.eye(mesh.count) - 1 / mesh.count
+    done = eliminated(mesh, conductance_S, contact_impedance, order=order, floating=floating)
+    currents = np.zeros((len(mesh.nodes_m) + _conductors(floating) + mesh.count, mesh.count))
+    currents[-mesh.count:] = np.eye(mesh.count) - 1 / mesh.count
     potential = solve(done, currents)
     for _ in range(refinements):
         potential += solve(done, residual(done, currents, potential))
-    _resolved(centred(mesh, potential)[len(mesh.nodes_m):])
+    _resolved(centred(mesh, potential)[-mesh.count:])
     return potential
 
 
 def centred(mesh: SkinMesh, potential: Array) -> Array:
     """Potentials (nodes + count, n) less the mean of the electrodes', the impedance matrix in the last rows of
     `potentials`."""
-    return potential - potential[len(mesh.nodes_m):].mean(axis=0)
+    return potential - potential[-mesh.count:].mean(axis=0)
 
 
 def _resolved(z: Array) -> Array:
@@ -251,7 +293,10 @@ def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Arra
 def contacts(mesh: SkinMesh) -> Array:
     """Local matrices (parts, m + 1, m + 1) of int (v - V)(u - U) over what lies under electrodes, m nodes a part, the
     electrode's own potential last; m under lines, m^2 under patches."""
-    value, measure = _on_cells(mesh) if mesh.under.shape[1] == mesh.cells.shape[1] else _on_edges(mesh)
+    return _joined(*(_on_cells(mesh, mesh.under) if mesh.under.shape[1] == mesh.cells.shape[1] else _on_edges(mesh)))
+
+
+def _joined(value: Array, measure: Array) -> Array:
     value = np.column_stack([value, -np.ones(len(value))])
     return np.einsum("eq,qi,qj->eij", measure, value, value)
 
@@ -266,8 +311,8 @@ def _on_edges(mesh: SkinMesh) -> tuple[Array, Array]:
     return value, weights * np.linalg.norm(np.einsum("kq,ekx->eqx", slope, mesh.nodes_m[mesh.under]), axis=-1)
 
 
-def _on_cells(mesh: SkinMesh) -> tuple[Array, Array]:
-    """As `_on_edges`, of whole elements: functions (q, k), areas (parts, q)."""
+def _on_cells(mesh: SkinMesh, cells: Indices) -> tuple[Array, Array]:
+    """As `_on_edges`, of whole elements (parts, k): functions (q, k), areas (parts, q)."""
     value, gradient, weights, _ = _reference(mesh.element, _AREA_DEGREE)
-    jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[mesh.under], gradient)
+    jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[cells], gradient)
     return value, weights * np.abs(np.linalg.det(jacobian))

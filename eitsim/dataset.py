@@ -1,7 +1,12 @@
-"""A data set of scenes on disk: Parquet parts, each written in one step, beside a manifest `design.json`."""
+"""A data set of scenes on disk: Parquet parts, each written in one step, beside a manifest `design.json`.
+
+A part holds neighbouring scenes and is named by the first; a sweep's parts have a size that its manifest keeps.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import tempfile
@@ -11,14 +16,22 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from matcal.card import write_json
 from matcal.errors import TestFileError
 
-SCHEMA = 1
+SCHEMA = 2
+# Older ones that can be read: in 1 parts were named by their last scene too.
+_READABLE = (1, SCHEMA)
 MANIFEST = "design.json"
 OUTPUTS = ("sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "delta_max_mm")
 TOUCH = ("x_mm", "y_mm", "d_mm", "F_N")
+# What differs where a row is solved again: CPU time in all, and of it for touches, for readings and for fields, s.
+COST = ("cpu_s", "mechanics_cpu_s", "electrics_cpu_s", "fields_cpu_s")
+# How touches and readings of a row were solved, in words.
+METHODS = ("mechanics_method", "electrics_method")
 FIXED = ("scene", "outcome", *TOUCH, *OUTPUTS, "card_sample", "signal_error", "cpu_s")
 
 
@@ -50,28 +63,104 @@ def voltage_columns(count: int, prefix: str = "v") -> list[str]:
 def write_part(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
     """Write rows (sorted by scene) as one Parquet part, atomically; returns its path."""
     table = pd.DataFrame(sorted(rows, key=lambda row: row["scene"]))
-    first, last = int(table["scene"].iloc[0]), int(table["scene"].iloc[-1])
-    path = folder / f"part-{first:07d}-{last:07d}.parquet"
-    handle, temporary = tempfile.mkstemp(dir=folder, prefix=".part-", suffix=".tmp")
-    os.close(handle)
+    path = part_path(folder, int(table["scene"].iloc[0]))
+    write_table(path, table)
+    return path
+
+
+def part_path(folder: Path, first: int) -> Path:
+    """Where the part lies that begins with the scene `first`."""
+    return folder / f"part-{first:09d}.parquet"
+
+
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """Write a table as one Parquet file, atomically."""
+    put(path, encoded(table))
+
+
+def encoded(table: pd.DataFrame) -> bytes:
+    """A table as the content of a Parquet file, checksums included.
+
+    Without dictionaries, and without statistics and the frame's own schema, which for columns of few different rows
+    would take more than the numbers.
+    """
+    place = io.BytesIO()
+    plain = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(None)
+    stated = [name for name in ("scene", "outcome") if name in table.columns]
+    pq.write_table(plain, place, use_dictionary=False, write_statistics=stated,  # pyright: ignore[reportArgumentType]
+                   store_schema=False, write_page_checksum=True)
+    return place.getvalue()
+
+
+def decoded(content: bytes | Path, columns: list[str] | None = None) -> pd.DataFrame:
+    """The table of a Parquet file or of its content; OSError where its checksums do not hold."""
+    source = pa.BufferReader(content) if isinstance(content, bytes) else content
+    return pq.ParquetFile(source, page_checksum_verification=True).read(columns=columns).to_pandas()
+
+
+def read_part(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
+    """The table of a part; TestFileError where it is damaged."""
     try:
-        table.to_parquet(temporary, index=False)
+        return decoded(path, columns)
+    except (pa.ArrowException, OSError) as error:
+        raise _damaged(path, error) from None
+
+
+def columns_of(path: Path) -> list[str]:
+    """Names of the columns of a part, without its rows."""
+    try:
+        return pq.read_schema(path).names
+    except (pa.ArrowException, OSError) as error:
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: BaseException) -> TestFileError:
+    return TestFileError(path, f"the part is damaged ({str(error).splitlines()[0]}). Remove it, and sweep again.")
+
+
+def joined(contents: Sequence[bytes]) -> bytes:
+    """One part of several contents, in their order."""
+    return encoded(pd.concat([decoded(content) for content in contents], ignore_index=True))
+
+
+def with_rows(content: bytes, more: bytes) -> bytes:
+    """A part with the rows of another, which take the place of those of the same scenes."""
+    there, new = decoded(content), decoded(more)
+    kept = there.loc[~there["scene"].isin(new["scene"])]
+    if kept.empty:
+        return more
+    return encoded(pd.concat([kept, new], ignore_index=True).sort_values("scene", ignore_index=True))
+
+
+def put(path: Path, content: bytes) -> None:
+    """Write a file beside its place, wait for the disk, and move it there in one step: what is there is whole, even
+    after a loss of power, which may cost the last moves unless `settle` was waited for."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".part-", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(handle)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
-    return path
+
+
+def settle(folder: Path) -> None:
+    """Wait until the disk knows what was moved into a folder, where the file system can tell."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):
+            os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def parts(folder: Path) -> list[Path]:
     """Finished parts of a data set, sorted by name."""
     return sorted(folder.glob("part-*.parquet"))
-
-
-def finished_scenes(folder: Path) -> set[int]:
-    """Scene numbers that have a row."""
-    return {int(i) for path in parts(folder) for i in pd.read_parquet(path, columns=["scene"])["scene"]}
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -89,8 +178,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
         raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
-    if manifest.get("schema") != SCHEMA:
-        raise TestFileError(path, f"data set schema {manifest.get('schema')!r} is not {SCHEMA}. Sweep again.")
+    if manifest.get("schema") not in _READABLE:
+        raise TestFileError(path, f"data set schema {manifest.get('schema')!r} is none of "
+                                  f"{', '.join(map(str, _READABLE))}. Sweep again.")
     return manifest
 
 
@@ -101,7 +191,7 @@ def read_dataset(folder: Path | str) -> Dataset:
     files = parts(folder)
     if not files:
         raise TestFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
-    table = pd.concat([pd.read_parquet(path) for path in files], ignore_index=True)
+    table = pd.concat([read_part(path) for path in files], ignore_index=True)
     table = table.sort_values("scene", ignore_index=True)
     _require_columns(folder, table, FIXED)
     if table["scene"].duplicated().any():

@@ -1,30 +1,33 @@
-"""A design of scenes: ranges and distributions in the tables of a scene file, and the scene of any row."""
+"""A design of scenes: ranges, laws and lists in the tables of a scene file, and the scene of any row."""
 
 from __future__ import annotations
 
-import copy
-import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eitsim import nested
 from eitsim.drive_files import with_matrices
-from eitsim.scene import Scene, is_list, scene_from, scene_keys
+from eitsim.layout import Layout, Variable, layout_of
+from eitsim.materials import Material, material_from
+from eitsim.measurement_file import as_table, measurement_from
+from eitsim.sampling import FIXED, row_tables
+from eitsim.scene import Scene, scene_from, scene_keys
+from eitsim.stored_fields import StoredFields, check_one_grid, fields_from
 from matcal.errors import TestFileError
 from matcal.toml_file import read_toml
 
-SAMPLERS = ("random", "lhs", "sobol")
-_TOP = ("scenes", "seed", "sampler", "card", "material", "measurement")
-# What decides which readings a row holds, and so cannot vary between rows.
-_SENSOR = (("electrodes", "count"), ("drive", "pattern"), ("drive", "reading"))
-Quantile = Callable[[float], Any]
+SAMPLERS = ("random", *FIXED, nested.SAMPLER)
+# Those whose count may grow.
+GROWING = ("random", nested.SAMPLER)
+_TOP = ("scenes", "seed", "sampler", "touches", "card", "material", "measurement", "fields")
+# Rows that are tried to find one whose scene is right.
+_TRIED = 100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Design:
     """What a sweep draws its scenes from."""
 
@@ -34,8 +37,18 @@ class Design:
     seed: int
     # one of SAMPLERS
     sampler: str
-    # tables of a scene file, a scalar possibly replaced by a range, a choice or a distribution
+    # tables of a scene file, a scalar possibly replaced by a range, a choice, a list or a law
     tables: Mapping[str, Any]
+    # which cards of the posterior serve the rows; None: the card itself
+    material: Material | None = None
+    # the keys of [measurement], which changes no row: they stay clean, and `measured_set` applies it; empty: none
+    measurement: Mapping[str, Any] = field(default_factory=dict)
+    # what is stored of each row's skin, and on which grid; None: nothing
+    fields: StoredFields | None = None
+    # number of touches of a row, possibly drawn; None: one for each [[punch]]
+    touches: Any = None
+    # name and sha256 of the table of scenes that it was read from; None where it is drawn
+    source: Mapping[str, str] | None = None
 
 
 def read_design(path: Path | str, scenes: int | None = None) -> Design:
@@ -53,122 +66,100 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     known = (*_TOP, *scene_keys())
     if unknown := [key for key in raw if key not in known]:
         raise ValueError(f"unknown key '{unknown[0]}'; known: {', '.join(known)}.")
-    for table in ("material", "measurement"):
-        if table in raw:
-            raise ValueError(f"[{table}] is not built yet. Remove it; rows are then clean and of the card itself.")
-    count = scenes if scenes is not None else raw.get("scenes")
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise ValueError(f"scenes must be a positive whole number, got {count!r}.")
     seed, sampler = raw.get("seed", 0), raw.get("sampler", "random")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}.")
     if sampler not in SAMPLERS:
         raise ValueError(f"sampler '{sampler}' is unknown; known: {', '.join(SAMPLERS)}.")
-    design = Design(count, seed, sampler, {key: value for key, value in raw.items() if key in scene_keys()})
-    if varied := [key for key in drawn_keys(design) if key in _SENSOR]:
-        raise ValueError(f"{varied[0][1]} in [{varied[0][0]}] is drawn, but the readings of all rows stand in the same "
-                         "columns. Fix it, and make one data set for each of its values.")
-    if (touches := len(scene_at(design, 0).punches)) > 1:
-        raise ValueError(f"{touches} touches are given; a row of a data set holds one. Give one [punch].")
+    tables, touches = {key: value for key, value in raw.items() if key in scene_keys()}, raw.get("touches")
+    layout = layout_of(tables, touches)
+    count = _count(scenes if scenes is not None else raw.get("scenes"), layout)
+    material = material_from(raw["material"]) if "material" in raw else None
+    if sampler == nested.SAMPLER:
+        nested.check(count, material, any(v.draw.order != "chance" for v in layout.variables))
+    measurement = as_table(measurement_from(raw["measurement"])) if "measurement" in raw else {}
+    stored = fields_from(raw["fields"]) if "fields" in raw else None
+    design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
+    if stored is not None:
+        check_one_grid(drawn_keys(design))
+    example(design)
     return design
 
 
+def _count(scenes: Any, layout: Layout) -> int:
+    """The number of scenes: as asked for, else what lists and rows have."""
+    count = scenes if scenes is not None else layout.rows or layout.combinations
+    if count is None:
+        raise ValueError("scenes is not given, and no list tells how many there are. Add scenes = 200, say.")
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise ValueError(f"scenes must be a positive whole number, got {count!r}.")
+    if layout.rows is not None and count > layout.rows:
+        raise ValueError(f"scenes = {count}, but {layout.rows} are given row by row. Ask for that many or fewer.")
+    return count
+
+
+def tables_at(design: Design, index: int) -> dict[str, Any]:
+    """Tables of the scene of row `index`, as in a scene file, "punch" a list of its touches; ValueError where touches
+    find no place."""
+    number = nested.touch_number(index) if design.sampler == nested.SAMPLER else index
+    return row_tables(_layout(design), design.sampler, design.scenes, design.seed, number)
+
+
 def scene_at(design: Design, index: int) -> Scene:
-    """The scene of row `index`; with "random" it depends on (seed, index) only."""
-    return scene_from(_drawn(design, _uniforms(design, index)))
+    """The scene of row `index`; with "random" and "nested" it depends on (seed, index) only. ValueError where it is
+    none."""
+    return scene_from(tables_at(design, index))
+
+
+def right_scenes(design: Design, most: int) -> Iterator[Scene]:
+    """The scenes of the first `most` rows, those left out that are none."""
+    for index in range(min(design.scenes, most)):
+        try:
+            yield scene_at(design, index)
+        except ValueError:
+            continue
+
+
+def example(design: Design) -> Scene:
+    """The first scene of a design that is right; ValueError says what is wrong with row 0 where none of many is."""
+    found = next(right_scenes(design, _TRIED), None)
+    return scene_at(design, 0) if found is None else found
+
+
+def most_touches(design: Design) -> int:
+    """The largest number of touches that a row may have."""
+    return len(_layout(design).places)
+
+
+def varied(design: Design) -> tuple[Variable, ...]:
+    """What differs between the rows of a design, in a fixed order."""
+    return _layout(design).variables
+
+
+def card_number(design: Design, index: int) -> int:
+    """The number by which `materials` chooses the card of row `index`."""
+    return nested.card_number(index) if design.sampler == nested.SAMPLER else index
 
 
 def drawn_keys(design: Design) -> list[tuple[str, str]]:
-    """(table, key) of every scalar that is drawn, in a fixed order; of several touches once for each."""
-    tables = _completed(design.tables)
-    names = {id(part): name for name, value in tables.items()
-             for part in (value if isinstance(value, list) else [value])}
-    return [(names[id(table)], key) for table, key, _ in _variables(tables)]
+    """(table, key) of every key of a scene that is drawn, in a fixed order; of several touches once for each."""
+    return [(v.table, key) for v in varied(design) if v.table
+            for key in (("x_mm", "y_mm") if v.key == "place" else (v.key,))]
 
 
-def _uniforms(design: Design, index: int) -> NDArray[np.float64]:
-    """Numbers of [0, 1), one a free variable of the design, for one row."""
-    count = sum(1 for _ in _variables(_completed(design.tables)))
-    if design.sampler == "random":
-        return np.random.default_rng(np.random.SeedSequence(design.seed, spawn_key=(index,))).random(count)
-    return _points(design.sampler, design.scenes, design.seed, count)[index]
+def same_or_grown(old: Any, new: Any) -> bool:
+    """Whether tables of a design are those of an older one, but for rows that were added to its end."""
+    if not isinstance(old, Mapping) or not isinstance(new, Mapping):
+        if isinstance(old, list | tuple) and isinstance(new, list | tuple):
+            return len(old) == len(new) and all(map(same_or_grown, old, new))
+        return bool(old == new)
+    if old.keys() != new.keys():
+        return False
+    if old.keys() == {"rows"}:
+        return list(new["rows"][:len(old["rows"])]) == list(old["rows"])
+    return all(same_or_grown(old[key], new[key]) for key in old)
 
 
-def _points(sampler: str, scenes: int, seed: int, count: int) -> NDArray[np.float64]:
-    from scipy.stats import qmc
-
-    if sampler == "lhs":
-        return qmc.LatinHypercube(count, rng=seed).random(scenes)
-    return qmc.Sobol(count, rng=seed).random_base2(math.ceil(math.log2(max(scenes, 2))))[:scenes]
-
-
-def _completed(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables with x and y of every touch present: left out, they are uniform over the disc."""
-    out: dict[str, Any] = copy.deepcopy(dict(tables))
-    touches = out.get("punch", {})
-    out["punch"] = [dict(t) for t in (touches if isinstance(touches, list) else [touches])]
-    for touch in out["punch"]:
-        if "x_mm" not in touch and "y_mm" not in touch:
-            touch["x_mm"], touch["y_mm"] = [0.0, 1.0], [0.0, 1.0]
-            touch["uniform_over_disc"] = True
-    return out
-
-
-def _variables(tables: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str, Quantile]]:
-    """(table, key, quantile function) of every scalar that is drawn, in a fixed order."""
-    for name in sorted(tables):
-        value = tables[name]
-        for table in value if isinstance(value, list) else [value]:
-            for key in sorted(table):
-                if is_list(name, key, table[key]):
-                    continue
-                if (quantile := _quantile(f"{key} in [{name}]", table[key])) is not None:
-                    yield table, key, quantile
-
-
-def _quantile(where: str, value: Any) -> Quantile | None:
-    """The quantile function of a range, a choice or a distribution; None for a plain value."""
-    if isinstance(value, list):
-        if len(value) != 2 or not all(isinstance(v, int | float) for v in value) or value[0] > value[1]:
-            raise ValueError(f"{where} must be a number or a range [lowest, highest], got {value}.")
-        lo, hi = map(float, value)
-        return lambda u: lo + (hi - lo) * u
-    if not isinstance(value, Mapping):
-        return None
-    if "choice" in value and isinstance(value["choice"], list) and value["choice"]:
-        choice = value["choice"]
-        return lambda u: choice[min(int(u * len(choice)), len(choice) - 1)]
-    if value.get("dist") in ("normal", "lognormal") and {"mean", "sd"} <= value.keys():
-        return _normal(float(value["mean"]), float(value["sd"]), value["dist"] == "lognormal")
-    raise ValueError(f"{where} must be a number, a range [lowest, highest], {{choice = [...]}} or "
-                     f"{{dist = \"normal\"|\"lognormal\", mean = , sd = }}, got {dict(value)}.")
-
-
-def _normal(mean: float, sd: float, logarithmic: bool) -> Quantile:
-    """Quantiles of a (log-)normal variable with this mean and standard deviation of the variable itself."""
-    from scipy.special import ndtri
-
-    if not logarithmic:
-        return lambda u: mean + sd * float(ndtri(u))
-    s = math.sqrt(math.log1p((sd / mean) ** 2))
-    return lambda u: mean * math.exp(s * float(ndtri(u)) - s * s / 2)
-
-
-def _drawn(design: Design, u: NDArray[np.float64]) -> dict[str, Any]:
-    tables = _completed(design.tables)
-    drawn = [(table, key, quantile(float(p))) for (table, key, quantile), p in zip(_variables(tables), u, strict=True)]
-    for table, key, value in drawn:
-        table[key] = value
-    body = scene_from({"body": tables.get("body", {})}).body
-    for touch in tables["punch"]:
-        if touch.pop("uniform_over_disc", False):
-            _place(touch, body.radius_m * 1e3)
-    return tables
-
-
-def _place(touch: dict[str, Any], radius_mm: float) -> None:
-    """Turn two uniform numbers into a place uniform over the part of the disc where the whole punch fits."""
-    diameter = touch.get("diameter_mm", scene_from({}).punches[0].diameter_m * 1e3)
-    r = (radius_mm - diameter / 2) * math.sqrt(touch["x_mm"])
-    angle = 2 * math.pi * touch["y_mm"]
-    touch["x_mm"], touch["y_mm"] = r * math.cos(angle), r * math.sin(angle)
+@lru_cache(maxsize=4)
+def _layout(design: Design) -> Layout:
+    return layout_of(design.tables, design.touches)

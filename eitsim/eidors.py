@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zlib import error as CompressionError
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,9 @@ def _variables(path: Path) -> dict[str, Any]:
         raw = loadmat(path, struct_as_record=False, squeeze_me=True)
     except NotImplementedError:
         raise TestFileError(path, "a MATLAB v7.3 file, which is not read; save it again with `save -v7`.") from None
-    except (ValueError, TypeError, MatReadError, EOFError, IndexError) as error:
-        raise TestFileError(path, f"not a MATLAB file of v5 to v7 ({error}); save the model with `save -v7`.") from None
+    except (ValueError, TypeError, MatReadError, EOFError, IndexError, OSError, CompressionError) as error:
+        raise TestFileError(path, f"not a MATLAB file of v5 to v7, or one that was cut short ({error}); copy it again, "
+                                  "or save the model with `save -v7`.") from None
     return {name: value for name, value in raw.items() if not name.startswith("__")}
 
 

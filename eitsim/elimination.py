@@ -65,7 +65,7 @@ def solve(elimination: Elimination, currents: Array) -> Array:
     x = currents[dissection.order]
     row_start, _, largest, _ = _layout(dissection)
     _substitute(dissection.height, dissection.first, dissection.begin, dissection.member, row_start, elimination.rows,
-                elimination.inverse, np.empty((largest, x.shape[1])), x)
+                elimination.inverse, np.empty((largest, x.shape[1])), np.empty((largest, x.shape[1])), x)
     out = np.empty_like(x)
     out[dissection.order] = x
     return out
@@ -108,8 +108,8 @@ def residual(elimination: Elimination, currents: Array, potentials: Array) -> Ar
 
 
 def _check(dissection: Dissection, weights: Array) -> None:
-    if weights.shape != (len(dissection.pairs),):
-        raise ValueError(f"an order of elimination for {len(dissection.pairs)} pairs of unknowns got {len(weights)} "
+    if weights.shape != dissection.source.shape:
+        raise ValueError(f"an order of elimination for {len(dissection.source)} pairs of unknowns got {len(weights)} "
                          "weights; take the order of this very mesh.")
 
 
@@ -204,35 +204,50 @@ def _update_by_four(front, k, inverse):
 
 
 @compiled
-def _substitute(height, first, begin, member, row_start, all_rows, inverse, local, x):
-    """Currents x (size, k), in the order of elimination, become potentials: down the tree, then up."""
-    count = x.shape[1]
+def _substitute(height, first, begin, member, row_start, all_rows, inverse, local, sums, x):
+    """Currents x (size, k), in the order of elimination, become potentials: down the tree, where there are currents,
+    then up."""
     for t in range(len(height)):
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
+        if not x[first[t]:first[t + 1]].any():
+            continue
         rows = all_rows[row_start[t]:row_start[t + 1]].reshape(pivots, size)
-        for i in range(size):
-            local[i] = x[member[begin[t] + i]]
-        for k in range(pivots):
-            for j in range(k + 1, size):
-                c = rows[k, j] * inverse[first[t] + k]
-                for v in range(count):
-                    local[j, v] += c * local[k, v]
-        for i in range(size):
-            x[member[begin[t] + i]] = local[i]
+        _pass_on(rows, inverse[first[t]:first[t + 1]], x[first[t]:first[t + 1]], local[:pivots], sums[:size])
+        for i in range(pivots, size):
+            x[member[begin[t] + i]] += sums[i]
     x[-1] = 0.0
     for t in range(len(height) - 1, -1, -1):
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
         rows = all_rows[row_start[t]:row_start[t + 1]].reshape(pivots, size)
-        for i in range(size):
+        local[:pivots] = 0.0
+        for i in range(pivots, size):
             local[i] = x[member[begin[t] + i]]
-        for k in range(pivots - 1, -1, -1):
-            for j in range(k + 1, size):
-                c = rows[k, j]
-                for v in range(count):
-                    local[k, v] += c * local[j, v]
-            for v in range(count):
-                local[k, v] *= inverse[first[t] + k]
-            x[first[t] + k] = local[k]
+        _take_up(rows, inverse[first[t]:first[t + 1]], local[:size], sums[:pivots], x[first[t]:first[t + 1]])
+
+
+@compiled
+def _pass_on(rows, inverse, current, scaled, passed):
+    """Currents (pivots, k) with those that come from pivots before, and what all pass on to the members (size, k)."""
+    for k in range(len(rows)):
+        for v in range(current.shape[1]):
+            scaled[k, v] = inverse[k] * current[k, v]
+        for j in range(k + 1, len(rows)):
+            for v in range(current.shape[1]):
+                current[j, v] += rows[k, j] * scaled[k, v]
+    np.dot(rows.T, scaled, passed)
+
+
+@compiled
+def _take_up(rows, inverse, known, sums, potential):
+    """Potentials (pivots, k) where currents are, from those of the members (size, k) that are known, 0 for the pivots.
+    """
+    np.dot(rows, known, sums)
+    for k in range(len(rows) - 1, -1, -1):
+        for j in range(k + 1, len(rows)):
+            for v in range(potential.shape[1]):
+                sums[k, v] += rows[k, j] * potential[j, v]
+        for v in range(potential.shape[1]):
+            potential[k, v] = (potential[k, v] + sums[k, v]) * inverse[k]
 
 
 @compiled

@@ -10,11 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 Array = NDArray[np.float64]
 
 # Part of the largest value from which a pixel belongs to the target's image.
 _QUARTER = 0.25
+# Part from which it belongs to a region of its own, and the distance of neighbours over the root of a pixel's area.
+_HALF, _NEIGHBOURS = 0.5, 1.6
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,25 @@ def blob(points_m: Array, area_m2: Array, image: Array, sign: int = 0) -> Blob:
     area = area_m2[where]
     x, y = (area @ points_m[where] / area.sum()).tolist()
     return Blob(x, y, float(area.sum()), peak)
+
+
+def regions(points_m: Array, area_m2: Array, image: Array) -> list[Blob]:
+    """Connected regions of an image (n,), as `blob` takes it, where it has at least half of its largest magnitude and
+    that sign, the largest peak first."""
+    sign = int(np.sign(image[np.argmax(np.abs(image))]))
+    where = np.flatnonzero(sign * image >= _HALF * np.max(sign * image))
+    pairs = KDTree(points_m[where]).query_pairs(_NEIGHBOURS * float(np.sqrt(area_m2.max())), output_type="ndarray")
+    joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(where),) * 2)
+    count, label = connected_components(joined, directed=False)
+    parts = [where[label == k] for k in range(count)]
+    found = [_whole(image, points_m, area_m2, part, sign) for part in parts]
+    return sorted(found, key=lambda one: -abs(one.peak))
+
+
+def _whole(image: Array, points_m: Array, area_m2: Array, part: NDArray[np.int64], sign: int) -> Blob:
+    """A region as one blob, about its centroid."""
+    x, y = (area_m2[part] @ points_m[part] / area_m2[part].sum()).tolist()
+    return Blob(x, y, float(area_m2[part].sum()), sign * float(np.max(sign * image[part])))
 
 
 def figures_of_merit(points_m: Array, area_m2: Array, image: Array, target_m: Array, strength_m2: float

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from eitsim.approach import from_rest, near
 from eitsim.axisymmetric import (
+    allowed,
     at_depth,
     force_unit,
     pressings,
@@ -30,6 +31,7 @@ from eitsim.pressing import Equilibrium, Pressing, equilibrium
 from eitsim.results import Touch
 from eitsim.scene import Body, Hold, Punch
 from eitsim.viscoelastic import Memory, loaded_at_once, remembered, stepped, steps_s, unloaded
+from eitsim.work import bounded
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony, relaxation
@@ -162,7 +164,8 @@ def stepped_through(model: Pressing, series: Prony, memory: Memory, state: Equil
     for step in steps:
         spent += step.length_s
         try:
-            state = _met(stepped(model, series, memory, step.length_s), step, state)
+            with bounded(allowed(model.grid.unknowns), model.grid.unknowns):
+                state = _met(stepped(model, series, memory, step.length_s), step, state)
         except NotConverged as error:
             raise NotConverged(f"{error} This was {spent:.3g} s after the start of {phase}.",
                                estimate=error.estimate, residuals=error.residuals) from None

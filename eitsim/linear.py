@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
+from eitsim.work import PRODUCT, charge
+
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
@@ -21,6 +23,7 @@ def factorise_band(band: Array) -> Solve:
 
     The band is overwritten. Indefinite is raised where a pivot is not positive.
     """
+    charge(len(band))
     try:
         factor = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False)
     except LinAlgError:
@@ -57,6 +60,7 @@ def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance
     for _ in range(limit):
         if now <= tolerance**2 * first:
             break
+        charge(PRODUCT * len(b))
         ap = product(p)
         curvature = float(p @ ap)
         if curvature <= 0:

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from eitsim import friction
 from eitsim import punch as contact
-from eitsim.approach import from_rest
+from eitsim.approach import from_rest, towards
 from eitsim.friction import Grip, Nearest
 from eitsim.pressing import Equilibrium, Pressing, equilibrium, nearest, seen, transferred
+from eitsim.work import bounded, used_up
 from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -36,8 +37,10 @@ _EXACT, _ROUGH = 1e-10, 1e-6
 _PASSES, _FREE_PASSES = 10, 3
 # How often an increment is halved where no equilibrium is found, and the iterations after which none is.
 _HALVINGS, _ITERATIONS = 4, 60
-# A prescribed depth: relative error at which it is reached, steps towards it, largest in the force's logarithm.
-_DEPTH_TOLERANCE, _DEPTH_STEPS, _LARGEST_STEP = 1e-6, 20, 0.5
+# A prescribed depth: relative error at which it is reached, and steps towards it.
+_DEPTH_TOLERANCE, _DEPTH_STEPS = 1e-6, 20
+# Factorisations on the fine mesh whose work a course may take: the dearest random scene takes 320.
+FACTORISATIONS = 1600
 
 
 @dataclass(frozen=True)
@@ -82,17 +85,20 @@ def under_forces(coarse: Pressing, fine: Pressing, coefficient: float,
     """The course to each force, loaded in this order."""
     rough = now = at_rest(coarse)
     for force in forces:
-        _, rough = loaded(coarse, coefficient, rough, force, INCREMENTS // 2)
-        last, now = loaded(coarse, coefficient, now, force)
-        yield Course(rough, now, _carried_over(coarse, last, now, fine, coefficient))
+        with bounded(FACTORISATIONS, fine.grid.unknowns):
+            _, rough = loaded(coarse, coefficient, rough, force, INCREMENTS // 2)
+            last, now = loaded(coarse, coefficient, now, force)
+            course = Course(rough, now, _carried_over(coarse, last, now, fine, coefficient))
+        yield course
 
 
 def at_depth(coarse: Pressing, fine: Pressing, coefficient: float, depth: float, guess: float) -> Course:
     """The course to a corrected depth that a force near `guess`, above it rather than below, leads to."""
-    rough = at_depth_of(coarse, coefficient, depth, guess, INCREMENTS // 2)[1]
-    last, now = at_depth_of(coarse, coefficient, depth, guess)
-    near = _carried_over(coarse, last, now, fine, coefficient)
-    return Course(rough, now, _reached(fine, coefficient, _on(coarse, last, fine), near, depth))
+    with bounded(FACTORISATIONS, fine.grid.unknowns):
+        rough = at_depth_of(coarse, coefficient, depth, guess, INCREMENTS // 2)[1]
+        last, now = at_depth_of(coarse, coefficient, depth, guess)
+        near = _carried_over(coarse, last, now, fine, coefficient)
+        return Course(rough, now, _reached(fine, coefficient, _on(coarse, last, fine), near, depth))
 
 
 def at_depth_of(model: Pressing, coefficient: float, depth: float, guess: float,
@@ -146,11 +152,11 @@ def _on(coarse: Pressing, loaded: Loaded, fine: Pressing) -> Loaded:
 def _in_halves(model: Pressing, coefficient: float, before: Loaded, force: float, *, settle: bool,
                halvings: int = _HALVINGS) -> Loaded:
     """The foam after an increment, or after two of half of it where that fails."""
-    for ahead in (True, False):
+    for ahead in (True, False) if before.state.force > 0 else (False,):
         try:
             return increment(model, coefficient, before, force, _estimate(model, before, force, ahead), settle=settle)
         except NotConverged:
-            if halvings == 0 and not ahead:
+            if used_up() or (halvings == 0 and not ahead):
                 raise
     middle = (before.state.force + force) / 2
     half = _in_halves(model, coefficient, before, middle, settle=False, halvings=halvings - 1)
@@ -221,13 +227,16 @@ def _let_go(model: Pressing, before: Loaded, state: Equilibrium, grip: Grip, hel
 
 
 def _reached(model: Pressing, coefficient: float, before: Loaded, near: Loaded, depth: float) -> Loaded:
-    """The foam at a corrected depth, one increment from `before`: Newton's method in the force's logarithm from `near`.
+    """The foam at a corrected depth, one increment from `before`: Newton's method in the force's logarithm from `near`,
+    kept between two forces that miss the depth on either side.
     """
+    last, short, beyond = np.inf, None, None
     for _ in range(_DEPTH_STEPS):
         missing, state = depth - near.state.depth, near.state
         if abs(missing) <= _DEPTH_TOLERANCE * depth:
             return near
-        growth = np.clip(missing / (state.by_force[-1] * state.force), -_LARGEST_STEP, _LARGEST_STEP)
-        near = _in_halves(model, coefficient, before, float(state.force * np.exp(growth)), settle=True)
+        short, beyond = (state, beyond) if missing > 0 else (short, state)
+        force, last = towards(depth, state, short, beyond, last), abs(missing)
+        near = _in_halves(model, coefficient, before, force, settle=True)
     raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest was "
                        f"{near.state.depth:.4f}.", estimate=near.state.x, residuals=near.state.residuals)

@@ -45,9 +45,9 @@ def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_
     curved rim, whose straight edges neither knows. ValueError for another element or mesh, and as in `cem.impedance`.
     """
     start = time.process_time()
-    if element not in ELEMENTS or mesh.element != "P1":
-        raise ValueError(f"element '{element}' on a mesh of {mesh.element}; known: {', '.join(ELEMENTS)}, on a mesh of "
-                         "P1.")
+    check_element(element)
+    if mesh.element != "P1":
+        raise ValueError(f"a mesh of {mesh.element} elements; give one of linear triangles, P1.")
     given = np.broadcast_to(np.asarray(conductance_S, dtype=float), _shape(conductance_S, mesh))
     meshes = {"P1": mesh, "P2": quadratic(mesh)}
     solved = {name: impedance(m, _at_points(m, given), contact_impedance_Ohm_m) for name, m in meshes.items()}
@@ -56,6 +56,12 @@ def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_
     of_readings = None if flat["P1"] is None or flat["P2"] is None else _apart(flat["P1"], flat["P2"])
     return Solved(solved[element], read[element], _apart(solved["P1"], solved["P2"]), of_readings,
                   len(meshes[element].nodes_m) + mesh.count - 1, time.process_time() - start)
+
+
+def check_element(element: str) -> None:
+    """ValueError for an element that is not built."""
+    if element not in ELEMENTS:
+        raise ValueError(f"element '{element}' is unknown; known: {', '.join(ELEMENTS)}.")
 
 
 def quadratic(mesh: SkinMesh) -> SkinMesh:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, xlogy
 
 from eitsim.dipole import admittance
+from eitsim.floating import shunt, shunt_ends
 from eitsim.results import Touch
 from eitsim.rim import Rim
 from eitsim.scene import Body, Electrodes, Punch, Skin
@@ -80,16 +81,17 @@ def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_
     """Scattering (orders,) of the harmonics m = 1, 2, ...: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out.
 
     In a ring the stationary admittance is k, k^2 = s_m (m^2 s_h + g rho^2), g the conductance to a floating punch per
-    area; the rings are the gaps of the touch's samples, each cut in `parts`.
+    area (`eitsim.floating`); the rings are the gaps of the touch's samples and the shunt's ends, each cut in `parts`.
     """
-    stops = np.unique(np.concatenate([[0.0], touch.radius_m[touch.radius_m < reach_m], [reach_m]]))
+    stops = np.concatenate([touch.radius_m, shunt_ends(punch, touch)])
+    stops = np.unique(np.concatenate([[0.0], stops[stops < reach_m], [reach_m]]))
     radii = np.interp(np.arange(parts * (len(stops) - 1) + 1) / parts, np.arange(len(stops)), stops)
     middle = (radii[1:] + radii[:-1]) / 2
     along, across, normal = stretches(touch, middle)
     free, share = untouched_conductance(law, skin), ring_share(middle, reach_m)
     meridian, hoop = (free + share * (s - free) for s in principal_conductances(law, skin, along, across, normal))
     m = np.arange(1, orders + 1)[:, None]
-    k = np.sqrt(meridian * (m**2 * hoop + _shunt(punch, touch, middle, along * across) * middle**2))
+    k = np.sqrt(meridian * (m**2 * hoop + shunt(punch, touch, middle, along * across) * middle**2))
     y = admittance(k[:, 0], k[:, 1:], meridian[1:], radii[1:])
     return (free * m[:, 0] - y) / (free * m[:, 0] + y)
 
@@ -140,11 +142,3 @@ def _between(to: tuple[complex, float, Indices], source: tuple[complex, float, I
     size = gammaln(m + order) - gammaln(order + 1) - gammaln(m)
     size += m * math.log(reach_source / step) + order * math.log(reach / step)
     return np.exp(size + 1j * (np.pi * order - angle * (m + order)))
-
-
-def _shunt(punch: Punch, touch: Touch, radius: Array, areal: Array) -> Array:
-    """Conductance to the punch per reference area, S/m^2, where it conducts and presses."""
-    if not punch.conductor:
-        return np.zeros_like(radius)
-    pressed = np.interp(radius, touch.radius_m, touch.pressure_Pa) > 0
-    return np.where(pressed, areal / punch.contact_impedance_Ohm_m2, 0.0)

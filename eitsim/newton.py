@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.linear import Indefinite, Solve
+from eitsim.work import used_up
 from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -49,12 +50,16 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
 
     system(x, share) gives the gradient and the Hessian whose possibly negative parts are scaled by share: an indefinite
     Hessian and short steps lower it, long steps raise it back to 1. More than `limit` iterations are made only while
-    each gradient is less than a tenth of the one before. NotConverged carries the last x and the residuals.
+    each gradient is less than a tenth of the one before, none once the work is used up that `work.bounded` allows.
+    NotConverged carries the last x and the residuals.
     """
     x, value, share, damped, residuals = start, energy(start), 1.0, False, []
     if not np.isfinite(value):
         raise NotConverged("the start is not admissible: it turns the foam inside out.", estimate=start)
     while len(residuals) < limit or residuals[-1] < _CLOSING * residuals[-2:][0]:
+        if used_up():
+            raise NotConverged(f"Newton's method was stopped after {len(residuals)} iterations.", estimate=x,
+                               residuals=tuple(residuals))
         gradient, solve, share = _definite(system, x, share, residuals)
         residuals.append(float(np.linalg.norm(gradient)) / scale)
         if residuals[-1] <= tolerance and share == 1:

@@ -122,11 +122,20 @@ def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array) 
                      "check [electrodes], [drive] and the contact impedance.")
 
 
+def check_wanted(prior: str, noise_figure: float) -> None:
+    """ValueError, before anything is solved, for an unknown prior, or a noise figure that is not positive."""
+    if prior not in PRIORS:
+        raise ValueError(f"prior '{prior}' is unknown; known: {', '.join(PRIORS)}.")
+    if not 0 < noise_figure < np.inf:
+        raise ValueError(f"noise figure {noise_figure:g}: it must be positive and finite; {NOISE_FIGURE:g} is usual.")
+
+
 def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float = NOISE_FIGURE) -> Imager:
     """The reconstruction with a prior, its weight chosen so that the noise figure is the given one.
 
     ValueError for an unknown prior, or a noise figure that no weight has.
     """
+    check_wanted(prior, noise_figure)
     jacobian = untouched.jacobian_V
     spread = _solved(prior, untouched, jacobian.T)
     value, vector = np.linalg.eigh(jacobian @ spread)
@@ -193,8 +202,6 @@ def _by(drive: Drive, electrodes: Electrodes, impedance_by: Array) -> Array:
 
 def _solved(prior: str, untouched: Untouched, columns: Array) -> Array:
     """R^-1 applied to columns (t, n)."""
-    if prior not in PRIORS:
-        raise ValueError(f"prior '{prior}' is unknown; known: {', '.join(PRIORS)}.")
     if prior == "noser":
         return columns / np.linalg.norm(untouched.jacobian_V, axis=0)[:, None]
     laplacian = _laplacian(untouched.pixels)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from eitsim import cache
-from eitsim.design import Design, drawn_keys, scene_at
+from eitsim.design import Design, drawn_keys, example, right_scenes
+from eitsim.draws import draw_of
 from eitsim.near_rim import rim_problem
 from eitsim.path import Deviation
 from eitsim.plan import law_of, near_rim
@@ -95,21 +96,34 @@ def design_shape(design: Design, card: MaterialCard) -> Shape:
     spans = any(spans for _, spans in found) or len(diameters) > _MOST
     if spans and diameters[0] == diameters[-1]:
         diameters, spans = diameters[:1], False
-    first = scene_at(design, 0)
+    first = example(design)
     return _shape(first, law_of(first, card), diameters if not spans else [diameters[0], diameters[-1]], spans)
+
+
+def diameters_of(shape: Shape) -> dict[str, Any]:
+    """What of a design's shape its later rows may change, as JSON."""
+    return {"diameters": list(shape.diameters), "spans": shape.spans}
+
+
+def with_diameters(shape: Shape, kept: Mapping[str, Any] | None) -> Shape:
+    """A shape with the diameters of `diameters_of`, so that rows that a sweep has grown by change no table; touches
+    beyond them are solved afresh. None: the shape itself."""
+    return shape if kept is None else replace(shape, diameters=tuple(kept["diameters"]), spans=kept["spans"])
 
 
 def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
     """Diameters, m, of a punch of a design: all, or the ends of their range."""
-    given = punch.get("diameter_mm", Punch().diameter_m * 1e3)
-    if isinstance(given, list):
-        return [float(d) / 1e3 for d in given], True
-    if not isinstance(given, Mapping):
+    default = Punch().diameter_m * 1e3
+    given = punch.get("diameter_mm", default)
+    draw = draw_of("diameter_mm in [punch]", given)
+    if draw is None:
         return [float(given) / 1e3], False
-    if "choice" not in given:
+    if draw.values:
+        return [float(default if d is None else d) / 1e3 for d in draw.values], False
+    if not np.all(np.isfinite(draw.ends)):
         raise ValueError("diameter_mm in [punch] is drawn from a distribution without ends, and a table of load paths "
                          "needs a range.")
-    return [float(d) / 1e3 for d in given["choice"]], False
+    return [end / 1e3 for end in draw.ends], True
 
 
 def _shape(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> Shape:
@@ -130,14 +144,27 @@ def _shape(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) 
 
 def repays(design: Design, shape: Shape) -> bool:
     """Whether solving a design's touches afresh costs more than the table."""
-    return design.scenes * len(scene_at(design, 0).punches) >= REPAYS * len(shape.solved)
+    return design.scenes * len(example(design).punches) >= REPAYS * len(shape.solved)
 
 
 def rim_repays(design: Design, shape: Shape) -> bool:
     """Whether solving a design's touches near the rim afresh costs more than a table of what the rim changes."""
-    rows = [scene_at(design, i) for i in range(min(design.scenes, _ROWS))]
+    rows = list(right_scenes(design, _ROWS))
     near = sum(not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
+
+
+def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
+    """What of a table is fine enough for any row of a design, and why the rest is not, whose touches are then solved
+    afresh."""
+    wanted = max((scene.accuracy.signal for scene in right_scenes(design, _ROWS)), default=np.inf)
+    if table.error.signal > _SHARE * wanted:
+        return None, (f"no table: its signals are up to {table.error.signal:.1e} off, more than {_SHARE:.0%} of the "
+                      f"{wanted:g} wanted")
+    if table.rim is not None and table.rim.error.signal > _RIM_SHARE * wanted:
+        return replace(table, rim=None), (f"no table of what the rim changes: its signals are up to "
+                                          f"{table.rim.error.signal:.1e} off, more than the {wanted:g} wanted")
+    return table, ""
 
 
 def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
@@ -161,6 +188,9 @@ def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
     error = table.error
     ends = [f"{d * thickness_m * 1e3:g}" for d in table.shape.diameters]
     where = f"{ends[0]} to {ends[-1]} mm" if table.shape.spans else f"{', '.join(ends)} mm"
+    if table.laws > 1:
+        where += (f", for this law a weighted mean of those of {table.laws} drawn laws (what the rim changes that of "
+                  "one)")
     bound, rim = max(error.depth, error.signal), ""
     if touch.rim is not None and table.rim is not None:
         added = table.rim.error

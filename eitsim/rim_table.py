@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from eitsim.change import Change, changed, within_face
 from eitsim.path import Deviation
 from eitsim.results import RimField, Touch
-from eitsim.scene import Body, Punch
+from eitsim.scene import Body, Punch, rim_gap_m
 from eitsim.table import Shape, carried_over
 
 if TYPE_CHECKING:
@@ -64,9 +64,11 @@ class Solved:
 
 
 def changed_diameters(shape: Shape) -> Array:
-    """Diameters at which changes are solved, over the thickness."""
-    low, high = np.log(shape.diameters[0]), np.log(shape.diameters[-1])
-    return np.exp(np.linspace(low, high, _DIAMETERS)) if high > low else np.array(shape.diameters)
+    """Diameters at which changes are solved, over the thickness: of a choice, some whose load paths there are."""
+    diameters = np.array(shape.diameters)
+    if shape.spans:
+        return np.geomspace(diameters[0], diameters[-1], _DIAMETERS)
+    return diameters[np.linspace(0, len(diameters) - 1, min(len(diameters), _DIAMETERS)).round().astype(int)]
 
 
 def change_from(shape: Shape, rim: RimTable, diameter: float, gap: float, depth: float) -> Solved | None:
@@ -118,9 +120,9 @@ def _local(nodes: Array, at: float) -> tuple[slice, Array]:
 def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch | None:
     """An axisymmetric touch with the rim's change from a table; None where the table does not reach."""
     unit = body.thickness_m
-    if table.rim is None or punch.conductor or punch.force_N is None:
+    if table.rim is None or punch.force_N is None:
         return None
-    gap = body.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
+    gap = rim_gap_m(body, punch)
     found = change_from(table.shape, table.rim, punch.diameter_m / unit, gap / unit, touch.depth_m / unit)
     if found is None:
         return None

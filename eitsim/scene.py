@@ -19,6 +19,8 @@ FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
 CONTROLS = ("force", "depth")
 MODULI = ("card", "instantaneous", "longterm")
+# Currents that any instrument drives, with room; beyond them a value is a slip of the unit.
+LEAST_CURRENT_A, LARGEST_CURRENT_A = 1e-12, 1e3
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,9 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
 # Keys that may hold a list of one number an electrode, and those that always hold a list.
 EACH = ("width_mm", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
 _LISTS = ("angles_deg", "missing")
+# Keys that hold one of a few words.
+_KNOWN = {("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS, ("skin", "strain"): STRAINS,
+          ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
 _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
             "accuracy": Accuracy}
 
@@ -146,9 +151,24 @@ def is_list(table: str, key: str, value: Any) -> bool:
     return isinstance(value, list) and (whole or (table == "electrodes" and key in EACH and len(value) > 2))
 
 
+def check_value(table: str, key: str, value: Any) -> None:
+    """ValueError where `value` is none that a key may hold, whatever the other keys hold."""
+    if is_list(table, key, value):
+        return
+    name, per = _KEYS[table][key]
+    _value(f"{key} in [{table}]", value, per, getattr(_CLASSES[table](), name))
+    if (table, key) in _KNOWN:
+        _choice(f"{key} in [{table}]", value, _KNOWN[table, key])
+
+
 def slope_rad(punch: Punch) -> float:
     """Angle of the punch's face to the horizontal, rad: pi/2 minus a cone's half-angle, 0 for the other profiles."""
     return math.pi / 2 - punch.half_angle_rad if punch.profile == "cone" else 0.0
+
+
+def rim_gap_m(body: Body, punch: Punch) -> float:
+    """Distance from the punch's edge to the disc's rim, m; negative where it overhangs."""
+    return body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
 
 
 def scene_keys() -> dict[str, tuple[str, ...]]:
@@ -279,12 +299,16 @@ def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
     positive = {"radius_mm in [body]": body.radius_m * 1e3, "thickness_mm in [body]": body.thickness_m * 1e3,
                 "thickness_um in [skin]": scene.skin.thickness_m * 1e6,
-                "current_mA in [drive]": scene.drive.current_A * 1e3, "signal in [accuracy]": scene.accuracy.signal}
+                "signal in [accuracy]": scene.accuracy.signal}
     for where, value in positive.items():
         _require(value > 0, where, "must be positive", f"{value:g}")
-    _choice("strain in [skin]", scene.skin.strain, STRAINS)
-    _choice("control in [hold]", scene.hold.control, CONTROLS)
-    _choice("moduli in [hold]", scene.hold.moduli, MODULI)
+    _require(LEAST_CURRENT_A <= scene.drive.current_A <= LARGEST_CURRENT_A, "current_mA in [drive]",
+             f"must be from {LEAST_CURRENT_A * 1e3:g} to {LARGEST_CURRENT_A * 1e3:g} mA",
+             f"{scene.drive.current_A * 1e3:g}")
+    parts = {"skin": scene.skin, "hold": scene.hold}
+    for (table, key), words in _KNOWN.items():
+        for part in scene.punches if table == "punch" else (parts[table],):
+            _choice(f"{key} in [{table}]", getattr(part, key), words)
     check(body.radius_m, electrodes)
     _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
     _require(scene.hold.loading_s >= 0, "loading_s in [hold]", "must not be negative", scene.hold.loading_s)
@@ -314,8 +338,6 @@ def _check_punch(punch: Punch, body: Body) -> None:
              "(from the axis to the face of a cone) must lie between 0 and 90", math.degrees(punch.half_angle_rad))
     _require(punch.contact_impedance_Ohm_m2 > 0, "contact_impedance_Ohm_m2 in [punch]", "must be positive",
              punch.contact_impedance_Ohm_m2)
-    _choice("profile in [punch]", punch.profile, PROFILES)
-    _choice("friction in [punch]", punch.friction, FRICTIONS)
     by_coulomb = punch.friction == "coulomb"
     _require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
              "must be positive with friction = \"coulomb\"", punch.friction_coefficient)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from eitsim.circles import Outline
+from eitsim.compiled import compiled
 from eitsim.results import RimField, Touch
 from eitsim.scene import STRAINS, Body, Punch, Skin
 from matcal.conductivity import Conductivity, coating_thickness, conductivity
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 NEAR_RANGE = 1e-4
 # Angle, rad, by which a point may lie beyond the plane between two touches.
 _ON_PLANE = 1e-9
+_TINY = float(np.finfo(float).tiny)
 
 
 def driving_strain(strain: str, stretch_1: ArrayLike, stretch_2: ArrayLike, stretch_normal: ArrayLike) -> Array:
@@ -93,17 +94,31 @@ def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, 
     local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
     radius = np.hypot(local[..., 0], local[..., 1])
     meridian, hoop, normal = stretches(touch, radius)
-    radial = np.where(radius[..., None] > 0, local / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
     if touch.rim is None:
-        radial = radial @ axes
+        radial = np.where(radius[..., None] > 0, local / np.maximum(radius, 1e-300)[..., None], [1.0, 0.0]) @ axes
         return (hoop**2)[..., None, None] * np.eye(2) + (meridian**2 - hoop**2)[..., None, None] * _outer(
             radial, radial), normal
-    stretch = hoop[..., None, None] * axes + (meridian - hoop)[..., None, None] * _outer(radial, radial @ axes)
-    metric, factor = changes(touch.rim, local)
-    first, second = stretch[..., 0, :], stretch[..., 1, :]
-    mixed = _outer(first, second)
-    return (metric[..., :1, :1] * _outer(first, first) + metric[..., 1:, 1:] * _outer(second, second)
-            + metric[..., :1, 1:] * (mixed + np.swapaxes(mixed, -1, -2))), normal * factor
+    change = _changed(touch.rim, local)
+    metric = np.empty((*radius.shape, 2, 2))
+    _seen_whole(local.reshape(-1, 2), axes, meridian.ravel(), hoop.ravel(), change.reshape(-1, 4),
+                metric.reshape(-1, 2, 2))
+    return metric, normal * change[..., 3]
+
+
+@compiled
+def _seen_whole(local, axes, meridian, hoop, change, metric):
+    """Metrics U^T M U of the stretches U at places about the punch and of changes M of U, its xx, xy and yy."""
+    for p in range(len(local)):
+        x, y = local[p, 0], local[p, 1]
+        radius = math.sqrt(x * x + y * y)
+        x, y = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
+        more, xx, xy, yy = meridian[p] - hoop[p], change[p, 0], change[p, 1], change[p, 2]
+        along, across = x * axes[0, 0] + y * axes[1, 0], x * axes[0, 1] + y * axes[1, 1]
+        a, b = hoop[p] * axes[0, 0] + more * x * along, hoop[p] * axes[0, 1] + more * x * across
+        c, d = hoop[p] * axes[1, 0] + more * y * along, hoop[p] * axes[1, 1] + more * y * across
+        metric[p, 0, 0] = xx * a * a + 2 * xy * a * c + yy * c * c
+        metric[p, 0, 1] = metric[p, 1, 0] = xx * a * b + xy * (a * d + b * c) + yy * c * d
+        metric[p, 1, 1] = xx * b * b + 2 * xy * b * d + yy * d * d
 
 
 def _outer(one: Array, other: Array) -> Array:
@@ -132,45 +147,63 @@ def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity)
 def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
     """Metric (..., 2, 2) and normal factor (...) at places (..., 2) about the punch, axes as in RimField; interpolated
     as `_sampled`."""
-    parts = [*np.moveaxis(rim.metric, -1, 0), rim.normal]
-    xx, xy, yy, factor = _sampled(rim, local_m, parts, (1.0, 0.0, 1.0, 1.0))
-    xy = np.where(local_m[..., 1] < 0, -xy, xy)
-    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2), factor
+    found = _changed(rim, local_m)
+    return found[..., [[0, 1], [1, 2]]], found[..., 3]
+
+
+def _changed(rim: RimField, local_m: Array) -> Array:
+    """xx, xy and yy of the metric and the normal factor (..., 4)."""
+    parts = np.concatenate([rim.metric, rim.normal[..., None]], axis=-1)
+    found = _sampled(rim, local_m, parts, (1.0, 0.0, 1.0, 1.0))
+    found[..., 1] = np.where(local_m[..., 1] < 0, -found[..., 1], found[..., 1])
+    return found
 
 
 def moved(rim: RimField, local_m: Array) -> Array:
     """Displacement (..., 3), m, that the rim or a neighbour adds at places (..., 2) about the punch, axes as in
     RimField; interpolated as `_sampled`."""
-    towards, across, upwards = _sampled(rim, local_m, list(np.moveaxis(rim.displacement_m, -1, 0)), (0.0, 0.0, 0.0))
-    return np.stack([towards, np.where(local_m[..., 1] < 0, -across, across), upwards], axis=-1)
+    found = _sampled(rim, local_m, rim.displacement_m, (0.0, 0.0, 0.0))
+    found[..., 1] = np.where(local_m[..., 1] < 0, -found[..., 1], found[..., 1])
+    return found
 
 
-def _sampled(rim: RimField, local_m: Array, parts: Sequence[Array], unchanged: Sequence[float]) -> list[Array]:
-    """Values of parts (n, k) at places: linear in the radius and cubic in the angle between the samples, `unchanged`
-    beyond the last circle and nearer to the neighbour."""
-    radius = np.hypot(local_m[..., 0], local_m[..., 1])
-    start = Outline(rim.disc_m, rim.offset_m).start(radius)
-    angle = np.arctan2(np.abs(local_m[..., 1]), local_m[..., 0])
-    share = np.clip((angle - start) / np.maximum(np.pi - start, np.finfo(float).tiny), 0.0, 1.0)
-    at = np.clip(radius, rim.radius_m[0], rim.radius_m[-1])
-    none = radius > rim.radius_m[-1]
-    if rim.towards is not None:
-        none |= angle < start - _ON_PLANE
-    cubics = np.moveaxis(CubicSpline(rim.share, np.stack(parts, axis=-1), axis=1).c, 1, 2)
-    ring = np.clip(np.searchsorted(rim.radius_m, at, side="right") - 1, 0, len(rim.radius_m) - 2)
-    sector = np.clip(np.searchsorted(rim.share, share, side="right") - 1, 0, len(rim.share) - 2)
-    way, beyond = (share - rim.share[sector])[..., None], (at - rim.radius_m[ring]) / np.diff(rim.radius_m)[ring]
-    inner, outer = (_polynomial(cubics[:, i, sector], way) for i in (ring, ring + 1))
-    found = np.moveaxis(inner + (outer - inner) * beyond[..., None], -1, 0)
-    return [np.where(none, value, part) for value, part in zip(unchanged, found, strict=True)]
+def _sampled(rim: RimField, local_m: Array, parts: Array, unchanged: Sequence[float]) -> Array:
+    """Values (..., parts) of samples (n, k, parts) at places: linear in the radius and cubic in the angle between them,
+    `unchanged` beyond the last circle and nearer to the neighbour."""
+    cubics = np.ascontiguousarray(CubicSpline(rim.share, parts, axis=1).c.transpose(2, 1, 0, 3))
+    out = np.empty((*local_m.shape[:-1], len(unchanged)))
+    _interpolate(np.ascontiguousarray(local_m).reshape(-1, 2), rim.disc_m, rim.offset_m, rim.towards is not None,
+                 rim.radius_m, rim.share, cubics, np.array(unchanged), out.reshape(-1, len(unchanged)))
+    return out
 
 
-def _polynomial(coefficients: Array, x: Array) -> Array:
-    """Sum of coefficients times powers of x, the highest power first."""
-    value = coefficients[0]
-    for coefficient in coefficients[1:]:
-        value = value * x + coefficient
-    return value
+@compiled
+def _interpolate(local, disc, offset, by_neighbour, radii, shares, cubics, unchanged, out):
+    """Values (points, parts) at places (points, 2) by cubics (radii, sectors, 4, parts) in the share, highest power
+    first, and linearly between radii."""
+    for p in range(len(local)):
+        radius, angle = math.hypot(local[p, 0], local[p, 1]), math.atan2(abs(local[p, 1]), local[p, 0])
+        start = _start(disc, offset, radius)
+        if radius > radii[-1] or (by_neighbour and angle < start - _ON_PLANE):
+            out[p] = unchanged
+            continue
+        share = min(max(angle - start, 0.0) / max(np.pi - start, _TINY), 1.0)
+        radius = max(radius, radii[0])
+        ring = min(np.searchsorted(radii, radius, side="right"), len(radii) - 1) - 1
+        sector = min(np.searchsorted(shares, share, side="right"), len(shares) - 1) - 1
+        way, beyond = share - shares[sector], (radius - radii[ring]) / (radii[ring + 1] - radii[ring])
+        one, other = cubics[ring, sector], cubics[ring + 1, sector]
+        for part in range(out.shape[1]):
+            inner = ((one[0, part] * way + one[1, part]) * way + one[2, part]) * way + one[3, part]
+            outer = ((other[0, part] * way + other[1, part]) * way + other[2, part]) * way + other[3, part]
+            out[p, part] = inner + (outer - inner) * beyond
+
+
+@compiled
+def _start(disc, offset, radius):
+    """As `Outline.start`, of one radius."""
+    reach, above = 2 * radius * offset, disc**2 - radius**2 - offset**2
+    return math.acos(min(max(above / reach, -1.0), 1.0)) if reach > 0 else math.acos(np.sign(above))
 
 
 def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 
-from eitsim.cem import SkinMesh, centred, potentials, quadrature_points
+from eitsim.cem import Floating, SkinMesh, centred, potentials, quadrature_points
 from eitsim.drive import protocol
 from eitsim.electrics import following_mesh
 from eitsim.electrodes import contact_impedances, present, there
+from eitsim.floating import floating, shunts
 from eitsim.results import Touch
 from eitsim.scene import Punch, Scene
 from eitsim.skin import added_metric, local_axes, moved, touched_conductance, untouched_conductance
@@ -31,6 +32,8 @@ _CELLS = {"P1": ("triangle", ElementTriP1), "P2": ("triangle6", ElementTriP2), "
 LEVEL = 2
 # An element's area at one of its nodes, over its mean, below which that node takes the gradient of the whole.
 _COLLAPSED = 1e-6
+# Part of the way to an element's middle at which its nodes are told to lie under a punch or beside it.
+_INWARDS = 1e-3
 
 
 def write_skin_vtu(scene: Scene, touches: Sequence[Touch], law: Conductivity, path: Path | str,
@@ -54,8 +57,11 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     current_density_A_per_m_<pattern>, -sigma grad V per length of the untouched surface. A node where its cell is
     collapsed takes what the cell has at its middle; taken_from_middle tells where. The mesh follows the touches, also
     where the scene's own readings are solved without one, so that both differ by its error.
+    Where punches conduct: contact_conductance_S_per_m2 to them, per area of the untouched surface, 0 beside their
+    contacts; into_punch_A_per_m2_<pattern>, the current density into them; and shorted_potential_V_<pattern>, the
+    punch's potential where it touches, the skin's elsewhere.
 
-    ValueError for an unknown pattern, one that drives a missing electrode, and a conducting punch.
+    ValueError for an unknown pattern, and one that drives a missing electrode.
     """
     currents = driven_currents(scene, patterns)
     pairs = tuple(zip(scene.punches, touches, strict=True))
@@ -64,14 +70,36 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     sheets = (touched_conductance(quadrature_points(mesh), pairs, scene.skin, law),
               np.full(len(mesh.cells), untouched_conductance(law, scene.skin)))
     driven = np.stack(list(currents.values()))[:, there(scene.electrodes)]
-    touched, untouched = (_driven(mesh, sheet, contact_impedances(electrodes), driven) for sheet in sheets)
-    points, cells, fields = _at_nodes(mesh, pairs, scene, law, touched, list(currents))
-    return points, cells, fields | _named("untouched_potential_V", untouched[mesh.cells.ravel()], list(currents))
+    touched, untouched = (_driven(mesh, sheet, contact_impedances(electrodes), driven, conductors)
+                          for sheet, conductors in zip(sheets, (floating(mesh, pairs), None), strict=True))
+    nodes = len(mesh.nodes_m)
+    points, cells, fields = _at_nodes(mesh, pairs, scene, law, touched[:nodes], list(currents))
+    fields |= _named("untouched_potential_V", untouched[mesh.cells.ravel()], list(currents))
+    return points, cells, fields | _under_punches(mesh, pairs, touched[:nodes], touched[nodes:], list(currents))
 
 
-def _driven(mesh: SkinMesh, conductance_S: Array, impedances: Array, currents_A: Array) -> Array:
-    """Potentials (nodes, patterns), V, of currents (patterns, electrodes); the mean of the electrodes is 0 V."""
-    return centred(mesh, potentials(mesh, conductance_S, impedances))[:len(mesh.nodes_m)] @ currents_A.T
+def _driven(mesh: SkinMesh, conductance_S: Array, impedances: Array, currents_A: Array,
+            conductors: Floating | None) -> Array:
+    """Potentials (nodes + conductors, patterns), V, of currents (patterns, electrodes); the mean of the electrodes is
+    0 V."""
+    found = potentials(mesh, conductance_S, impedances, floating=conductors)
+    return centred(mesh, found)[:-mesh.count] @ currents_A.T
+
+
+def _under_punches(mesh: SkinMesh, touches: Touches, potential: Array, punches: Array,
+                   patterns: Sequence[int]) -> dict[str, Array]:
+    """Fields of conducting punches at potentials (conductors, patterns), V, over a skin at potentials (nodes,
+    patterns), V; none without one."""
+    if not len(punches):
+        return {}
+    place = mesh.nodes_m[mesh.cells]
+    inside = place + _INWARDS * (place.mean(axis=1, keepdims=True) - place)
+    joined = shunts(inside.reshape(-1, 2), touches)
+    skin = potential[mesh.cells.ravel()]
+    shorted = np.where((joined.sum(axis=0) > 0)[:, None], punches[joined.argmax(axis=0)], skin)
+    density = joined.sum(axis=0)[:, None] * (skin - shorted)
+    return {"contact_conductance_S_per_m2": joined.sum(axis=0)} | _named(
+        "into_punch_A_per_m2", density, patterns) | _named("shorted_potential_V", shorted, patterns)
 
 
 def _named(name: str, values: Array, patterns: Sequence[int]) -> dict[str, Array]:
@@ -83,9 +111,6 @@ def _named(name: str, values: Array, patterns: Sequence[int]) -> dict[str, Array
 def driven_currents(scene: Scene, patterns: Sequence[int] | None = None) -> dict[int, Array]:
     """Currents (electrodes,), A, of the patterns asked for, by default all that need no missing electrode; ValueError
     where `skin_fields` raises one."""
-    if any(punch.conductor for punch in scene.punches):
-        raise ValueError("the fields on the skin are not built under a conducting punch; give conductor = false in "
-                         "[punch].")
     rows = protocol(scene.drive, scene.electrodes.count).currents_A
     lost = ~there(scene.electrodes)
     known = [k for k, row in enumerate(rows) if not row[lost].any()]

@@ -1,37 +1,61 @@
-"""Many scenes into a data set, on one or several processes; a sweep that was stopped goes on where it was."""
+"""Many scenes into a data set, by one or many workers; a sweep that was stopped goes on where it was."""
 
 from __future__ import annotations
 
-import fcntl
-import math
-import multiprocessing
-import os
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from eitsim import dataset
-from eitsim.design import Design, scene_at
-from eitsim.drive import protocol
+from eitsim import dataset, fields_file, made_by
+from eitsim.crew import Crew
+from eitsim.design import Design, example
+from eitsim.family import Family, central_of
+from eitsim.family_reuse import family_for, family_repays, span_for
+from eitsim.materials import Cards, cards_for, foam_varies
+from eitsim.pieces import Pieces
 from eitsim.plan import law_of
-from eitsim.provenance import card_identity, versions
-from eitsim.results import Result
-from eitsim.reuse import design_shape, repays, rim_repays, table_for
-from eitsim.scene import Scene
-from eitsim.simulate import mechanical, simulate
+from eitsim.reuse import (
+    design_shape,
+    diameters_of,
+    fine_enough_for,
+    repays,
+    rim_repays,
+    table_for,
+    with_diameters,
+)
+from eitsim.rows import blank_row
+from eitsim.solved_parts import Part, solved_parts
+from eitsim.sweep_folder import keep_to_table, missing, sole_writer, start_or_continue
+from eitsim.sweep_omissions import omissions
+from eitsim.sweep_runs import Run, Spent, record, runs_of
 from eitsim.table import Table
+from eitsim.tally import Tally
+from eitsim.workers import processes
 from matcal.card import MaterialCard, read_card, require
-from matcal.errors import NotConverged, TestFileError
+from matcal.errors import NotConverged
 
-CHUNK = 8
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+# Rows of a part: files cost as much as some dozen rows from a table, and little beside rows that are solved afresh.
+ROWS_FROM_TABLE, ROWS_AFRESH = 64, 16
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a sweep is."""
+
+    # rows of the data set, and scenes of its design
+    done: int
+    scenes: int
+    # rows that stood there before
+    kept: int
+    # outcome -> number of rows
+    outcomes: Mapping[str, int]
+    # "table" while load paths are solved, else "rows"
+    stage: str = "rows"
+    # estimated relative signal errors of ok rows so far, the median and what 95 % lie below; None without such rows
+    signal_error: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -48,17 +72,26 @@ class Account:
     kept: int
     # how touches were solved, in words
     method: str
+    # what the call spent; None where all rows were there
+    run: Run | None = None
 
 
-def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1, reuse: bool | None = None,
-          exact: bool = False) -> Iterator[int | Account]:
-    """Solve every scene of `design` that `folder` lacks; yields the rows done after each part, then the Account.
+def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
+          crew: AbstractContextManager[Crew] | Crew | None = None, reuse: bool | None = None,
+          exact: bool = False, other_code: bool = False) -> Iterator[Progress | Account]:
+    """Solve every scene of `design` that `folder` lacks; yields Progress at the start and after each part, then the
+    Account.
 
-    reuse: whether touches come from a table of load paths, by default where that repays its cost; exact: every row as
-    simulate(exact=True), without a table. A folder keeps to what it was started with. Rows depend on the design, the
-    card and these two only, not on the order or the number of workers. ValueError where the folder belongs to another
-    design or card or was started otherwise, where reuse is asked for and the design has no use for a table, or where
-    another sweep is writing to it.
+    workers: processes of this machine, 1 for this process itself; crew: who works instead, as cluster.cluster(address)
+    or crew.Lent(executor, count). reuse: whether touches come from a table of load paths, by default where that repays
+    its cost; exact: every row as simulate(exact=True), without a table. A folder keeps to what it was started with.
+    other_code: go on where other code or libraries made the rows; the manifest tells which scenes are whose.
+    Rows, but for COST, depend on the design, the card and these two only, not on who works or how often the sweep was
+    stopped. A scene whose solution takes its process with it, again and again, is a row "crashed", which the next call
+    solves again.
+    ValueError where the folder belongs to another design or card, was started otherwise or by other code, where reuse
+    is asked for and the design has no use for a table, or where another sweep is writing to it; NoCrew where nobody
+    works; OSError where the folder cannot be written.
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}.")
@@ -66,59 +99,139 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1, re
         raise ValueError("exact solves every touch afresh; leave out reuse.")
     card = read_card(card_path)
     _check_card(card, design)
+    cards = cards_for(design.material, design.seed, card, card_path)
     folder.mkdir(parents=True, exist_ok=True)
-    with _sole_writer(folder):
-        method = _start_or_continue(folder, design, card, card_path, _wanted(design, card, reuse, exact), reuse)
-        kept = dataset.finished_scenes(folder)
-        missing = [i for i in range(design.scenes) if i not in kept]
-        done = len(kept & set(range(design.scenes)))
-        chunks = [missing[i:i + CHUNK] for i in range(0, len(missing), CHUNK)]
-        with _processes(workers if method["reuse"] or len(chunks) > 1 else 1) as pool:
-            paths, note = _table(design, card, pool, method) if method["reuse"] and missing else (None, "")
-            for rows in _solved(partial(solve_rows, design, card, exact=method["exact"], table=paths), chunks, pool):
-                dataset.write_part(folder, rows)
-                done += len(rows)
-                yield done
-    table = dataset.read_dataset(folder).table
-    failed = table[table["outcome"] != "ok"].groupby("outcome")["message"].first()
-    yield Account(dict(Counter(table["outcome"])), {str(k): str(v) for k, v in failed.items()}, len(missing), len(kept),
-                  _told(method, paths, note))
+    with sole_writer(folder):
+        wanted = _wanted(design, cards, reuse, exact)
+        size = ROWS_FROM_TABLE if wanted["reuse"] else ROWS_AFRESH
+        manifest, before = start_or_continue(folder, design, cards, card_path, wanted, size, reuse,
+                                             list(blank_row(design, cards)), other_code)
+        method, size = manifest["method"], manifest["rows_per_part"]
+        todo, tally, kept = missing(before.there, size), before.tally, before.tally.rows
+        table, note, spent, done, run = None, "", Spent(), tally, None
+        count = workers if method["reuse"] or len(todo) > 1 else 1
+        with _crew(crew, count) as hands:
+            if method["reuse"] and todo:
+                yield Progress(kept, design.scenes, kept, tally.outcomes, "table")
+                with spent.on("table"):
+                    table, note = _table(design, cards, hands, method)
+                manifest = keep_to_table(folder, manifest, table, note)
+            yield _progress(design, done, kept)
+            with spent.on("rows"):
+                for part in solved_parts(hands, design, cards, todo, exact=method["exact"], table=table):
+                    with spent.on("writing"):
+                        _keep(folder, design, part, size)
+                    done, spent.encoding_cpu_s = done + part.tally, spent.encoding_cpu_s + part.encoding_cpu_s
+                    yield _progress(design, done, kept)
+        if todo:
+            told = _told(method, table, note) + made_by.in_words(manifest)
+            if before.crashed:
+                told += f"; {before.crashed} rows that had crashed solved again"
+            run = spent.run(told, done.rows - kept, done.cpu_s - tally.cpu_s, count if crew is None else None,
+                            central_of(table))
+            record(folder, manifest, run, omissions(design, card, exact=method["exact"]))
+        dataset.settle(folder)
+    yield Account(done.outcomes, {name: message for name, (_, message) in done.first.items()}, done.rows - kept, kept,
+                  run.method if run is not None else _told_before(manifest), run)
 
 
-def _wanted(design: Design, card: MaterialCard, reuse: bool | None, exact: bool) -> dict[str, Any]:
+def _told_before(manifest: Mapping[str, Any]) -> str:
+    """How touches were solved when the rows were."""
+    runs = runs_of(manifest)
+    return runs[-1].method if runs else _told(manifest["method"], None, "")
+
+
+def _progress(design: Design, done: Tally, kept: int) -> Progress:
+    median, most = done.error_below(0.5), done.error_below(0.95)
+    return Progress(done.rows, design.scenes, kept, done.outcomes,
+                    signal_error=None if median is None or most is None else (median, most))
+
+
+def _crew(crew: AbstractContextManager[Crew] | Crew | None, workers: int) -> AbstractContextManager[Crew]:
+    if crew is None:
+        return processes(workers)
+    return crew if isinstance(crew, AbstractContextManager) else nullcontext(crew)
+
+
+def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
+    """Put a part in its place, its fields first; what stands there of other scenes stays."""
+    place, content = dataset.part_path(folder, part.scenes[0] // size * size), part.content
+    beside, fields = place.with_suffix(fields_file.SUFFIX), part.fields
+    if place.exists():
+        content = dataset.with_rows(place.read_bytes(), content)
+        if design.fields is not None and fields is not None:
+            fields = fields_file.continued(beside, design.fields, example(design).body, fields)
+    try:
+        if fields is not None:
+            dataset.put(beside, fields)
+        dataset.put(place, content)
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror}. What is finished is kept; the same command goes on from there",
+                      str(place)) from None
+
+
+def _wanted(design: Design, cards: Cards, reuse: bool | None, exact: bool) -> dict[str, Any]:
     """How a new folder's touches are to be solved, and why."""
     if exact or reuse is False:
         return {"exact": exact, "reuse": False, "rim": False, "reason": "as asked for"}
     try:
-        shape = design_shape(design, card)
+        if foam_varies(cards):
+            shape, span = span_for(design, cards)
+            repaid = family_repays(design, shape, span)
+        else:
+            shape = design_shape(design, cards.card)
+            repaid = repays(design, shape)
     except ValueError as error:
         if reuse:
             raise ValueError(f"{error} Leave out --reuse: every touch is then solved afresh.") from None
         return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
-    repaid = repays(design, shape)
     used = bool(reuse or repaid)
     why = ("as asked for" if reuse else "a table of load paths repays its cost" if repaid else
            "a table of load paths costs more than so few touches (--reuse makes one)")
-    return {"exact": False, "reuse": used, "rim": used and rim_repays(design, shape), "reason": why}
+    found = {"exact": False, "reuse": used, "rim": used and rim_repays(design, shape), "reason": why}
+    return found | ({"shape": diameters_of(shape)} if used else {})
 
 
-def _table(design: Design, card: MaterialCard, pool: ProcessPoolExecutor | None,
-           method: Mapping[str, Any]) -> tuple[Table | None, str]:
-    """The table of a design and a note; none where its paths are not found."""
-    run, shape = map if pool is None else pool.map, design_shape(design, card)
+def _table(design: Design, cards: Cards, crew: Crew, method: Mapping[str, Any]) -> tuple[Table | Family | None, str]:
+    """The table of a design, or the family of its drawn laws, and a note; none where paths are not found or too rough,
+    or were not when the folder was started.
+    """
+    before = method.get("table", {"used": True, "rim": method["rim"], "note": ""})
+    if not before["used"]:
+        return None, before["note"]
+    kept = method.get("shape")
+    if foam_varies(cards):
+        shape, span = span_for(design, cards)
+        make = partial(family_for, with_diameters(shape, kept), span)
+    else:
+        make = partial(table_for, with_diameters(design_shape(design, cards.card), kept))
+    pieces = Pieces(crew)
+    found, note = _made(make, pieces, before["rim"])
+    pieces.forget()
+    table = central_of(found)
+    if table is None:
+        return None, note
+    fine, rough = fine_enough_for(design, table)
+    note = "; ".join(part for part in (before["note"], note, rough) if part)
+    return (replace(found, table=fine) if isinstance(found, Family) and fine is not None else fine), note
+
+
+def _made(make: Callable[..., tuple[Table | Family, str]], run: Pieces,
+          rim: bool) -> tuple[Table | Family | None, str]:
     try:
-        table, note = table_for(shape, run)
+        found, note = make(run)
     except NotConverged as error:
         return None, f"no table: {error}"
-    if not method["rim"]:
-        return table, note
+    if not rim:
+        return found, note
     try:
-        return table_for(shape, run, rim=True)
+        return make(run, rim=True)
     except NotConverged as error:
-        return table, f"no table of what the rim changes: {error}"
+        return found, f"no table of what the rim changes: {error}"
 
 
-def _told(method: Mapping[str, Any], table: Table | None, note: str) -> str:
+def _told(method: Mapping[str, Any], found: Table | Family | None, note: str) -> str:
+    table = central_of(found)
     if table is None:
         how = "exactly" if method["exact"] else "afresh"
         return f"every touch solved {how}: {note or method['reason']}"
@@ -126,128 +239,15 @@ def _told(method: Mapping[str, Any], table: Table | None, note: str) -> str:
     if table.rim is not None:
         rim = (f"near the rim another {table.rim.error.depth:.1e} and {table.rim.error.signal:.1e}; those beyond the "
                "tables afresh")
-    return (f"touches from a table of {len(table.shape.solved)} load paths ({table.whole_cpu_s:.0f} CPU s, once, not "
-            f"counted in the rows' cpu_s), at most {error.depth:.1e} off in depth and "
-            f"{error.signal:.1e} in signal; {rim}" + (f"; {note}" if note else ""))
+    paths = f"{len(table.shape.solved)} load paths"
+    if isinstance(found, Family) and found.span.chosen:
+        paths += f" of a central law and what {len(found.span.chosen)} other drawn laws change of them"
+    return (f"touches from a table of {paths} ({table.whole_cpu_s:.0f} CPU s, once, not counted in the rows' cpu_s), "
+            f"at most {error.depth:.1e} off in depth and {error.signal:.1e} in signal; {rim}"
+            + (f"; {note}" if note else ""))
 
 
 def _check_card(card: MaterialCard, design: Design) -> None:
     """Fail before the first row where the card lacks what every row needs."""
-    law_of(scene_at(design, 0), card)
+    law_of(example(design), card)
     require(card, "conductivity", "the skin")
-
-
-@contextmanager
-def _sole_writer(folder: Path) -> Iterator[None]:
-    with open(folder / ".lock", "w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ValueError(f"{folder}: another sweep is writing to it. Wait for it, or choose another folder."
-                             ) from None
-        yield
-
-
-def _start_or_continue(folder: Path, design: Design, card: MaterialCard, card_path: Path, method: Mapping[str, Any],
-                       reuse: bool | None) -> Mapping[str, Any]:
-    """Write the manifest or check the one that stands there; returns how its touches are solved."""
-    manifest = {"design": asdict(design), "card": card_identity(card, card_path), "versions": versions(),
-                "method": method}
-    if not (folder / dataset.MANIFEST).exists():
-        if dataset.parts(folder):
-            raise TestFileError(folder, f"it holds Parquet parts but no {dataset.MANIFEST}. Choose an empty folder.")
-        dataset.write_manifest(folder, manifest)
-        return method
-    old = {"method": {"exact": False, "reuse": False, "rim": False, "reason": "the folder was started so"},
-           **dataset.read_manifest(folder)}
-    if old["card"]["sha256"] != manifest["card"]["sha256"]:
-        raise ValueError(f"{folder} was made with the card '{old['card']['name']}' ({old['card']['sha256'][:12]}), not "
-                         f"with this one ({manifest['card']['sha256'][:12]}). Choose another folder for this card.")
-    _check_same_design(folder, old["design"], manifest["design"])
-    for key, wanted in (("exact", method["exact"]), ("reuse", reuse)):
-        if wanted not in (None, old["method"][key]):
-            raise ValueError(f"{folder} was started with {key} = {old['method'][key]}, here {wanted}. Keep to that, or "
-                             "choose another folder.")
-    dataset.write_manifest(folder, {**old, "design": manifest["design"], "schema": dataset.SCHEMA})
-    return old["method"]
-
-
-def _check_same_design(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
-    for key in ("seed", "sampler", "tables"):
-        if old[key] != new[key]:
-            raise ValueError(f"{folder} was made with another design: its {key} is {old[key]}, here {new[key]}. "
-                             "Choose another folder for this design.")
-    if new["scenes"] < old["scenes"]:
-        raise ValueError(f"{folder} holds a design of {old['scenes']} scenes; {new['scenes']} would drop some. Ask for "
-                         f"{old['scenes']} or more.")
-    if new["scenes"] != old["scenes"] and new["sampler"] != "random":
-        raise ValueError(f"{folder}: sampler \"{new['sampler']}\" fixes the count at {old['scenes']}. Only \"random\" "
-                         "may grow.")
-
-
-@contextmanager
-def _processes(workers: int) -> Iterator[ProcessPoolExecutor | None]:
-    """Worker processes; None where this one does the work."""
-    if workers == 1:
-        yield None
-        return
-    for name in THREAD_VARIABLES:
-        os.environ.setdefault(name, "1")
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        try:
-            yield pool
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _solved(solve: Callable[[list[int]], list[dict[str, Any]]], chunks: list[list[int]],
-            pool: ProcessPoolExecutor | None) -> Iterator[list[dict[str, Any]]]:
-    if pool is None:
-        yield from map(solve, chunks)
-        return
-    for future in as_completed([pool.submit(solve, chunk) for chunk in chunks]):
-        yield future.result()
-
-
-def solve_rows(design: Design, card: MaterialCard, indices: list[int], *, exact: bool = False,
-               table: Table | None = None) -> list[dict[str, Any]]:
-    """Rows of these scenes, solved as by `simulate`; a scene that fails is a row with its outcome."""
-    first = scene_at(design, 0)
-    blank = _blank(math.prod(protocol(first.drive, first.electrodes.count).shape))
-    return [blank | {"scene": index} | _row(design, card, index, exact, table) for index in indices]
-
-
-def _row(design: Design, card: MaterialCard, index: int, exact: bool, table: Table | None) -> dict[str, Any]:
-    keys: dict[str, Any] = {}
-    try:
-        scene = scene_at(design, index)
-        keys = _touch_keys(scene)
-        result = simulate(scene, card, exact=exact, table=table)
-    except ValueError as error:
-        return keys | {"outcome": "refused", "message": str(error)}
-    return keys | {"outcome": result.outcome, "message": result.message} | _values(result)
-
-
-def _blank(readings: int) -> dict[str, Any]:
-    """A row without numbers, so that every part has the same columns and types."""
-    names = (*dataset.TOUCH, *dataset.OUTPUTS, "wall_contact_mm2", "signal_error", "depth_error", "cpu_s",
-             "skin_fraction_extrapolated", *dataset.voltage_columns(readings), *dataset.voltage_columns(readings, "dv"))
-    return {"scene": -1, "outcome": "", "message": "", "card_sample": -1} | dict.fromkeys(names, np.nan)
-
-
-def _touch_keys(scene: Scene) -> dict[str, float]:
-    punch = scene.punches[0]
-    force = punch.force_N if punch.force_N is not None else np.nan
-    return {"x_mm": punch.x_m * 1e3, "y_mm": punch.y_m * 1e3, "d_mm": punch.diameter_m * 1e3, "F_N": force}
-
-
-def _values(result: Result) -> dict[str, float]:
-    if result.readings is None:
-        return {"cpu_s": result.cost["cpu_s"]}
-    block = mechanical(result.touches[0])
-    row = {"F_N": block.pop("force_N"), **block, "signal_error": result.error_estimate["signal"],
-           "depth_error": result.error_estimate["depth"], "cpu_s": result.cost["cpu_s"],
-           "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated}
-    touched, signal = result.readings.touched_V.ravel(), result.readings.signal_V.ravel()
-    row |= dict(zip(dataset.voltage_columns(touched.size), touched.tolist(), strict=True))
-    return row | dict(zip(dataset.voltage_columns(signal.size, "dv"), signal.tolist(), strict=True))

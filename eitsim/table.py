@@ -96,6 +96,8 @@ class Table:
     checks: int
     # CPU time that it took, s
     cpu_s: float
+    # laws of which the paths are weighted means, the central one included; 0 where they are solved
+    laws: int = 0
     # what the rim changes of these touches; None where that is solved afresh
     rim: RimTable | None = None
 
@@ -111,9 +113,25 @@ def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m:
     shape."""
     unit = body.thickness_m
     return Shape(
-        mu=_rounded(law.mu_Pa / law.mu_0_Pa), alpha=_rounded(law.alpha), nu=_rounded(law.nu),
+        *_moduli(law),
         disc=_rounded([body.radius_m / unit])[0], fillet=_rounded([punch.fillet_m / unit])[0], strain=strain,
         diameters=_rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]]), spans=spans)
+
+
+def of_law(shape: Shape, law: Hyperfoam) -> Shape:
+    """The shape of the same touches of another law."""
+    mu, alpha, nu = _moduli(law)
+    return replace(shape, mu=mu, alpha=alpha, nu=nu)
+
+
+def as_deep_as(table: Table, count: int) -> Table:
+    """The table with its first so many depths alone."""
+    return replace(table, depths=table.depths[:count], values=table.values[:, :count], slopes=table.slopes[:, :count],
+                   told=table.told[:, :count])
+
+
+def _moduli(law: Hyperfoam) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    return _rounded(law.mu_Pa / law.mu_0_Pa), _rounded(law.alpha), _rounded(law.nu)
 
 
 def _rounded(values: Iterable[float]) -> tuple[float, ...]:

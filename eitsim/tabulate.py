@@ -33,12 +33,8 @@ def build(shape: Shape, run: Run = map, depths: Sequence[float] = DEPTHS) -> Tab
     NotConverged where no path of a useful length is found.
     """
     base = shape.base
-    course = _course(shape, base)
-    started = time.process_time()
-    nodes = refined(course, depths)
-    at = np.array([node.depth for node in nodes])
-    spent = time.process_time() - started
-    paths = {base: _arrays(nodes, at)}
+    ((at, own, spent),) = run(partial(_base_path, shape, tuple(depths)), [base])
+    paths = {base: own}
     others = [d for d in shape.solved if d != base]
     solved = list(run(partial(_path, shape, at), others))
     fresh = list(run(partial(_fresh, shape, _probes(at)), shape.held_out))
@@ -46,8 +42,17 @@ def build(shape: Shape, run: Run = map, depths: Sequence[float] = DEPTHS) -> Tab
     shortest = min(len(values) for values, _, _ in paths.values())
     values, slopes, told = (np.stack([paths[d][part][:shortest] for d in shape.solved]) for part in range(3))
     spent += sum(cpu for _, cpu in [*solved, *fresh])
-    table = Table(shape, at[:shortest], course.radius, values, slopes, told, Deviation(0.0, 0.0, 0.0), 0, spent)
-    return _checked(table, dict(zip(shape.held_out, (found for found, _ in fresh), strict=True)))
+    table = Table(shape, at[:shortest], course_at(shape, base).radius, values, slopes, told, Deviation(0.0, 0.0, 0.0),
+                  0, spent)
+    return compared(table, dict(zip(shape.held_out, (found for found, _ in fresh), strict=True)))
+
+
+def _base_path(shape: Shape, depths: Sequence[float], diameter: float) -> tuple[Array, tuple[Array, ...], float]:
+    """The depths of a path refined where it needs it, what `tabulated` makes of it, and the CPU time."""
+    started = time.process_time()
+    nodes = refined(course_at(shape, diameter), depths)
+    at = np.array([node.depth for node in nodes])
+    return at, tabulated(nodes, at), time.process_time() - started
 
 
 def _probes(depths: Array) -> Array:
@@ -55,7 +60,8 @@ def _probes(depths: Array) -> Array:
     return middles[np.unique(np.linspace(0, len(middles) - 1, _CHECKS).round().astype(int))]
 
 
-def _course(shape: Shape, diameter: float) -> Course:
+def course_at(shape: Shape, diameter: float) -> Course:
+    """One of a shape's punches, kept at the table's radii carried over to it."""
     base = shape.base
     if diameter == base:
         return course_of(*parts_of(shape, base), shape.strain)
@@ -64,10 +70,10 @@ def _course(shape: Shape, diameter: float) -> Course:
 
 
 def _path(shape: Shape, depths: Array, diameter: float) -> tuple[tuple[Array, Array, Array], float]:
-    """What `_arrays` makes of a path at these depths, as far as it goes, and the CPU time."""
+    """What `tabulated` makes of a path at these depths, as far as it goes, and the CPU time."""
     started = time.process_time()
-    nodes = list(traced(_course(shape, diameter), depths.tolist()))
-    return _arrays(nodes, depths[:len(nodes)]), time.process_time() - started
+    nodes = list(traced(course_at(shape, diameter), depths.tolist()))
+    return tabulated(nodes, depths[:len(nodes)]), time.process_time() - started
 
 
 def _fresh(shape: Shape, depths: Array, diameter: float) -> tuple[list[Node], float]:
@@ -78,8 +84,9 @@ def _fresh(shape: Shape, depths: Array, diameter: float) -> tuple[list[Node], fl
     return nodes, time.process_time() - started
 
 
-def _arrays(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
-    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and TOLD (k, 6) there."""
+def tabulated(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
+    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and TOLD (k, 6) there;
+    NotConverged where these are too few."""
     if len(nodes) < _FEWEST:
         raise NotConverged(f"a load path was found at {len(nodes)} depths only, too few for a table.",
                            estimate=depths)
@@ -102,7 +109,7 @@ def _hermite_slope(ends: Array, values: Array, slopes: Array, at: float) -> Arra
             + t * (3 * t - 2) * slopes[1])
 
 
-def _checked(table: Table, fresh: dict[float, list[Node]]) -> Table:
+def compared(table: Table, fresh: dict[float, list[Node]]) -> Table:
     """The table with its largest deviation from nodes solved afresh at some diameters."""
     error, checks = table.error, 0
     for diameter, nodes in fresh.items():

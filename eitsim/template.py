@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from eitsim.cem import SkinMesh
 from eitsim.electrodes import TOUCHING, arcs, widths
+from eitsim.floating import shunt_ends
 from eitsim.results import Touch
 from eitsim.scene import Body, Electrodes, Punch
 
@@ -36,20 +37,19 @@ _ALONG = 2
 _SAME_LINE = 0.2
 
 
-def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1,
-             thinner: int = 1) -> SkinMesh:
+def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1) -> SkinMesh:
     """Mesh of the disc with lines at the edge of the punch, the start of its fillet and the end of contact, the last
     inside the rim where the contact reaches it.
 
     Ring (c, r) has its centre between the punch and the disc's centre and its nodes at c + r (cos, sin) of one set of
     angles, so that the rim's nodes fall on the ends of the electrodes; the rings of patches have the disc's centre.
-    Level n divides all widths and angles by n; `thinner` divides the widths of the rings at the lines of the contact
-    alone. ValueError where the punch overhangs the rim, or its contact reaches the ring of patches.
+    Level n divides all widths and angles by n. ValueError where the punch overhangs the rim, or its contact reaches the
+    ring of patches.
     """
     patches = patch_radii(body, electrodes, level)
     touch, gap = inside_rim(punch, touch, patches)
     angles, electrode = rim_angles(body, electrodes, level)
-    inner = centred_radii(punch, touch, gap, level, thinner)
+    inner = centred_radii(punch, touch, gap, level)
     blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * _narrowest(body, electrodes) / level)
     radii = np.concatenate([inner, inner[-1] + blend * (patches[0] - inner[-1]), patches[1:]])
     shift = np.concatenate([np.ones(len(inner)), 1 - blend, np.zeros(len(patches) - 1)])
@@ -141,7 +141,7 @@ def centred_radii(punch: Punch, touch: Touch, gap: float, level: int, thinner: i
     `gap`, m, from the contact; on level 1 the stretches change by the part `steepest` of all their change in a ring.
     """
     edge, same = punch.diameter_m / 2, _SAME_LINE * punch.fillet_m
-    marks = [edge - punch.fillet_m, edge, touch.contact_radius_m]
+    marks = [*shunt_ends(punch, touch), edge - punch.fillet_m, edge, touch.contact_radius_m]
     marks = [m for i, m in enumerate(marks) if m > same and all(abs(m - other) > same for other in marks[:i])]
     stops = [0.0, *sorted(marks), max(marks) + _CENTRED * gap]
 

@@ -91,8 +91,8 @@ def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
     """Why touches cannot be solved together, without a full stop; empty where they can."""
     if len(punches) != 2:
         return "two touches, not more, are solved together"
-    if any(punch.friction != "none" or punch.conductor for punch in punches):
-        return "only frictionless, insulated punches are solved together"
+    if any(punch.friction != "none" for punch in punches):
+        return "only frictionless punches are solved together"
     if edge_gap_m(*punches) < (LEAST_GAP - _NEAR) * body.thickness_m:
         return f"two touches are solved together from a gap of {LEAST_GAP * body.thickness_m * 1e3:.1f} mm on"
     return ""

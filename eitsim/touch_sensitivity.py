@@ -17,26 +17,29 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.cem import centred, potentials, quadrature_points
+from eitsim.alike import alike_mesh
+from eitsim.cem import SkinMesh, centred, dissection, potentials, quadrature_points
 from eitsim.dataset import voltage_columns
 from eitsim.drive import read_out
-from eitsim.electrics import following_mesh
-from eitsim.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
+from eitsim.electrodes import IMPEDANCES, Electrodes, among_all, contact_impedances, present, there
+from eitsim.halving import halved
 from eitsim.number_table import cells
 from eitsim.plan import law_of, make_plan, near_rim, together
-from eitsim.scene import Scene
+from eitsim.results import Touch
+from eitsim.scene import Body, Punch, Scene
 from eitsim.sensitivity import impedance_by_contact, impedance_by_field, readings_by
 from eitsim.skin import touched_conductance, untouched_conductance
 from eitsim.template import patch_radii
 from eitsim.touch_tangent import settled
+from eitsim.unfolded import HALVINGS
 from eitsim.variation import conductance_change, variations
 from matcal.card import MaterialCard, require
 
 Array = NDArray[np.float64]
 
-# Refinement of the mesh that follows the touches, and of its rings at the lines of the contact beyond that: force and
-# law change the conductance in a ring there that is as thin as the elements of the foam's mesh.
-LEVEL, THINNER = 2, 8
+# By how much the mesh's rings at the lines of the contact are thinner than those of the readings' own: force and law
+# change the conductance in a ring there that is as thin as the elements of the foam's mesh.
+THINNER = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +56,16 @@ class Sensitivity:
     signal_by: Array
 
 
-def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -> Sensitivity:
+def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVINGS) -> Sensitivity:
     """Derivatives of a scene's readings; its touches are solved on the default mesh of the foam.
 
     Parameters: those of variation.variations, c0_S_per_m, and z_k_Ohm_m or, of patches, z_k_Ohm_m2, the contact
-    impedance of electrode k from 0. On the default level they are within 0.7 % of those on twice as fine a mesh, but
-    for those by z_k, 13 %, whose currents crowd at the electrodes' ends (benchmarks/sensitivity.py). Near the rim
-    (14 mm, 1 N, a gap of 20 mm) they differ from central differences of scenes solved anew by 0.5 (x), 2.0 (y), 0.8 (d)
-    and 0.7 % (F, of steps of 0.0075 N; 2.2 and 3.6 % of twice and four times those, whose own errors grow).
+    impedance of electrode k from 0. The mesh is that of readings with thinner rings, halved so often. On the default
+    one they are within 0.3 % of those on a finer one, but for those by z_k, whose currents crowd at the electrodes'
+    ends: 63 of 64 are within 1.2 %, the last, with blunt triangles there, is 3.1 % off, its dV 1.5 % (against an
+    integral equation on the rim and a finer mesh; benchmarks/sensitivity.py). Near the rim (14 mm, 1 N, a gap of 20 mm)
+    they differ from central differences of scenes solved anew by 0.5 (x), 1.7 (y), 0.9 (d) and 0.6 % (F, of steps of
+    0.0075 N; 2.2 and 3.6 % of twice and four times those, whose own errors grow).
     ValueError where the plan refuses the scene, with friction or with a conducting punch, for touches solved together,
     and for a hold; NotConverged where the mechanics does not converge.
     """
@@ -72,11 +77,12 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, level: int = LEVEL) -
              for punch in scene.punches]
     touches = tuple((base.punch, base.touch) for base in bases)
     electrodes = present(scene.electrodes)
-    mesh = following_mesh(scene.body, electrodes, touches, level, THINNER)
+    mesh = _mesh(scene.body, electrodes, touches, halvings)
     z, free = contact_impedances(electrodes), untouched_conductance(skin_law, scene.skin)
     field = touched_conductance(quadrature_points(mesh), touches, scene.skin, skin_law)
     rest = np.broadcast_to(free * np.eye(2), field.shape)
-    touched, untouched = (potentials(mesh, sheet, z) for sheet in (field, rest))
+    order = dissection(mesh)
+    touched, untouched = (potentials(mesh, sheet, z, order=order) for sheet in (field, rest))
     by_field = {v.name: impedance_by_field(mesh, touched, conductance_change(mesh, scene.skin, v))
                 for v in variations(mesh.nodes_m, bases, skin_law, float(patch_radii(scene.body, electrodes)[0]))}
     both = [np.concatenate([impedance_by_field(mesh, u, sheet / skin_law.c0_S_per_m)[None],
@@ -105,6 +111,13 @@ def write_sensitivity(sensitivity: Sensitivity, path: Path) -> None:
                 voltage_columns(len(values), prefix), cells(np.column_stack([values, slopes])), strict=True))
 
 
+def _mesh(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, Touch], ...], halvings: int) -> SkinMesh:
+    mesh = alike_mesh(body, electrodes, touches, thinner=THINNER)
+    for _ in range(halvings):
+        mesh = halved(mesh)
+    return mesh
+
+
 def check_differentiable(scene: Scene) -> None:
     """ValueError with the reason where a scene that can be solved has no derivatives here, and with what has."""
     if problem := _problem(scene):
@@ -120,5 +133,6 @@ def _problem(scene: Scene) -> str:
         if punch.friction != "none":
             return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."
         if punch.conductor:
-            return "conductor = true in [punch]; leave it out."
+            return ("conductor = true in [punch], where readings depend on the end of the contact, which moves on the "
+                    "foam's mesh in steps; leave it out.")
     return ""

@@ -239,16 +239,22 @@ def _check_outline(circles: list[_Circle], on_rim: int, cells: Indices) -> None:
         loop = start + np.arange(count)
         wanted.append(np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1))
         start += count
-    edges, seen = np.unique(_edges(cells), axis=0, return_counts=True)
-    single = edges[seen == 1]
-    if not np.array_equal(single, np.unique(np.vstack(wanted), axis=0)):
+    size = int(cells.max(initial=start)) + 1
+    edges, seen = np.unique(_keys(_edges(cells), size), return_counts=True)
+    if not np.array_equal(edges[seen == 1], np.unique(_keys(np.vstack(wanted), size))):
         raise NotConverged("no mesh of the skin between these touches was found; move them apart or ask for a larger "
                            "signal in [accuracy].")
 
 
 def _edges(cells: Indices) -> Indices:
     """Edges (3 cells, 2) of triangles, lower number first: those from corner 0 to 1, then 1 to 2, then 0 to 2."""
-    return np.sort(np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [0, 2]]]), axis=1)
+    one, other = cells.T[[0, 1, 0]].ravel(), cells.T[[1, 2, 2]].ravel()
+    return np.column_stack([np.minimum(one, other), np.maximum(one, other)])
+
+
+def _keys(edges: Indices, size: int) -> Indices:
+    """One number of each edge (n, 2) between fewer than `size` corners, ordered as the edges are."""
+    return edges[:, 0] * size + edges[:, 1]
 
 
 def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Indices, loops: Indices,
@@ -258,14 +264,15 @@ def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Ind
     """
     covered = _ring_cells(loops)
     cells = np.vstack([cells, covered])
-    edges, number = np.unique(_edges(cells), axis=0, return_inverse=True)
+    keys, number = np.unique(_keys(_edges(cells), len(corners)), return_inverse=True)
+    edges = np.column_stack(np.divmod(keys, len(corners)))
     middle = corners[edges].mean(axis=1)
     for circle, start, end in zip(circles, ends, ends[1:], strict=False):
         inside = (edges[:, 0] > start) & (edges[:, 1] < end)
         middle[inside] = _turned(corners[edges[inside]], circle.centre_m)
     rim = loops[0]
     polar = np.vstack([np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1), _edges(covered)])
-    along = np.searchsorted(edges @ [len(corners), 1], polar @ [len(corners), 1])
+    along = np.searchsorted(keys, _keys(polar, len(corners)))
     middle[along] = _turned(corners[polar], np.zeros(2))
     quadratic = np.column_stack([cells, len(corners) + number.reshape(3, -1).T])
     under = np.column_stack([rim, np.roll(rim, -1), len(corners) + along[:len(rim)]])

@@ -47,21 +47,37 @@ def straight(mesh: SkinMesh) -> Array:
 
 
 def _folded(nodes: Array) -> NDArray[np.bool_]:
-    """Which of the triangles (n, 6, 2) are folded over."""
-    xr, xs, yr, ys = (nodes[..., i] @ gradient for i in (0, 1) for gradient in _gradients())
+    """Which of the triangles (n, 6, 2) are folded over.
+
+    The Jacobian is a quadratic, told by its values at the nodes, and no less than the least of its Bezier coefficients.
+    """
+    xr, xs, yr, ys = (nodes[..., i] @ slope for i in (0, 1) for slope in _slopes())
     side = nodes[:, 1:3] - nodes[:, :1]
     turn = side[:, 0, 0] * side[:, 1, 1] - side[:, 1, 0] * side[:, 0, 1]
-    return ~np.all((xr * ys - xs * yr) * np.sign(turn)[:, None] > 0, axis=1)
+    jacobian = (xr * ys - xs * yr) * np.sign(turn)[:, None]
+    ends = np.stack([jacobian[:, a] + jacobian[:, b] for a, b, _ in EDGES], axis=1)
+    coefficients = np.hstack([jacobian[:, :3], 2 * jacobian[:, 3:] - ends / 2])
+    doubtful = np.flatnonzero(~np.all(coefficients > 0, axis=1))
+    folded = np.zeros(len(nodes), dtype=bool)
+    folded[doubtful] = ~np.all(jacobian[doubtful] @ _functions() > 0, axis=1)
+    return folded
 
 
 @lru_cache(maxsize=1)
-def _gradients() -> tuple[Array, Array]:
-    """Derivatives (6, points) of the functions along both reference coordinates."""
+def _slopes() -> tuple[Array, Array]:
+    """Derivatives (6, 6) of the functions along both reference coordinates at the nodes."""
+    points = ElementTriP2().doflocs.T
+    slopes = np.stack([np.broadcast_to(ElementTriP2().lbasis(points, i)[1], points.shape) for i in range(6)])
+    return slopes[:, 0], slopes[:, 1]
+
+
+@lru_cache(maxsize=1)
+def _functions() -> Array:
+    """The functions (6, points) at the points of the quadrature of a triangle and of the parts it is halved into."""
     points = get_quadrature(ElementTriP2(), _DEGREE)[0]
     found = [points]
     for _ in range(HALVINGS):
         points = np.hstack([points / 2, points / 2 + [[0.5], [0.0]], points / 2 + [[0.0], [0.5]], (1 - points) / 2])
         found.append(points)
     points = np.hstack(found)
-    slopes = np.stack([np.broadcast_to(ElementTriP2().lbasis(points, i)[1], points.shape) for i in range(6)])
-    return slopes[:, 0], slopes[:, 1]
+    return np.stack([ElementTriP2().lbasis(points, i)[0] for i in range(6)])

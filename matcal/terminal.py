@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -78,8 +78,18 @@ def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
     if out.exists() and out.is_dir() != folder:
         raise ValueError(f"{flag} {out} is a {'file' if folder else 'folder'}, and a {what} is to be written there. "
                          "Choose another name.")
-    if not os.access(out if out.exists() else out.parent, os.W_OK):
-        raise ValueError(f"{flag} {out} cannot be written: no permission. Choose another place.")
+    try:
+        _try_writing(out if folder and out.exists() else out.parent)
+        if out.is_file():
+            open(out, "ab").close()
+    except OSError as error:
+        raise ValueError(f"{flag} {out} cannot be written: {error.strerror}. Choose another place.") from None
+
+
+def _try_writing(folder: Path) -> None:
+    """OSError where a file cannot be made in a folder, which permissions alone do not tell."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(b"0")
 
 
 def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None:
@@ -94,13 +104,15 @@ def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None
 
 
 @contextmanager
-def counter(total: int, label: str) -> Iterator[Callable[[int], None]]:
-    """A function that takes the number done so far and shows rate and time left on a terminal; silent in a pipe."""
+def counter(total: int, label: str) -> Iterator[Callable[..., None]]:
+    """A function that takes the number done so far, and words that tell more of it if there are any, and shows them on
+    a terminal with the time left; silent in a pipe."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
-    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+               TextColumn("{task.fields[words]}"))
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task(label, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        task = bar.add_task(label, total=total, words="")
+        yield lambda done, words="": bar.update(task, completed=done, words=words)

@@ -1,0 +1,193 @@
+"""Handing tasks to whoever works on them, a few at a time, and again where a worker was lost."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+from threadpoolctl import threadpool_limits
+
+Task = Callable[[Any], Any]
+# hands one item to the task that the crew was given
+Submit = Callable[[Any], Future[Any]]
+
+# How often a crew that does not answer is looked after, s.
+_LOOK_S = 5.0
+
+
+class WorkerLost(Exception):
+    """The process that worked on an item ended before it answered."""
+
+
+class NoCrew(OSError):
+    """Nobody is there, or any longer there, to work; the message says why and what to do."""
+
+
+class Crew(Protocol):
+    """Who works: this process, processes of this machine, an executor, or a cluster."""
+
+    @property
+    def losses(self) -> tuple[type[BaseException], ...]:
+        """What a future raises whose worker was lost."""
+        ...
+
+    def abreast(self) -> int:
+        """Items that are handed out at a time: all that work at once, and those that wait for them."""
+        ...
+
+    def given(self, task: Task) -> Submit:
+        """Send a task with all that it holds to every worker, once; items follow one by one."""
+        ...
+
+    def look(self) -> None:
+        """Asked now and then while no answer comes; NoCrew where none will."""
+        ...
+
+
+@dataclass(frozen=True)
+class Failed:
+    """In place of an answer."""
+
+    # what the task raised, or what the loss of its last worker raised
+    error: BaseException
+    # whether it is a loss, so that the item may succeed elsewhere
+    lost: bool
+
+    @property
+    def reason(self) -> str:
+        """In words, what became of it."""
+        return str(self.error) if self.lost else f"{type(self.error).__name__}: {self.error}"
+
+
+def answers(crew: Crew, task: Task, items: Iterable[Any], tries: int = 2) -> Iterator[tuple[Any, Any]]:
+    """Yield (item, task(item)) as they come, or (item, Failed) where the task raises or `tries` workers were lost on
+    it.
+
+    Items are taken from their iterable as workers become free. NoCrew where there is nobody to work. This process has
+    one thread of linear algebra meanwhile, as its workers have.
+    """
+    with _ONE_THREAD:
+        yield from _answers(crew, task, items, tries)
+
+
+def _answers(crew: Crew, task: Task, items: Iterable[Any], tries: int) -> Iterator[tuple[Any, Any]]:
+    submit = crew.given(partial(_on_one_thread, task))
+    ahead, again = iter(items), deque[tuple[Any, int]]()
+    out: dict[Future[Any], tuple[Any, int]] = {}
+    while True:
+        while len(out) < crew.abreast() and (taken := again.popleft() if again else _next(ahead)):
+            out[submit(taken[0])] = taken
+        if not out:
+            return
+        while not (done := wait(out, timeout=_LOOK_S, return_when=FIRST_COMPLETED).done):
+            crew.look()
+        for future in done:
+            item, lost = out.pop(future)
+            found = _outcome(future, crew.losses)
+            if isinstance(found, Failed) and found.lost and lost + 1 < tries:
+                again.append((item, lost + 1))
+            else:
+                yield item, found
+
+
+def _next(items: Iterator[Any]) -> tuple[Any, int] | None:
+    for item in items:
+        return item, 0
+    return None
+
+
+def _outcome(future: Future[Any], losses: tuple[type[BaseException], ...]) -> Any:
+    try:
+        return future.result()
+    except NoCrew:
+        raise
+    except losses as error:
+        return Failed(error, lost=True)
+    except Exception as error:
+        return Failed(error, lost=False)
+
+
+def _on_one_thread(task: Task, item: Any) -> Any:
+    """Threads of linear algebra would take each other's cores, and their number changes the last digits of sums."""
+    with _ONE_THREAD:
+        return task(item)
+
+
+class _OneThread:
+    """The limit is the process's own, and the thread that sets it keeps others from changing it: the first of several
+    that ask for it at a time sets it, the last one lifts it. So `answers` asks before tasks on other threads do."""
+
+    def __init__(self) -> None:
+        self._lock, self._users = threading.Lock(), 0
+        self._limit: threadpool_limits | None = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._users:
+                self._limit = threadpool_limits(1)
+            self._users += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._users -= 1
+            if not self._users and self._limit is not None:
+                self._limit.restore_original_limits()
+
+
+_ONE_THREAD = _OneThread()
+
+
+@dataclass(frozen=True)
+class Here:
+    """This process."""
+
+    losses: tuple[type[BaseException], ...] = ()
+
+    def abreast(self) -> int:
+        """One: the next item is taken when this one is done."""
+        return 1
+
+    def given(self, task: Task) -> Submit:
+        """Items are worked on as they are handed over."""
+        def submit(item: Any) -> Future[Any]:
+            done: Future[Any] = Future()
+            try:
+                done.set_result(task(item))
+            except Exception as error:
+                done.set_exception(error)
+            return done
+        return submit
+
+    def look(self) -> None:
+        """It has answered when it is asked."""
+
+
+@dataclass(frozen=True)
+class Lent:
+    """Any executor of the interface of concurrent.futures; the task travels with every item."""
+
+    executor: Executor
+    # items handed out at a time, for instance twice its workers
+    count: int
+    losses: tuple[type[BaseException], ...] = ()
+
+    def abreast(self) -> int:
+        """As many as its owner says."""
+        return self.count
+
+    def given(self, task: Task) -> Submit:
+        """Items go to the executor; NoCrew where it is broken, since only its owner can start another."""
+        def submit(item: Any) -> Future[Any]:
+            try:
+                return self.executor.submit(task, item)
+            except (BrokenExecutor, RuntimeError) as error:
+                raise NoCrew(f"the executor takes no more work: {error}. Start another and call again.") from None
+        return submit
+
+    def look(self) -> None:
+        """Its owner knows whether it is at work."""

@@ -1,0 +1,43 @@
+"""Ending early as a terminal, a batch system or a closed session asks for it, with everything put away."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Stopped(BaseException):
+    """The process was asked to end."""
+
+    def __init__(self, number: int) -> None:
+        self.signal = signal.Signals(number)
+        super().__init__(self.signal.name)
+
+    @property
+    def status(self) -> int:
+        """Exit status by the custom of shells."""
+        return 128 + self.signal
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Within, Ctrl-C, SIGTERM and a closed terminal raise Stopped, the first of them only; main thread alone."""
+    before = {number: signal.getsignal(number) for number in _ASKING}
+    heard = [number for number, handler in before.items() if handler != signal.SIG_IGN]
+
+    def stop(number: int, _: FrameType | None) -> None:
+        for one in heard:
+            signal.signal(one, signal.SIG_IGN)
+        raise Stopped(number)
+
+    for number in heard:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in heard:
+            signal.signal(number, before[number])
