@@ -35,7 +35,7 @@ def touch_map(ok: Columns, failed: Columns, signals: Array, tables: Mapping[str,
     """Touches on the disc, coloured by the RMS of their signal; `signals` (ok scenes, readings), V."""
     rms = np.sqrt(np.nanmean(signals**2, axis=1))
     factor, unit = volts(rms)
-    figure = style.sheet(90, 116)
+    figure = style.sheet(72, 78)
     axes = figure.subplots()
     sensor(axes, tables["body"]["radius_mm"], tables["electrodes"])
     norm = LogNorm() if rms.min() > 0 and rms.max() > 3 * rms.min() else Normalize()

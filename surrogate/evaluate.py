@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from eitsim.measurement import below, level_db
 from surrogate import outputs
-from surrogate.metrics import NOISE_REFERENCES, Array, Score, noise_V, relative_dB, rms, score
+from surrogate.metrics import NOISE_REFERENCES, Array, Score, rms, score
 from surrogate.model import Model, estimate, interval_scale
 from surrogate.ring import same_ring
 from surrogate.samples import Samples, content_hash
@@ -63,10 +64,10 @@ def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), ref
 
 def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
               volts: dict[str, float]) -> dict[str, Any]:
-    noise = noise_V(level_dB, volts[reference])
+    noise = below(level_dB, volts[reference])
     return {"noise_db": level_dB, "noise_reference": reference, "noise_V": noise,
-            "db_below_baseline": relative_dB(noise, volts["baseline"]),
-            "db_below_signal": relative_dB(noise, volts["signal"]),
+            "db_below_baseline": level_db(noise, volts["baseline"]),
+            "db_below_signal": level_db(noise, volts["signal"]),
             "outputs": _scores(model, _predictions(model, samples, noise)[0])}
 
 

@@ -42,13 +42,3 @@ def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:
 def rms(values: Array) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
-
-
-def noise_V(level_dB: float, reference_V: float) -> float:
-    """Standard deviation of white noise level_dB below a voltage of RMS reference_V."""
-    return reference_V * 10 ** (-level_dB / 20)
-
-
-def relative_dB(noise_V: float, reference_V: float) -> float:
-    """How far noise lies below a voltage of RMS reference_V, dB."""
-    return float(20 * np.log10(reference_V / noise_V))

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from eitsim.drive import protocol
 from eitsim.electrodes import middles
-from eitsim.scene import Scene, is_list, scene_from
+from eitsim.scene import Scene
+from eitsim.sensor import sensor_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
-SENSOR_TABLES = ("body", "electrodes", "drive")
 
 
 @dataclass(frozen=True)
@@ -71,10 +70,4 @@ def _ends(rows: Array, what: str) -> tuple[Index, Index]:
 
 def ring_of_design(tables: Mapping[str, Any]) -> Ring:
     """The ring of a design's tables; ValueError where the sensor itself varies between rows."""
-    fixed = {name: tables[name] for name in SENSOR_TABLES if name in tables}
-    for name, table in fixed.items():
-        if varied := [key for key, value in table.items()
-                      if isinstance(value, list | Mapping) and not is_list(name, key, value)]:
-            raise ValueError(f"{varied[0]} in [{name}] varies between the rows; a surrogate learns one sensor. Sweep "
-                             "with it fixed.")
-    return ring_of(scene_from(fixed))
+    return ring_of(sensor_of(tables))

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from eitsim.dataset import Dataset, read_dataset, voltage_columns
+from eitsim import nested
+from eitsim.dataset import TOUCH, Dataset, read_dataset, voltage_columns
 from matcal.errors import TestFileError
 from surrogate import outputs
 from surrogate.ring import Ring, ring_of_design
@@ -25,13 +26,15 @@ class Samples:
     ring: Ring
     # (n,) scene numbers
     scene: NDArray[np.int64]
+    # (n,) number that rows of one touch share, and of a nested design those of one block
+    touch: NDArray[np.int64]
     # (n, readings) touched minus untouched, V
     signal_V: Array
     # (n, readings) untouched, V
     baseline_V: Array
     # (n, 8) outputs.ALL in the units of their columns
     target: Array
-    # (n,) hash of each row's signal and targets
+    # (n,) hash of each row's number and targets: the same however its readings were measured
     row_hash: NDArray[np.uint64]
 
     def __len__(self) -> int:
@@ -39,7 +42,8 @@ class Samples:
 
 
 def read_samples(folder: Path | str) -> Samples:
-    """The ok rows of a data set; TestFileError where it is none, has no ok row, or a column lacks numbers."""
+    """The ok rows of a data set; TestFileError where it is none, has no ok row or one of several touches, or a column
+    lacks numbers."""
     folder = Path(folder)
     if not folder.is_dir():
         raise TestFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
@@ -57,11 +61,32 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
         counts = ", ".join(f"{n} {name}" for name, n in data.table["outcome"].value_counts().items())
         raise TestFileError(folder, f"none of its {len(data.table)} rows is ok ({counts}); there is nothing to learn "
                                     "from. Mend the design and sweep again.")
+    _check_one_touch(folder, rows)
     readings = len(ring.read)
     touched = _numbers(folder, rows, voltage_columns(readings))
     signal = _numbers(folder, rows, voltage_columns(readings, "dv"))
     target = _numbers(folder, rows, [output.column for output in outputs.ALL])
-    return Samples(ring, rows["scene"].to_numpy(np.int64), signal, touched - signal, target, _hashes(signal, target))
+    scene = rows["scene"].to_numpy(np.int64)
+    touch = _touches(data.design["sampler"], scene, rows)
+    return Samples(ring, scene, touch, signal, touched - signal, target, _hashes(scene, target))
+
+
+def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
+    if "touches" not in rows.columns:
+        return
+    several = rows.loc[rows["touches"] > 1, ["scene", "touches"]]
+    if len(several):
+        first = several.iloc[0]
+        raise TestFileError(folder, f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
+                                    f"{int(first['touches'])}), and a surrogate learns the place and the force of one. "
+                                    "Sweep a design with one touch a row.")
+
+
+def _touches(sampler: str, scene: NDArray[np.int64], rows: pd.DataFrame) -> NDArray[np.int64]:
+    """(n,) the block of a nested design, else the number of each different place, diameter and force."""
+    if sampler == nested.SAMPLER:
+        return scene // nested.BLOCK
+    return rows.groupby(list(TOUCH), sort=False, dropna=False).ngroup().to_numpy(np.int64)
 
 
 def _numbers(folder: Path, rows: pd.DataFrame, names: list[str]) -> Array:
@@ -77,14 +102,14 @@ def _numbers(folder: Path, rows: pd.DataFrame, names: list[str]) -> Array:
     return values
 
 
-def _hashes(signal: Array, target: Array) -> NDArray[np.uint64]:
-    rows = np.ascontiguousarray(np.column_stack([signal, target]))
+def _hashes(scene: NDArray[np.int64], target: Array) -> NDArray[np.uint64]:
+    rows = np.ascontiguousarray(np.column_stack([scene, target]))
     return np.array([int.from_bytes(hashlib.sha256(row.tobytes()).digest()[:8], "little") for row in rows], np.uint64)
 
 
 def content_hash(samples: Samples) -> str:
-    """sha256 of the rows, in their order."""
-    return hashlib.sha256(samples.row_hash.tobytes()).hexdigest()
+    """sha256 of the rows and their signals, in their order."""
+    return hashlib.sha256(samples.row_hash.tobytes() + np.ascontiguousarray(samples.signal_V).tobytes()).hexdigest()
 
 
 def take(samples: Samples, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Samples:

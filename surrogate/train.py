@@ -21,7 +21,8 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES, seed: int = 0, *,
           epochs: int | None = None, each: Progress = iter) -> Model:
-    """Train `method` for the outputs of these names; 70 % of the rows train, 15 % calibrate, 15 % test, by the seed.
+    """Train `method` for the outputs of these names; of the touches 70 % train, 15 % calibrate, 15 % test,
+    by the seed.
 
     `epochs` bounds the steps of trainbr; `each` may show progress over its networks. ValueError for an unknown method,
     too few rows, or data that the method cannot learn.
@@ -29,7 +30,7 @@ def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES,
     check_method(method)
     if epochs is not None and method != "trainbr":
         raise ValueError(f"epochs are steps of trainbr; {method} has none. Leave them out.")
-    part = split(len(samples), seed)
+    part = split(samples.touch, seed)
     chosen = [outputs.NAMES.index(name) for name in names]
     training, validation = take(samples, part == "train"), take(samples, part == "val")
     _check_signals(training)

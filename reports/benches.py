@@ -1,0 +1,139 @@
+"""Stored benchmarks as points of error against run time: which column of which file tells what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from matcal.errors import TestFileError
+
+Words = Callable[[Mapping[str, Any]], str]
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one method, at one setting, reached of one problem."""
+
+    problem: str
+    method: str
+    setting: str
+    # points of one line are joined
+    line: str
+    # the error, or the size
+    measure: float
+    # CPU time, s, and what was done once and is not counted in it
+    cost_s: float
+    once_s: float
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One file of benchmarks/results and how it is drawn."""
+
+    # of the plate
+    name: str
+    # in the folder of results; the benchmark that writes it has the same stem
+    file: str
+    # what is solved
+    title: str
+    # row -> what shares a panel, the method, and its setting
+    problem: Words
+    method: Words
+    setting: Words
+    # row -> what tells which points of a method are joined, beside the method
+    line: Words
+    # column of the error, or of the size where every method solves one system, and what its axis says
+    measure: str
+    label: str
+    # column of the CPU time, how many of its units are a second
+    cost: str = "cpu_s"
+    per_second: float = 1.0
+    # column, in the same unit, of what is done once and not counted in the cost; "" for none
+    once: str = ""
+    # whether the measure is an error, so that less is better
+    is_error: bool = True
+    # what the reader must know of the comparison, one sentence or none
+    note: str = ""
+
+
+def _with_kind(row: Mapping[str, Any]) -> str:
+    """Method and the first words of its setting: its order or element."""
+    return f"{row['method'].replace('ours', 'eitsim')}, {row['setting'].partition(',')[0]}"
+
+
+def _element(row: Mapping[str, Any]) -> str:
+    return f"{row['element_um']:g} µm"
+
+
+def _element_and_rest(row: Mapping[str, Any]) -> str:
+    """Size of element and the words of the setting that `_with_kind` leaves out."""
+    return "".join([_element(row), *row["setting"].partition(",")[1:]])
+
+
+def _one(_: Mapping[str, Any]) -> str:
+    return ""
+
+
+BENCHES = (
+    Bench("electrics", "electrics.csv", "208 readings of one touch", lambda row: row["touch"],
+          lambda row: row["method"], lambda row: row["setting"], _one, "dv_error", "Relative error of ΔV (–)",
+          "cpu_ms", 1e3, "kept_ms", note="What is drawn leaves out what is done once: the order of a fixed mesh and "
+          "its untouched skin, and for updates condensed to the touched part its mesh and all beyond it, where they "
+          "take the skin as untouched."),
+    Bench("peers_electrics", "peers_electrics.csv", "impedance of 16 electrodes for a new conductance",
+          lambda _: "the same mesh and elements", lambda row: row["method"].replace(", ", " with "),
+          lambda row: f"{row['triangles']} triangles", _one, "unknowns", "Unknowns (–)", is_error=False,
+          note="All solve the same linear triangles, so that their discretisation error is the same; pyEIT's point "
+          "electrodes are another model."),
+    Bench("mechanics", "mechanics.csv", "depth of one touch by size of element", lambda row: row["touch"],
+          lambda _: "eitsim", _element, _one, "depth_error", "Relative error of the depth (–)"),
+    Bench("peers_mechanics", "peers_mechanics.csv", "depth of one touch by peers", lambda row: row["touch"],
+          _with_kind, _element_and_rest, lambda row: row["setting"], "depth_error", "Relative error of the depth (–)"),
+)
+
+
+def points(bench: Bench, folder: Path) -> tuple[list[Point], int]:
+    """Points of a benchmark, and how many rows its file has; rows whose measure or cost is no positive number hold no
+    point. FileNotFoundError where the file is not there, TestFileError where it lacks a column."""
+    path = folder / bench.file
+    table = pd.read_csv(path)
+    rows = [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
+    try:
+        found = [_point(bench, row) for row in rows if _positive(row[bench.measure]) and _positive(row[bench.cost])]
+    except KeyError as missing:
+        raise TestFileError(path, f"column {missing} is not there; run benchmarks/{path.stem}.py again.") from None
+    return found, len(rows)
+
+
+def _positive(value: float) -> bool:
+    return 0 < value < math.inf
+
+
+def _point(bench: Bench, row: Mapping[str, Any]) -> Point:
+    once = row[bench.once] if bench.once else 0.0
+    return Point(bench.problem(row), bench.method(row), bench.setting(row), bench.line(row), row[bench.measure],
+                 row[bench.cost] / bench.per_second, once / bench.per_second)
+
+
+def conditions(bench: Bench, folder: Path) -> list[str]:
+    """Machine, threads, versions and date that a file's rows carry, "not recorded" where they do not."""
+    table = pd.read_csv(folder / bench.file, dtype=str)
+    return [", ".join(sorted(set(table[name].dropna()))) if name in table else "not recorded"
+            for name in ("machine", "threads", "versions", "date")]
+
+
+def by_problem(found: Sequence[Point]) -> dict[str, list[Point]]:
+    """Points of each problem, in the order of the file."""
+    return {problem: [p for p in found if p.problem == problem] for problem in dict.fromkeys(p.problem for p in found)}
+
+
+def cheapest(found: Sequence[Point], wanted: float, *, again: bool = False) -> Point | None:
+    """The point of least cost whose error is at most the wanted one, what is done once included but where it is done
+    `again`; None where there is none."""
+    good = (p for p in found if p.measure <= wanted)
+    return min(good, key=lambda p: p.cost_s + (0.0 if again else p.once_s), default=None)
