@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from eitsim import solid
-from eitsim.approach import BOTTOM, BottomedOut, carried_over, from_rest, in_steps, near
+from eitsim.approach import BOTTOM, BottomedOut, carried_over, from_rest, in_steps, near, towards
 from eitsim.axisymmetric import PENALTY, Unresolved, solve_touch
+from eitsim.document import as_json
 from eitsim.pressing import (
+    Equilibrium,
     at_rest,
     energy,
     equilibrium,
@@ -18,7 +20,7 @@ from eitsim.pressing import (
     transferred,
 )
 from eitsim.scene import Body, Punch, scene_from
-from eitsim.simulate import as_json, simulate
+from eitsim.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
@@ -41,6 +43,20 @@ def test_steps_up_and_down_end_where_one_solve_ends(coarse):
     assert in_steps(coarse, ends[0], 2.0).depth == pytest.approx(ends[1].depth, rel=1e-8)
     assert in_steps(coarse, ends[1], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-8)
     assert near(coarse, ends[0], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-10)
+
+
+def test_the_next_force_towards_a_depth_stays_between_those_that_miss_it():
+    def state(force, depth, slope):
+        return Equilibrium(np.zeros(1), np.array([slope]), force, depth, ())
+
+    short, beyond = state(1.0, 0.30, 0.1), state(4.0, 0.50, 1e-3)
+    assert towards(0.305, short, None, None, np.inf) == pytest.approx(np.exp(0.05))
+    assert towards(0.45, short, None, None, np.inf) == pytest.approx(np.exp(0.5))
+    assert towards(0.305, short, short, beyond, np.inf) == pytest.approx(np.exp(0.05))
+    assert towards(0.45, beyond, short, beyond, np.inf) == pytest.approx(4 * np.exp(-0.5))
+    assert towards(0.305, short, short, beyond, 6e-3) == pytest.approx(2.0)
+    flat = state(1.0, 0.30, 1e-3)
+    assert towards(0.45, flat, flat, state(1.2, 0.50, 1e-3), np.inf) == pytest.approx(np.sqrt(1.2))
 
 
 def test_a_state_squeezed_flat_is_carried_to_a_finer_mesh():
@@ -85,7 +101,7 @@ def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
     def solved(*args, **keys):
         raise caught.value
 
-    monkeypatch.setattr("eitsim.simulate.solve_touch", solved)
+    monkeypatch.setattr("eitsim.touches.solve_touch", solved)
     scene = scene_from({})
     result = simulate(scene, CARD)
     assert result.outcome == "bottomed_out"
@@ -99,7 +115,7 @@ def test_a_finer_mesh_takes_over_where_the_default_one_resolves_nothing(monkeypa
             raise Unresolved("too coarse", estimate=None)
         return solve_touch(*args, element_m=4 * element_m, **keys)
 
-    monkeypatch.setattr("eitsim.simulate.solve_touch", solved)
+    monkeypatch.setattr("eitsim.touches.solve_touch", solved)
     assert simulate(scene_from({}), CARD).outcome == "ok"
 
 

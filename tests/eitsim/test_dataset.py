@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
+import pyarrow.dataset
 import pytest
 
-from eitsim.dataset import FIXED, finished_scenes, read_dataset, voltage_columns, write_manifest, write_part
+from eitsim.dataset import FIXED, decoded, encoded, read_dataset, voltage_columns, with_rows, write_manifest, write_part
 from matcal.errors import TestFileError
 
 
@@ -21,8 +23,14 @@ def test_rows_come_back_sorted_and_filtered(tmp_path: Path) -> None:
     data = read_dataset(tmp_path)
     assert data.table["scene"].tolist() == [0, 1, 2, 3]
     assert data.ok["scene"].tolist() == [0, 1, 3]
-    assert finished_scenes(tmp_path) == {0, 1, 2, 3}
     assert not [p for p in tmp_path.iterdir() if p.name.endswith(".tmp")]
+
+
+def test_rows_take_the_place_of_those_of_the_same_scenes(tmp_path: Path) -> None:
+    old = encoded(pd.DataFrame([row(0), row(1, "crashed"), row(2), row(5)]))
+    found = decoded(with_rows(old, encoded(pd.DataFrame([row(1), row(2, "refused"), row(3)]))))
+    assert found["scene"].tolist() == [0, 1, 2, 3, 5]
+    assert found["outcome"].tolist() == ["ok", "ok", "refused", "ok", "ok"]
 
 
 def test_a_failed_write_leaves_nothing(tmp_path: Path) -> None:
@@ -39,7 +47,27 @@ def test_damage_is_named(tmp_path: Path) -> None:
     write_manifest(tmp_path, {"design": {}, "card": {}})
     with pytest.raises(TestFileError, match="no rows"):
         read_dataset(tmp_path)
-    write_part(tmp_path, [row(0)])
     write_part(tmp_path, [row(0), row(1)])
-    with pytest.raises(TestFileError, match="scene 0 stands in it twice"):
+    write_part(tmp_path, [row(1)])
+    with pytest.raises(TestFileError, match="scene 1 stands in it twice"):
         read_dataset(tmp_path)
+
+
+def test_the_folder_opens_as_it_is(tmp_path: Path) -> None:
+    write_manifest(tmp_path, {"design": {}, "card": {}})
+    write_part(tmp_path, [row(0), row(1, "refused")])
+    write_part(tmp_path, [row(2), row(3)])
+    (tmp_path / ".lock").touch()
+    whole = read_dataset(tmp_path).table
+    assert pd.read_parquet(sorted(tmp_path.glob("*.parquet"))).sort_values("scene", ignore_index=True).equals(whole)
+    found = pyarrow.dataset.dataset(sorted(map(str, tmp_path.glob("*.parquet"))))
+    assert found.to_table(filter=pyarrow.dataset.field("outcome") == "ok")["scene"].to_pylist() == [0, 2, 3]
+    dask = pytest.importorskip("dask.dataframe")
+    assert dask.read_parquet(str(tmp_path / "*.parquet"))["x_mm"].sum().compute() == whole["x_mm"].sum()
+
+
+def test_parts_cost_little_beside_their_numbers(tmp_path: Path) -> None:
+    rows = [row(i) | {name: 0.1 * i + j for j, name in enumerate(voltage_columns(416))} for i in range(64)]
+    write_part(tmp_path, rows)
+    (part,) = tmp_path.glob("*.parquet")
+    assert part.stat().st_size < 1.4 * 64 * 8 * len(rows[0])

@@ -48,7 +48,7 @@ def test_distributions_have_their_moments(dist: str) -> None:
     ({}, "scenes"), ({"scenes": 0}, "scenes"), ({"scenes": 3, "sampler": "grid"}, "random, lhs, sobol"),
     ({"scenes": 3, "punch": {"force_N": [1, 2, 3]}}, "force_N"), ({"scenes": 3, "punch": {"size": 1}}, "size"),
     ({"scenes": 3, "punch": {"force_N": {"dist": "cauchy"}}}, "force_N"), ({"scenes": 3, "noise": {}}, "noise"),
-    ({"scenes": 3, "material": {"draws": 5}}, "not built")])
+    ({"scenes": 3, "measurement": {"noise": 1}}, "known: seed, noise_V")])
 def test_mistakes_are_named(raw: dict, named: str) -> None:
     with pytest.raises(ValueError, match=named):
         design_from(raw)

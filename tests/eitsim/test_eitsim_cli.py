@@ -61,7 +61,8 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "scene.toml", "--skin-patterns", "3"], "no effect without --skin"),
     (["run", "stick.toml", "--card", "card.json", "--reuse"], "--reuse"),
     (["run", "scene.toml", "--report", "touch.pdf"], "--out"), (["report", "nothing", "--out", "x.pdf"], "nothing"),
-    (["sweep", "wrong.toml", "--card", "card.json", "--out", "set"], "scenes")])
+    (["sweep", "bare.toml", "--card", "card.json", "--out", "set"], "scenes"),
+    (["sweep", "wrong.toml", "--card", "card.json", "--out", "set"], "radius")])
 def test_mistakes_are_named_with_status_2(folder: Path, words: list[str], named: str) -> None:
     before = sorted(p.name for p in folder.iterdir())
     done = eitsim(folder, *words)

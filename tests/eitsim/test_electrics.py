@@ -159,8 +159,6 @@ def test_what_is_not_built_is_refused():
     touch = synthetic()
     with pytest.raises(ValueError, match="known: auto, multipole, mesh"):
         readings(Punch(), touch, method="born")
-    with pytest.raises(ValueError, match="multipole"):
-        readings(Punch(conductor=True), touch, method="mesh")
     with pytest.raises(ValueError, match="beyond the rim"):
         readings(Punch(0.095), touch)
     with pytest.raises(ValueError, match="line electrodes; with patches"):

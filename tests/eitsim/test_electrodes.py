@@ -13,14 +13,16 @@ from pyarrow import parquet
 
 from eitsim.dataset import voltage_columns, write_part
 from eitsim.design import design_from, scene_at
+from eitsim.document import as_json
 from eitsim.drive import Drive, read_out
 from eitsim.electrics import solve
 from eitsim.electrodes import Electrodes, among_all, arcs, contact_impedances, present
+from eitsim.materials import Cards
 from eitsim.plan import make_plan
 from eitsim.results import Touch
+from eitsim.rows import solve_rows
 from eitsim.scene import Body, Punch, Skin, scene_from, scene_tables
-from eitsim.simulate import as_json, simulate
-from eitsim.sweep import solve_rows
+from eitsim.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
@@ -132,7 +134,7 @@ def test_what_is_lost_is_null_in_results_and_data_sets(tmp_path: Path):
     assert result["readings_V"][1] == result["readings_V"][2] == result["readings_V"][3] == [None] * 5
     assert [row.count(None) for row in result["baseline_V"]] == [1, 5, 5, 5, 1, 1, 1, 1]
     assert result["impedance_Ohm"][2] == [None] * 8
-    path = write_part(tmp_path, solve_rows(design_from({"scenes": 1, **raw}), CARD, [0]))
+    path = write_part(tmp_path, solve_rows(design_from({"scenes": 1, **raw}), Cards(CARD), [0]))
     nulls = [parquet.read_table(path)[name].null_count for name in voltage_columns(40)]
     assert nulls == [value is None for row in result["readings_V"] for value in row]
 

@@ -10,12 +10,13 @@ import pytest
 from eitsim import punch as contact
 from eitsim import solid
 from eitsim.axisymmetric import PENALTY, reached, solve_touch
+from eitsim.document import as_json
 from eitsim.holding import Course, Step, solve_hold, states_over, stepped_through
 from eitsim.mesh import tensor_grid
 from eitsim.plan import make_plan
 from eitsim.pressing import at_rest, equilibrium, pressing, system, touching
 from eitsim.scene import Body, Hold, Punch, scene_from
-from eitsim.simulate import as_json, simulate
+from eitsim.simulate import simulate
 from eitsim.viscoelastic import loaded_at_once, remembered, stepped, steps_s, unloaded
 from matcal.card import MaterialCard, with_moduli
 from matcal.conductivity import Conductivity

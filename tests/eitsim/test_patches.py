@@ -98,13 +98,12 @@ def test_the_current_through_each_patch_is_what_is_driven():
     mesh = following_mesh(Body(), PATCHES, TOUCHES[:1], 1)
     z = contact_impedances(PATCHES)
     u = potentials(mesh, np.full(len(mesh.cells), 6e-4), z)
-    _, area = gradients(mesh, np.zeros((len(mesh.nodes_m), 1)))
     inside = replace(mesh, cells=mesh.under)
     _, area = gradients(inside, np.zeros((len(mesh.nodes_m), 1)))
     drop = u[len(mesh.nodes_m) + mesh.electrode][:, None] - at_points(inside, u)
     flow = np.einsum("eq,eqp->ep", area, drop) / z[mesh.electrode, None]
     current = np.stack([flow[mesh.electrode == k].sum(axis=0) for k in range(8)])
-    assert np.abs(current - (np.eye(8) - 1 / 8)).max() < 1e-6
+    assert np.abs(current - (np.eye(8) - 1 / 8)).max() < 1e-12
 
 
 def at_points(mesh: SkinMesh, potential: np.ndarray) -> np.ndarray:

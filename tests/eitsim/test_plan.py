@@ -34,6 +34,16 @@ def test_the_rim_effect_fades_with_distance() -> None:
     assert rim_effect(0.0270, 0.01) == pytest.approx(rim_effect(0.0135, 0.005))
 
 
+def test_a_conducting_punch_near_the_rim_costs_as_the_strain_in_use() -> None:
+    """The rim's effect of areal strain is larger at a gap of 5 mm, and so is a share of it."""
+    cost = {strain: next(d.error_bound for d in make_plan(scene_from({
+        "punch": {"x_mm": 88, "conductor": True}, "skin": {"strain": strain}}), CARD).decisions
+        if "without the rim" in d.decision) for strain in STRAINS}
+    ratio = rim_effect(5e-3, 0.01, "areal") / rim_effect(5e-3, 0.01, "normal")
+    assert ratio > 1.5
+    assert cost["areal"] == pytest.approx(ratio * cost["normal"])
+
+
 def test_the_rim_effect_bounds_every_measured_one() -> None:
     measured = pd.read_csv(Path(__file__).parents[2] / "benchmarks/results/rim.csv")
     measured = measured[measured["what"].isin(["effect", "hand-over"])]
@@ -49,8 +59,6 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
 
 
 @pytest.mark.parametrize(("raw", "named"), [
-    ({"punch": {"x_mm": 80, "conductor": True}}, "from the rim"),
-    ({"punch": {"x_mm": 80, "conductor": True}}, "insulated"),
     ({"punch": {"x_mm": 98}}, "beyond the rim"),
     ({"punch": [{"x_mm": 10}, {"x_mm": -6}]}, "1 and 2 are 2.0 mm apart"),
     ({"punch": [{"x_mm": 6}, {"x_mm": -6}]}, "overlap by 2.0 mm"),
@@ -58,10 +66,20 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
     ({"punch": [{"x_mm": 40}, {"x_mm": -40}], "hold": {"time_s": 5}}, "one touch"),
     ({"punch": {"x_mm": 80, "friction": "coulomb", "friction_coefficient": 0.3}}, "one that sticks"),
     ({"punch": {"friction": "stick"}, "hold": {"time_s": [60]}}, "keep the deformation"),
-    ({"electrodes": {"kind": "patch"}, "punch": {"conductor": True}}, "kind = \"line\""),
     ({"electrodes": {"kind": "patch"}, "punch": {"x_mm": 85}}, "2.0 mm into the ring of 10 mm")])
 def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
     assert named in make_plan(scene_from(raw), CARD).refusal
+
+
+@pytest.mark.parametrize(("raw", "names"), [
+    ({"punch": {"x_mm": 80, "conductor": True}}, ["without the rim", "three dimensions near the rim"]),
+    ({"electrodes": {"kind": "patch"}, "punch": {"conductor": True}}, ["floats", "on a mesh"]),
+    ({"punch": [{"x_mm": 12, "conductor": True}, {"x_mm": -12}]}, ["touches where it would alone", "no conduction"])])
+def test_a_conducting_punch_is_planned_with_what_it_leaves_out(raw: dict, names: list[str]) -> None:
+    plan = make_plan(scene_from(raw), CARD)
+    assert plan.refusal == ""
+    for name in names:
+        assert any(name in d.decision for d in plan.decisions), name
 
 
 def test_an_edge_on_the_rim_is_refused_with_what_to_change() -> None:

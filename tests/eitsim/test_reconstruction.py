@@ -14,11 +14,12 @@ import pytest
 
 from eitsim.cem import impedance, quadrature_points
 from eitsim.drive import Drive, read_out
-from eitsim.figures_of_merit import figures_of_merit
+from eitsim.figures_of_merit import figures_of_merit, regions
+from eitsim.frame_images import images_of
 from eitsim.number_table import write_numbers
-from eitsim.reconstruction import PRIORS, Imager, Untouched, fitted, imager, on_grid, pixels
+from eitsim.reconstruction import PRIORS, Imager, Untouched, check_wanted, fitted, imager, on_grid, pixels
 from eitsim.rim import solve_rim
-from eitsim.scene import Body, Electrodes
+from eitsim.scene import Body, Electrodes, Scene
 from eitsim.template import rim_angles, ring_mesh
 from eitsim.untouched import untouched_impedance
 
@@ -166,3 +167,44 @@ def test_command_writes_images_of_frames(tmp_path: Path):
     assert float(lines[1].split(",")[3]) == 0
     done = reconstruct(tmp_path, "frames.csv", "--out", "image.png")
     assert (done.returncode, "give a name that ends so" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(("prior", "noise_figure", "named"), [
+    ("tv", 0.5, "prior 'tv' is unknown; known: noser, laplace"), ("laplace", -1.0, "must be positive and finite"),
+    ("noser", float("nan"), "must be positive and finite")])
+def test_what_is_not_built_is_refused_before_any_work(prior: str, noise_figure: float, named: str):
+    with pytest.raises(ValueError, match=named):
+        check_wanted(prior, noise_figure)
+
+
+def test_frames_that_no_touch_makes_have_no_place_and_a_note(tmp_path: Path):
+    """A sign, a unit or a gain that is another one, and noise without a touch."""
+    noise = 1e-5 * np.random.default_rng(1).standard_normal(baseline().size)
+    odd = [-baseline(), 1e6 * baseline(), 1.01 * baseline(), baseline() + noise]
+    write_numbers(tmp_path / "frames.csv", [f"v_{i:03d}" for i in range(baseline().size)],
+                  np.array([baseline(), *odd]))
+    told = images_of(tmp_path / "frames.csv", Scene())[2]["frames"]
+    for image, named in zip(told, ("sign is flipped", "no touch does", "fills 100%", "as noise does"), strict=True):
+        assert named in image["note"]
+        assert image["x_mm"] is image["y_mm"] is None
+
+
+def test_two_discs_far_apart_are_two_regions_and_said_to_be(tmp_path: Path):
+    """The signals of two small targets, by the derivatives, 55 mm to either side of the middle."""
+    pixel = untouched().pixels
+    change = sum(0.3 * (np.hypot(*(pixel.centre_m - [x, 0.0]).T) < 0.012) for x in (-0.055, 0.055))
+    write_numbers(tmp_path / "frames.csv", [f"v_{i:03d}" for i in range(baseline().size)],
+                  np.array([baseline(), baseline() + untouched().jacobian_V @ change]))
+    (image,) = images_of(tmp_path / "frames.csv", Scene(), noise_figure=1.0)[2]["frames"]
+    assert "2 separate regions" in image["note"]
+    assert sorted(round(part["x_mm"] / 55) for part in image["regions"]) == [-1, 1]
+
+
+def test_regions_are_what_hangs_together_at_half_the_largest_value():
+    x, y = np.meshgrid(np.arange(30.0), np.arange(20.0))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    image = -np.exp(-((points[:, 0] - 6)**2 + (points[:, 1] - 10)**2) / 8)
+    image -= 0.8 * np.exp(-((points[:, 0] - 22)**2 + (points[:, 1] - 10)**2) / 8)
+    first, second = regions(points, np.ones(len(points)), image)
+    assert (first.x_m, first.y_m, second.x_m, second.y_m) == pytest.approx((6, 10, 22, 10))
+    assert (first.peak, second.peak) == pytest.approx((-1, -0.8))

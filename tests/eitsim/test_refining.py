@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim import simulate as simulation
+from eitsim import touches
 from eitsim.axisymmetric import solve_touch
 from eitsim.mesh import default_element_m
 from eitsim.scene import Body, Punch, scene_from
+from eitsim.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
@@ -35,16 +36,16 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
         sizes.append(element_m)
         return replace(touch, signal_error=error, section=grown)
 
-    monkeypatch.setattr(simulation, "solve_touch", solved)
+    monkeypatch.setattr(touches, "solve_touch", solved)
     scene = scene_from({"punch": {"friction": friction}})
-    told = simulation._touch(FOAM, scene, scene.punches[0], exact=False)
+    told = touches._touch(FOAM, scene, scene.punches[0], exact=False)
     assert len(sizes) == tries
     assert told.signal_error == error
 
 
 def test_a_missed_accuracy_is_said_with_its_cause():
     card = MaterialCard("foam", FOAM, None, Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
-    met, missed = (simulation.simulate(scene_from({"accuracy": {"signal": wanted}}), card) for wanted in (0.01, 1e-4))
+    met, missed = (simulate(scene_from({"accuracy": {"signal": wanted}}), card) for wanted in (0.01, 1e-4))
     assert met.outcome == missed.outcome == "ok"
     assert met.message == ""
     assert "asked for (signal in [accuracy])" in missed.message

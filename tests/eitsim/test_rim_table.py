@@ -13,7 +13,7 @@ from eitsim.near_rim import solve_near_rim
 from eitsim.path import Deviation
 from eitsim.results import Touch
 from eitsim.reuse import decision, rim_repays, scene_shape, served
-from eitsim.rim_table import RimTable, near_rim_from
+from eitsim.rim_table import RimTable, changed_diameters, near_rim_from
 from eitsim.rim_tabulate import DEPTHS, GAPS, build_rim, checked, refined
 from eitsim.scene import Body, Punch, scene_from
 from eitsim.simulate import simulate
@@ -97,6 +97,14 @@ def test_a_table_of_changes_is_made_where_it_repays_its_cost() -> None:
     shape = scene_shape(scene_from({}), CARD)
     assert rim_repays(near, shape)
     assert not rim_repays(far, shape)
+
+
+@pytest.mark.parametrize("diameters_m", [(0.014,), (0.01, 0.018), (0.01, 0.012, 0.014, 0.016, 0.018)])
+def test_changes_of_a_choice_are_solved_where_there_are_load_paths(diameters_m: tuple) -> None:
+    shape = shape_of(FOAM, Body(), Punch(), "normal", diameters_m)
+    changed = changed_diameters(shape).tolist()
+    assert set(changed) <= set(shape.solved)
+    assert (changed[0], changed[-1]) == (shape.diameters[0], shape.diameters[-1])
 
 
 def test_what_finer_solutions_add_is_quadratic_between_three() -> None:

@@ -134,8 +134,8 @@ def test_two_conducting_punches_shunt_like_metal_discs():
     points = quadrature_points(mesh)
     tensor = touched_conductance(points, touches, Skin(), LAW)
     for punch, touch in touches:
-        edge = touch.radius_m[np.flatnonzero(touch.pressure_Pa > 0)[-1]]
-        tensor[np.hypot(points[..., 0] - punch.x_m, points[..., 1] - punch.y_m) < edge] += 1e2 * np.eye(2)
+        distance_m = np.hypot(points[..., 0] - punch.x_m, points[..., 1] - punch.y_m)
+        tensor[distance_m < touch.contact_radius_m] += 1e2 * np.eye(2)
     assert distance(got.signal_V, on_triangles(touches, 2, tensor)) < 0.01
 
 

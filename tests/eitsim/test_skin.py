@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from eitsim.cem import SkinMesh, impedance, quadrature_points
-from eitsim.results import Touch
+from eitsim.circles import Outline
+from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch, Skin
 from eitsim.skin import (
+    changes,
     driving_strain,
     extrapolated_fraction,
+    local_axes,
+    moved,
     principal_conductances,
     sheet_conductance,
+    stretches,
+    surface_metric,
     untouched_conductance,
 )
 from matcal.conductivity import Conductivity, conductivity, strip_conductivity
@@ -109,3 +117,53 @@ def test_the_extrapolated_area_is_that_of_the_compressed_disc(x_m):
 def test_an_area_beyond_the_rim_does_not_count():
     pressed = touch([0.0, 0.3], 1.0, 1.0, 0.7)
     assert extrapolated_fraction(Body(), Punch(x_m=0.05), pressed, Skin(), LAW) == pytest.approx(1.0, abs=1e-3)
+
+
+def rim_field(towards: np.ndarray | None) -> RimField:
+    """Rough changes on circles that the rim, 20 mm away from the axis, cuts from there on."""
+    rng = np.random.default_rng(8)
+    radius, share = np.array([1e-3, 5e-3, 12e-3, 25e-3, 40e-3]), np.linspace(0, 1, 7)**1.3
+    metric = np.array([1.0, 0.0, 1.0]) + 0.2 * rng.uniform(-1, 1, (5, 7, 3))
+    return RimField(radius, share, 1e-3 * rng.normal(size=(5, 7, 3)), metric, 1 + 0.2 * rng.uniform(-1, 1, (5, 7)),
+                    0.1, 0.08, towards)
+
+
+def sampled(rim: RimField, local: np.ndarray, samples: np.ndarray, unchanged: np.ndarray) -> np.ndarray:
+    """Array by array, what the compiled loop does point by point."""
+    radius = np.linalg.norm(local, axis=-1)
+    start, angle = Outline(rim.disc_m, rim.offset_m).start(radius), np.arctan2(np.abs(local[..., 1]), local[..., 0])
+    share = np.clip((angle - start) / (np.pi - start), 0, 1)
+    on_circles = np.moveaxis(CubicSpline(rim.share, samples, axis=1)(share), 0, -2)
+    inside = np.clip(radius, *rim.radius_m[[0, -1]])
+    ring = np.clip(np.searchsorted(rim.radius_m, inside, side="right"), 1, len(rim.radius_m) - 1) - 1
+    way = ((inside - rim.radius_m[ring]) / np.diff(rim.radius_m)[ring])[:, None]
+    at = np.arange(len(local))
+    found = (1 - way) * on_circles[at, ring] + way * on_circles[at, ring + 1]
+    none = radius > rim.radius_m[-1]
+    return np.where((none if rim.towards is None else none | (angle < start - 1e-9))[:, None], unchanged, found)
+
+
+@pytest.mark.parametrize("towards", [None, np.array([0.6, 0.8])])
+def test_the_compiled_metric_is_that_of_whole_arrays(towards):
+    punch, rng = Punch(0.048, -0.064), np.random.default_rng(9)
+    rim, radius = rim_field(towards), np.linspace(0, 50e-3, 30)
+    pressed = replace(touch(radius, 1 + 0.3 * np.cos(90 * radius), 1 - 0.2 * np.cos(70 * radius), 1.1), rim=rim)
+    points = np.vstack([[[punch.x_m, punch.y_m]], np.array([punch.x_m, punch.y_m])
+                        + 30e-3 * rng.uniform(-1, 1, (400, 2)) * [1, 1.6]])
+    axes = local_axes(punch, pressed)
+    local = (points - points[0]) @ axes.T
+    sign = np.where(local[:, 1] < 0, -1, 1)
+    xx, xy, yy, factor = sampled(rim, local, np.concatenate([rim.metric, rim.normal[..., None]], axis=-1),
+                                 np.array([1.0, 0, 1, 1])).T
+    change = np.moveaxis(np.array([[xx, sign * xy], [sign * xy, yy]]), -1, 0)
+    np.testing.assert_allclose(changes(rim, local)[0], change, rtol=0, atol=1e-13)
+    shift = sampled(rim, local, rim.displacement_m, np.zeros(3)) * np.column_stack([sign**2, sign, sign**2])
+    np.testing.assert_allclose(moved(rim, local), shift, rtol=0, atol=1e-15)
+    meridian, hoop, normal = stretches(pressed, np.linalg.norm(local, axis=1))
+    radial = np.where(local.any(axis=1)[:, None], local, [1.0, 0.0])
+    radial /= np.linalg.norm(radial, axis=1)[:, None]
+    stretch = hoop[:, None, None] * np.eye(2) + (meridian - hoop)[:, None, None] * radial[:, :, None] * radial[:, None]
+    metric, stretch_normal = surface_metric(points, punch, pressed)
+    np.testing.assert_allclose(metric, axes.T @ stretch @ change @ stretch @ axes, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(stretch_normal, normal * factor, rtol=0, atol=1e-13)
+    assert 0 < np.mean(xx == 1) < 0.5

@@ -149,8 +149,7 @@ def test_what_the_rim_moves_is_added_in_its_own_axes(touch) -> None:
 
 
 @pytest.mark.parametrize(("scene", "patterns", "message"), [
-    (Scene(), [16], "pattern 16 is none of 0 to 15"), (Scene(), [-1], "pattern -1 is none"),
-    (Scene(punches=(replace(PUNCH, conductor=True),)), None, "not built under a conducting punch")])
+    (Scene(), [16], "pattern 16 is none of 0 to 15"), (Scene(), [-1], "pattern -1 is none")])
 def test_fields_that_cannot_be_are_refused(scene, patterns, message, touch) -> None:
     with pytest.raises(ValueError, match=message):
         skin_fields(scene, [touch], LAW, patterns)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
 from eitsim import cache, reuse
-from eitsim.dataset import read_dataset, read_manifest
+from eitsim import sweep as sweeping
+from eitsim.crew import Lent, NoCrew, WorkerLost
+from eitsim.dataset import COST, read_dataset, read_manifest
 from eitsim.design import design_from
 from eitsim.sweep import Account, sweep
 from matcal.card import MaterialCard, write_card
@@ -34,15 +37,18 @@ def account(card: Path, folder: Path, scenes: int, **options) -> Account:
     return last
 
 
-def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp_path: Path) -> None:
+def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp_path: Path,
+                                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweeping, "ROWS_FROM_TABLE", 2)
     first = account(card, tmp_path / "a", 9, reuse=True)
     assert "a table of 1 load paths" in first.method
     assert cache.clear() == 1
-    account(card, tmp_path / "b", 9, reuse=True, workers=2)
-    account(card, tmp_path / "c", 9, reuse=True)
-    a, b, c = (read_dataset(tmp_path / name).table.drop(columns="cpu_s") for name in "abc")
-    pd.testing.assert_frame_equal(a, b)
-    pd.testing.assert_frame_equal(a, c)
+    account(card, tmp_path / "b", 9, reuse=True, workers=4)
+    with ThreadPoolExecutor(2) as threads:
+        account(card, tmp_path / "c", 9, reuse=True, crew=Lent(threads, 3))
+    a, *others = (read_dataset(tmp_path / name).table.drop(columns=[*COST]) for name in "abc")
+    for other in others:
+        pd.testing.assert_frame_equal(a, other, check_exact=True)
     fresh = account(card, tmp_path / "d", 2)
     assert "so few touches" in fresh.method
     d = read_dataset(tmp_path / "d").table
@@ -79,3 +85,42 @@ def test_paths_that_are_not_found_leave_every_touch_afresh(card: Path, tmp_path:
     done = account(card, tmp_path / "a", 1, reuse=True)
     assert "no table" in done.method
     assert dict(done.outcomes) == {"ok": 1}
+    assert read_manifest(tmp_path / "a")["method"]["table"]["used"] is False
+    monkeypatch.setattr(reuse, "DEPTHS", (0.055, 0.07, 0.09))
+    assert account(card, tmp_path / "a", 2).method == done.method
+    assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"afresh"}
+
+
+class _Deadly:
+    """Loses its worker on everything."""
+
+    losses = (WorkerLost,)
+
+    def look(self) -> None:
+        pass
+
+    def abreast(self) -> int:
+        return 1
+
+    def given(self, task):
+        def submit(_):
+            done: Future = Future()
+            done.set_exception(WorkerLost("its process was killed by signal 9"))
+            return done
+        return submit
+
+
+def test_workers_lost_over_the_table_stop_the_sweep_before_any_row(card: Path, tmp_path: Path) -> None:
+    with pytest.raises(NoCrew, match="the same command goes on from there"):
+        account(card, tmp_path / "a", 2, reuse=True, crew=_Deadly())
+    assert "table" not in read_manifest(tmp_path / "a")["method"]
+    assert "a table of 1 load paths" in account(card, tmp_path / "a", 2, reuse=True).method
+    assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"table"}
+
+
+def test_rows_from_a_table_are_not_continued_without_it(card: Path, tmp_path: Path,
+                                                        monkeypatch: pytest.MonkeyPatch) -> None:
+    account(card, tmp_path / "a", 1, reuse=True)
+    monkeypatch.setattr(reuse, "DEPTHS", (0.07,))
+    with pytest.raises(ValueError, match="is not had again"):
+        account(card, tmp_path / "a", 2)

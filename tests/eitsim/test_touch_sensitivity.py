@@ -11,12 +11,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from eitsim.alike import alike_mesh
 from eitsim.axisymmetric import reached
 from eitsim.cem import SkinMesh, impedance, potentials, quadrature_points
-from eitsim.electrics import following_mesh, solve
+from eitsim.electrics import solve
 from eitsim.near_rim import COARSE as COARSE_RIM
 from eitsim.near_rim import rim_change, solve_near_rim
 from eitsim.pressing import equilibrium
+from eitsim.results import Touch
 from eitsim.rim_tangent import rim_line
 from eitsim.scene import Body, Electrodes, Hold, Punch, Scene, Skin
 from eitsim.sensitivity import impedance_by_field
@@ -45,7 +47,7 @@ def base(punch: Punch = PUNCH) -> Settled:
 
 @lru_cache(maxsize=4)
 def mesh(punch: Punch = PUNCH, electrodes: Electrodes = LINES) -> SkinMesh:
-    return following_mesh(Body(), electrodes, ((punch, base(punch).touch),), 1)
+    return alike_mesh(Body(), electrodes, ((punch, base(punch).touch),))
 
 
 @lru_cache(maxsize=4)
@@ -164,12 +166,17 @@ def test_at_a_kept_depth_stiffness_does_not_count():
 
 
 @lru_cache(maxsize=2)
-def sensitivity(scene: Scene) -> Sensitivity:
-    return scene_sensitivity(scene, CARD, level=1)
+def sensitivity(scene: Scene, halvings: int = 1) -> Sensitivity:
+    return scene_sensitivity(scene, CARD, halvings=halvings)
 
 
 def column(of: Sensitivity, name: str) -> np.ndarray:
     return of.touched_by[:, of.parameters.index(name)]
+
+
+def columns(of: Sensitivity, name: str) -> np.ndarray:
+    """(2, readings) derivatives of readings and of what the touches change of them."""
+    return np.stack([by[:, of.parameters.index(name)] for by in (of.touched_by, of.signal_by)])
 
 
 def test_stiffer_foam_is_as_a_smaller_force():
@@ -184,24 +191,43 @@ def test_readings_are_homogeneous_of_degree_one_in_resistances():
     assert distance(by_contact * 1.0 - LAW.c0_S_per_m * column(found, "c0_S_per_m"), found.touched_V) < 1e-11
 
 
-def test_derivative_of_the_signal_is_that_of_another_method():
-    found, scene = sensitivity(Scene(punches=(PUNCH,))), Scene(punches=(PUNCH,))
-    touch = settled(FOAM, scene.body, PUNCH, "normal").touch
-
-    def signal(x_m: float) -> np.ndarray:
-        return solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((replace(PUNCH, x_m=x_m), touch),), LAW,
-                     method="multipole").signal_V.ravel()
-
-    by_place = (signal(PUNCH.x_m + 1e-4) - signal(PUNCH.x_m - 1e-4)) / 0.2
-    assert distance(found.signal_by[:, found.parameters.index("x_mm")], by_place) < 0.01
-    assert distance(found.signal_V, signal(PUNCH.x_m)) < 0.01
+def without_mesh(scene: Scene, touch: Touch, punch: Punch, electrodes: Electrodes) -> np.ndarray:
+    """(2, readings) readings and what the touch changes of them, V, from the rim alone and the touch's multipoles."""
+    got = solve(scene.body, scene.skin, electrodes, scene.drive, ((punch, touch),), LAW, method="multipole")
+    return np.stack([got.touched_V.ravel(), got.signal_V.ravel()])
 
 
-def test_derivatives_on_an_axis_of_symmetry_are_even_by_x_and_odd_by_y():
-    punch, mirror = replace(PUNCH, x_m=0.04, y_m=0.0), -np.arange(16) % 16
+def with_contact(k: int, by_Ohm_m: float) -> Electrodes:
+    """The default electrodes with one contact impedance changed."""
+    z = np.ones(LINES.count)
+    z[k] += by_Ohm_m
+    return replace(LINES, contact_impedance_Ohm_m=tuple(z.tolist()))
+
+
+def test_derivatives_are_those_of_a_solution_without_mesh():
+    scene = Scene(punches=(PUNCH,))
+    found, touch = sensitivity(scene, 2), settled(FOAM, scene.body, PUNCH, "normal").touch
+    assert distance(found.signal_V, without_mesh(scene, touch, PUNCH, LINES)[1]) < 3e-4
+
+    def moved_by(x_mm: float) -> np.ndarray:
+        return without_mesh(scene, touch, replace(PUNCH, x_m=PUNCH.x_m + x_mm / 1e3), LINES)
+
+    def contact_changed(k: int) -> Callable[[float], np.ndarray]:
+        return lambda by_Ohm_m: without_mesh(scene, touch, PUNCH, with_contact(k, by_Ohm_m))
+
+    changes = {"x_mm": (0.1, moved_by)} | {f"z_{k}_Ohm_m": (0.05, contact_changed(k)) for k in (0, 9)}
+    for name, (step, at) in changes.items():
+        by_difference = (at(step) - at(-step)) / (2 * step)
+        apart = [distance(one, other) for one, other in zip(columns(found, name), by_difference, strict=True)]
+        print(f"{name}: {apart[0]:.1e} of V, {apart[1]:.1e} of dV")
+        assert max(apart) < (0.01 if name.startswith("z") else 1e-3)
+
+
+def test_derivatives_of_mirrored_touches_are_even_by_x_and_odd_by_y():
+    punch, mirror = replace(PUNCH, y_m=-PUNCH.y_m), -np.arange(16) % 16
     for name, sign in (("x_mm", 1), ("d_mm", 1), ("y_mm", -1)):
         derivative = adjoint(varied(punch)[name], punch)
-        assert distance(sign * derivative[np.ix_(mirror, mirror)], derivative) < 1e-8
+        assert distance(sign * derivative[np.ix_(mirror, mirror)], adjoint(varied()[name])) < 1e-8
 
 
 def test_file_holds_a_row_a_reading_and_a_column_a_parameter(tmp_path):
@@ -262,6 +288,24 @@ def test_derivatives_near_the_rim_are_those_of_scenes_solved_anew():
         apart[name] = distance(column(found, name), (ends[1] - ends[0]) / (2 * step * unit))
     print(apart)
     assert max(apart.values()) < 0.025
+
+
+@pytest.mark.slow
+def test_derivatives_near_the_rim_by_contact_impedances_are_those_of_scenes_solved_anew():
+    punch, step = Punch(0.0584, 0.0438, 0.014, 1.0), 0.05
+    scene, touch = Scene(punches=(punch,)), solve_near_rim(FOAM, Body(), punch)
+    found = scene_sensitivity(scene, CARD)
+
+    def at(k: int, by_Ohm_m: float) -> np.ndarray:
+        got = solve(scene.body, scene.skin, with_contact(k, by_Ohm_m), scene.drive, ((punch, touch),), LAW,
+                    method="mesh", signal=5e-4)
+        return np.stack([got.touched_V.ravel(), got.signal_V.ravel()])
+
+    for k in (1, 2, 9):
+        by_difference = (at(k, step) - at(k, -step)) / (2 * step)
+        apart = [distance(*pair) for pair in zip(columns(found, f"z_{k}_Ohm_m"), by_difference, strict=True)]
+        print(f"electrode {k}: {apart[0]:.1e} of V, {apart[1]:.1e} of dV")
+        assert max(apart) < 0.015
 
 
 @pytest.mark.slow

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eitsim import dataset
 from matcal.errors import TestFileError
 from surrogate import outputs, store
 from surrogate.evaluate import evaluate, parts_of
 from surrogate.model import METHODS, Model, estimate, interval_scale
 from surrogate.ring import ring_of_design
 from surrogate.samples import Samples, read_samples, take
+from surrogate.split import split
 from surrogate.train import train
 
 NAMES = ("x0", "F", "delta_max")
@@ -88,6 +90,32 @@ def test_rows_are_recognised(models: dict[str, Model], samples: Samples, make_da
     scores = evaluate(models["forward"], other).scores["outputs"]["x0"]
     assert list(scores) == ["all"]
     assert scores["all"]["rmse"] < 0.02
+
+
+def test_rows_of_several_touches_are_refused(make_dataset: Callable[..., Path], tmp_path: Path) -> None:
+    folder = make_dataset(tmp_path / "pairs", 25, 99)
+    table = dataset.read_dataset(folder).table
+    dataset.write_part(folder, table.assign(touches=np.where(table["scene"] == 7, 2, 1)).to_dict("records"))
+    with pytest.raises(TestFileError, match=r"1 rows have several touches \(scene 7: 2\).*one touch a row"):
+        read_samples(folder)
+
+
+def test_rows_of_one_touch_are_not_parted(make_dataset: Callable[..., Path], tmp_path: Path) -> None:
+    """A nested design by its blocks, any other by touches that come again."""
+    folder = make_dataset(tmp_path / "nested", 160, 99)
+    manifest = json.loads((folder / dataset.MANIFEST).read_text())
+    again = dataset.read_dataset(folder).table
+    again[list(dataset.TOUCH)] = again[list(dataset.TOUCH)].to_numpy()[np.arange(160) // 2]
+    for sampler, each in (("nested", 4), ("random", 2)):
+        manifest["design"]["sampler"] = sampler
+        dataset.write_manifest(folder, manifest)
+        dataset.write_part(folder, again.to_dict("records"))
+        found = read_samples(folder)
+        part = split(found.touch, 3).reshape(-1, each)
+        assert np.all(part == part[:, :1])
+        assert np.mean(part == "train") == pytest.approx(0.7)
+    with pytest.raises(ValueError, match="40 ok rows of 10 different touches are too few"):
+        split(np.arange(40) // 4, 0)
 
 
 def test_another_drive_is_another_sensor(models: dict[str, Model], samples: Samples) -> None:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from eitsim.dataset import voltage_columns
 from eitsim.frames import Frames
+from eitsim.measured_set import measure
+from eitsim.measurement import Measurement
 from matcal.errors import TestFileError
 from surrogate import cli
 from surrogate.dead_channels import refuse_dead
@@ -58,7 +60,7 @@ def write_frames(path: Path, frames: Array, header: list[str] | None = None) -> 
 
 def test_training_leaves_a_model_its_scores_and_its_predictions(forward: Path) -> None:
     model, scores = (json.loads((forward / name).read_text()) for name in ("model.json", "evaluation.json"))
-    assert (model["schema"], model["method"], model["seed"]) == (1, "forward", 1)
+    assert (model["schema"], model["method"], model["seed"]) == (2, "forward", 1)
     assert model["dataset"]["split"] == {"train": 140, "val": 30, "test": 30}
     assert len(model["dataset"]["sha256"]) == 64
     assert {"touchcal", "numpy", "torch"} <= set(model["versions"])
@@ -233,3 +235,17 @@ def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
     refuse_dead(Path("frames.csv"), quiet, np.array([1.0, -2e-17, 2.0]))
     with pytest.raises(TestFileError, match="column 2 reads 1e-16 V: a dead channel"):
         refuse_dead(Path("frames.csv"), quiet, np.array([1.0, 0.1, 2.0]))
+
+
+def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Call, forward: Path, sweep: Path,
+                                                                       tmp_path: Path) -> None:
+    list(measure(sweep, tmp_path / "measured", Measurement(snr_db=70, relative_to="rms")))
+    scores = {}
+    for name, folder in (("clean", sweep), ("measured", tmp_path / "measured")):
+        status, out, _ = call("evaluate", forward, folder, "--json")
+        assert status == 0
+        scores[name] = json.loads(out)
+    clean, measured = (scores[name]["outputs"]["x0"] for name in ("clean", "measured"))
+    assert {part: score["n"] for part, score in measured.items()} == {part: score["n"] for part, score in clean.items()}
+    assert measured["test"]["rmse"] > 2 * clean["test"]["rmse"]
+    assert scores["clean"]["dataset"]["sha256"] != scores["measured"]["dataset"]["sha256"]

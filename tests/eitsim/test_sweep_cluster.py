@@ -1,0 +1,117 @@
+"""On a dask cluster a sweep makes the same rows, whatever becomes of its workers."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from eitsim import reuse
+from eitsim import sweep as sweeping
+from eitsim.cluster import cluster
+from eitsim.crew import NoCrew, answers
+from eitsim.dataset import COST, read_dataset
+from eitsim.design import design_from
+from eitsim.sweep import Account, Progress, sweep
+from matcal.card import MaterialCard, write_card
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+
+distributed = pytest.importorskip("distributed")
+psutil = pytest.importorskip("psutil")
+
+RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.22, 0.3]},
+       "accuracy": {"signal": 0.05}}
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
+SCENES = 30
+
+
+@pytest.fixture
+def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(reuse, "DEPTHS", (0.055, 0.07, 0.09))
+    monkeypatch.setattr(sweeping, "ROWS_FROM_TABLE", 3)
+    write_card(MaterialCard("Table 1", FOAM, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4))), tmp_path / "card.json")
+    return tmp_path / "card.json"
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made:
+        yield made.scheduler_address
+
+
+def rows(folder: Path) -> pd.DataFrame:
+    return read_dataset(folder).table.drop(columns=[*COST])
+
+
+@pytest.mark.slow
+def test_a_cluster_that_loses_a_worker_makes_the_rows_of_one_process(card: Path, tmp_path: Path, address: str) -> None:
+    steps, killed = sweep(design_from(RAW, SCENES), card, tmp_path / "a", crew=cluster(address), reuse=True), False
+    for step in steps:
+        if isinstance(step, Progress) and step.done and not killed:
+            with distributed.Client(address, set_as_default=False) as client:
+                pid = next(iter(client.run(lambda: __import__("os").getpid()).values()))
+            psutil.Process(pid).kill()
+            killed = True
+    assert killed
+    assert isinstance(step, Account)
+    assert dict(step.outcomes) == {"ok": SCENES}
+    for _ in sweep(design_from(RAW, SCENES), card, tmp_path / "b", reuse=True):
+        pass
+    pd.testing.assert_frame_equal(rows(tmp_path / "a"), rows(tmp_path / "b"), check_exact=True)
+
+
+def test_no_scheduler_or_no_workers_is_said(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eitsim.cluster._ANSWER_S", 0.5)
+    with pytest.raises(NoCrew, match=r"no dask scheduler answers at tcp://127.0.0.1:9"), cluster("tcp://127.0.0.1:9"):
+        pass
+    with (distributed.LocalCluster(n_workers=0, dashboard_address=None) as empty,
+          pytest.raises(NoCrew, match="has no workers"), cluster(empty.scheduler_address)):
+        pass
+
+
+def test_workers_of_other_code_are_refused_at_once_and_when_they_join(address: str,
+                                                                      monkeypatch: pytest.MonkeyPatch) -> None:
+    with cluster(address) as crew:
+        monkeypatch.setattr("eitsim.cluster.key_of", lambda _: "0" * 64)
+        with pytest.raises(NoCrew, match=r"a dask worker that joined runs other code.*wanted 0000.*restart it"):
+            list(answers(crew, abs, [-1]))
+    with pytest.raises(NoCrew, match=r"tcp://.* runs other code or libraries"), cluster(address):
+        pass
+
+
+def test_a_cluster_without_workers_is_waited_for_a_while(monkeypatch: pytest.MonkeyPatch,
+                                                         caplog: pytest.LogCaptureFixture) -> None:
+    monkeypatch.setattr("eitsim.crew._LOOK_S", 0.2)
+    monkeypatch.setattr("eitsim.cluster._WITHOUT_S", 1.0)
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as made:
+        with cluster(made.scheduler_address) as crew:
+            made.scale(0)
+            with pytest.raises(NoCrew, match="has had no workers"):
+                list(answers(crew, abs, [-1]))
+        assert "lost all its workers" in caplog.text
+
+
+def test_a_scheduler_that_goes_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eitsim.crew._LOOK_S", 0.2)
+    code = ("import distributed, time\nif __name__ == '__main__':\n"
+            "    made = distributed.LocalCluster(n_workers=1, processes=False, protocol='tcp://',\n"
+            "                                    dashboard_address=None)\n"
+            "    print(made.scheduler_address, flush=True)\n    time.sleep(100)")
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    try:
+        with cluster(process.stdout.readline().strip()) as crew:
+            threading.Timer(1.0, process.kill).start()
+            with pytest.raises(NoCrew, match="the dask scheduler is gone"):
+                list(answers(crew, time.sleep, [60.0]))
+    finally:
+        process.kill()
+        process.communicate()
