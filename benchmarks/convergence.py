@@ -16,14 +16,13 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from conditions import RESULTS, conditions
+from materials import TABLE_1
 
 from eitsim.axisymmetric import PENALTY, solve_touch
 from eitsim.mesh import ELEMENTS, default_element_m
 from eitsim.results import Touch
 from eitsim.scene import Body, Punch
-from matcal.hyperfoam import Hyperfoam
 
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 # Touches and the reference's element size over the default one; a sphere's elements are small all over its face.
 TOUCHES = {"d = 10 mm, 2 N": (Punch(diameter_m=0.010, force_N=2.0), 0.25),
            "d = 14 mm, 1 N": (Punch(diameter_m=0.014, force_N=1.0), 0.25),

@@ -1,116 +1,192 @@
-"""Error against run time of one set of 208 readings.
+"""Error against run time of one set of 208 readings: linear and quadratic elements, meshes that know nothing of the
+touch and meshes that follow it, direct solutions and updates condensed to the touched part, and rings that scatter.
 
-Run by `make bench`, which pins threads; writes results/electrics.csv beside this file.
-dV is compared with two solutions on a mesh (level 6) that follows the touch and is finer than any listed; where the
-listed method is that mesh itself, the error is one of refinement only. The touches are solved with Table 1's foam.
+Run by `make bench`, which pins threads; writes results/electrics.csv beside this file. dV is compared with that on a
+mesh of a family of its own (circles of Apollonius, `electrics_random`); reference_change is what dV on the finest
+template, of yet another family, is off from it. The touches are solved with Table 1's foam and are axisymmetric also
+near the rim, so that every method solves the same problem.
+
+cpu_ms is the least CPU time of several runs after the first and counts all that another touch at another place costs;
+for a fixed mesh not its order of elimination and the untouched skin, for a condensed update only what another
+conductance of the same touched part costs. kept_ms is what was left out so.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from condensed import condensed
+from conditions import RESULTS, conditions
+from electrics_random import BODY, DRIVE, ELECTRODES, FINEST, SKIN, distance, reference_mesh, signal_on
+from materials import SKIN_LAW, TABLE_1
 
+from eitsim.alike import alike_mesh
 from eitsim.axisymmetric import solve_touch
 from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.drive import read_out
 from eitsim.electrics import solve
+from eitsim.halving import halved
 from eitsim.results import Touch
 from eitsim.rim import solve_rim
-from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.scene import Punch
 from eitsim.skin import sheet_conductance, untouched_conductance
 from eitsim.template import rim_angles, ring_mesh, template
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
 
-HERE = Path(__file__).parent
-FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
-BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
-PUNCHES = (Punch(), Punch(0.05, 0.01, 0.010, 2.0), Punch(0.06, -0.02, 0.018, 0.5), Punch(-0.05, 0.065))
-REFERENCE_LEVEL = 6
-REPEATS = 5
+CENTRAL = (Punch(), Punch(0.05, 0.01, 0.010, 2.0), Punch(0.06, -0.02, 0.018, 0.5))
+NEAR_RIM = (Punch(-0.05, 0.065),)
+Z_OHM_M = ELECTRODES.contact_impedance_Ohm_m
+FIXED_LEVELS, TEMPLATE_LEVELS, HALVINGS, FINEST_TEMPLATE = (2, 4, 8), (1, 2, 4), (0, 1, 2), 6
+# A condensed update takes the conductance to change out to where it last does by this part.
+CHANGED = 1e-4
+REPEATS = 3
 
 
-def rings(level: int) -> SkinMesh:
-    """Concentric rings that know nothing of the touch."""
-    angles, electrode = rim_angles(BODY, ELECTRODES, level)
-    radii = np.linspace(0, BODY.radius_m, 5 * level + 1)
-    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, ELECTRODES.count)
+@dataclass(frozen=True)
+class Way:
+    """One way to dV."""
+
+    method: str
+    setting: str
+    elements: int
+    unknowns: int
+    # dV, V, and what of the work is not done again
+    run: Callable[[], np.ndarray]
+    kept_ms: float = 0.0
 
 
 def fixed_mesh(level: int) -> SkinMesh:
-    """The nodes of `rings` as linear triangles."""
-    mesh = rings(level)
-    quarters = [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)]
-    triangles = [mesh.cells[:, [q[i] for i in corner]] for q in quarters for corner in ((0, 1, 2), (0, 2, 3))]
-    cells = np.concatenate([t[(t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 0] != t[:, 2])] for t in triangles])
-    edges = np.concatenate([mesh.under[:, [0, 2]], mesh.under[:, [2, 1]]])
-    return replace(mesh, cells=cells, under=edges, electrode=np.tile(mesh.electrode, 2), element="P1")
+    """Quadratic triangles on concentric rings that know nothing of the touch."""
+    angles, electrode = rim_angles(BODY, ELECTRODES, level)
+    radii = np.linspace(0, BODY.radius_m, 5 * level + 1)
+    rings = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, ELECTRODES.count)
+    inmost, outer = rings.cells[:len(angles)], rings.cells[len(angles):]
+    cells = np.concatenate([inmost[:, [0, 1, 2, 4, 5, 6]], outer[:, [0, 1, 2, 4, 5, 8]], outer[:, [0, 2, 3, 8, 6, 7]]])
+    used, cells = np.unique(cells, return_inverse=True)
+    return replace(rings, nodes_m=rings.nodes_m[used], cells=cells.reshape(-1, 6),
+                   under=np.searchsorted(used, rings.under), element="P2")
 
 
-def signal_on(mesh: SkinMesh, punch: Punch, touch: Touch) -> np.ndarray:
-    """dV from two solutions on one mesh."""
-    order, z = dissection(mesh), ELECTRODES.contact_impedance_Ohm_m
-    touched = sheet_conductance(quadrature_points(mesh), punch, touch, SKIN, LAW)
-    untouched = np.full(len(mesh.cells), untouched_conductance(LAW, SKIN))
-    first, second = (impedance(mesh, s, z, order=order) for s in (touched, untouched))
-    return read_out(DRIVE, first - second)
+def linear(mesh: SkinMesh) -> SkinMesh:
+    """Four linear triangles on the nodes of each quadratic one."""
+    cells = mesh.cells[:, [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)]].reshape(-1, 3)
+    edges = mesh.under[:, [(0, 2), (2, 1)]].reshape(-1, 2)
+    return replace(mesh, cells=cells, under=edges, electrode=np.repeat(mesh.electrode, 2), element="P1")
 
 
-def row(punch: Punch, method: str, elements: int, unknowns: int, estimate: float, run: Callable[[], np.ndarray],
-        exact: np.ndarray, repeats: int = REPEATS) -> dict[str, object]:
-    seconds, signal = [], exact
+def milliseconds(run: Callable[[], object], repeats: int = 1) -> float:
+    """Least CPU time of so many runs."""
+    spent = []
     for _ in range(repeats):
         begun = time.process_time()
-        signal = run()
-        seconds.append(time.process_time() - begun)
+        run()
+        spent.append(1e3 * (time.process_time() - begun))
+    return min(spent)
+
+
+def conductance(mesh: SkinMesh, punch: Punch, touch: Touch) -> np.ndarray:
+    return sheet_conductance(quadrature_points(mesh), punch, touch, SKIN, SKIN_LAW)
+
+
+def untouched(mesh: SkinMesh) -> np.ndarray:
+    return np.full(len(mesh.cells), untouched_conductance(SKIN_LAW, SKIN))
+
+
+def direct(mesh: SkinMesh, punch: Punch, touch: Touch, method: str, setting: str) -> Way:
+    """On a mesh that stays: its order of elimination and the untouched skin are kept."""
+    kept = milliseconds(lambda: impedance(mesh, untouched(mesh), Z_OHM_M, order=dissection(mesh)))
+    order = dissection(mesh)
+    before = impedance(mesh, untouched(mesh), Z_OHM_M, order=order)
+    return Way(method, setting, len(mesh.cells), len(mesh.nodes_m) + mesh.count - 1, lambda: read_out(
+        DRIVE, impedance(mesh, conductance(mesh, punch, touch), Z_OHM_M, order=order) - before), kept)
+
+
+def update(made: Callable[[], SkinMesh], punch: Punch, touch: Touch, method: str, setting: str) -> Way:
+    """Condensed to the cells about the touch; the untouched skin is updated in the same way."""
+    mesh, same = made(), untouched_conductance(SKIN_LAW, SKIN)
+    inside = changed_cells(mesh, punch, touch)
+    kept = milliseconds(lambda: condensed(made(), inside, same, Z_OHM_M))
+    patch, to_impedance = condensed(mesh, inside, same, Z_OHM_M)
+    before = to_impedance(untouched(patch))
+    return Way(method, setting, len(patch.cells), len(np.unique(patch.cells)) + mesh.count - 1, lambda: read_out(
+        DRIVE, to_impedance(conductance(patch, punch, touch)) - before), kept)
+
+
+def changed_cells(mesh: SkinMesh, punch: Punch, touch: Touch) -> np.ndarray:
+    """(cells,) those in a circle about the punch beyond which the conductance changes by less than CHANGED."""
+    away = np.hypot(*(quadrature_points(mesh).mean(axis=1) - np.array([punch.x_m, punch.y_m])).T)
+    change = np.abs(conductance(mesh, punch, touch) / untouched_conductance(SKIN_LAW, SKIN) - np.eye(2))
+    return away <= away[change.max(axis=(1, 2, 3)) > CHANGED].max()
+
+
+def following(punch: Punch, touch: Touch, method: str, setting: str, made: Callable[[], SkinMesh]) -> Way:
+    """On a mesh made for this touch: everything counts."""
+    mesh = made()
+    return Way(method, setting, len(mesh.cells), len(mesh.nodes_m) + mesh.count - 1,
+               lambda: signal_on(made(), punch, touch))
+
+
+def lean(punch: Punch, touch: Touch, halvings: int) -> SkinMesh:
+    """The default near the rim: curved triangles that follow the touch, halved."""
+    mesh = alike_mesh(BODY, ELECTRODES, ((punch, touch),))
+    for _ in range(halvings):
+        mesh = halved(mesh)
+    return mesh
+
+
+def scattering(punch: Punch, touch: Touch) -> Way:
+    given = (BODY, SKIN, ELECTRODES, DRIVE, ((punch, touch),), SKIN_LAW)
+    return Way("rings that scatter", "16 harmonics", 0, solve(*given, method="multipole").unknowns,
+               lambda: solve(*given, method="multipole").signal_V)
+
+
+def ways(punch: Punch, touch: Touch) -> Iterator[Way]:
+    for level in FIXED_LEVELS:
+        mesh, setting = fixed_mesh(level), f"{5 * level} rings"
+        for element, one in (("P1", linear(mesh)), ("P2", mesh)):
+            yield direct(one, punch, touch, f"{element}, fixed", setting)
+            yield update(lambda one=one: one, punch, touch, f"{element}, fixed, condensed", setting)
+    for n in HALVINGS:
+        setting = "not halved" if n == 0 else "halved once" if n == 1 else f"halved {n} times"
+        yield following(punch, touch, "P1 that follows", setting, lambda n=n: linear(lean(punch, touch, n)))
+        yield following(punch, touch, "P2 that follows", setting, lambda n=n: lean(punch, touch, n))
+        yield update(lambda n=n: lean(punch, touch, n), punch, touch, "P2 that follows, condensed", setting)
+    for level in TEMPLATE_LEVELS:
+        yield following(punch, touch, "Q2 that follows", f"level {level}",
+                        lambda n=level: template(BODY, ELECTRODES, punch, touch, n))
+    yield scattering(punch, touch)
+
+
+def rows(punch: Punch, place: str) -> Iterator[dict[str, object]]:
+    touch = solve_touch(TABLE_1, BODY, punch)
+    exact = signal_on(reference_mesh(punch, touch, FINEST), punch, touch)
+    change = distance(signal_on(template(BODY, ELECTRODES, punch, touch, FINEST_TEMPLATE), punch, touch), exact)
     gap = BODY.radius_m - np.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
-    return {"touch": f"d = {punch.diameter_m * 1e3:g} mm, {punch.force_N:g} N", "gap_mm": gap * 1e3, "method": method,
-            "elements": elements, "unknowns": unknowns,
-            "dv_error": np.linalg.norm(signal - exact) / np.linalg.norm(exact), "estimate": estimate,
-            "cpu_ms": 1e3 * float(np.median(seconds))}
-
-
-def rows(punch: Punch) -> list[dict[str, object]]:
-    touch = solve_touch(FOAM, BODY, punch)
-    exact = signal_on(template(BODY, ELECTRODES, punch, touch, REFERENCE_LEVEL), punch, touch)
-    out = []
-    for method in ("multipole", "auto"):
-        got = solve(BODY, SKIN, ELECTRODES, DRIVE, ((punch, touch),), LAW, method=method)
-        if method == "multipole" or got.method != "multipole":
-            out.append(row(punch, f"{got.method}, as solved", 0, got.unknowns, got.signal_error, lambda m=method: solve(
-                BODY, SKIN, ELECTRODES, DRIVE, ((punch, touch),), LAW, method=m).signal_V, exact))
-    for level in (1, 2, 4):
-        mesh = template(BODY, ELECTRODES, punch, touch, level)
-        out.append(row(punch, f"Q2 that follows, level {level}", len(mesh.cells), len(mesh.nodes_m) + 15, np.nan,
-                       lambda n=level: signal_on(template(BODY, ELECTRODES, punch, touch, n), punch, touch), exact, 2))
-    for level in (4, 8):
-        mesh = fixed_mesh(level)
-        out.append(row(punch, f"P1 fixed, level {level}", len(mesh.cells), len(mesh.nodes_m) + 15, np.nan,
-                       lambda m=mesh: signal_on(m, punch, touch), exact, 2))
-    return out
+    problem = f"{place}, d = {punch.diameter_m * 1e3:g} mm, {punch.force_N:g} N, {gap * 1e3:.0f} mm from the rim"
+    for way in ways(punch, touch):
+        signal = way.run()
+        yield {"touch": problem, "method": way.method, "setting": way.setting, "elements": way.elements,
+               "unknowns": way.unknowns, "dv_error": distance(signal, exact),
+               "cpu_ms": milliseconds(way.run, REPEATS), "kept_ms": way.kept_ms, "reference_change": change}
 
 
 def sensor() -> dict[str, object]:
     """What a new card costs once: the untouched skin."""
-    seconds = []
-    for scale in 1 + 0.01 * np.arange(1, 6):
-        begun = time.process_time()
-        solve_rim(BODY, ELECTRODES, 6e-4 * scale)
-        seconds.append(time.process_time() - begun)
-    return {"touch": "untouched, once a card", "method": "rim integral equation", "cpu_ms": 1e3 * np.median(seconds)}
+    conductances = iter(6e-4 * (1 + 0.01 * np.arange(REPEATS + 1)))
+    return {"touch": "untouched, once a card", "method": "rim integral equation",
+            "cpu_ms": milliseconds(lambda: solve_rim(BODY, ELECTRODES, next(conductances)), REPEATS)}
 
 
 def main() -> None:
-    (HERE / "results").mkdir(exist_ok=True)
-    frame = pd.DataFrame([sensor(), *(r for punch in PUNCHES for r in rows(punch))])
-    frame.to_csv(HERE / "results" / "electrics.csv", index=False, float_format="%.4g")
-    print(frame.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    RESULTS.mkdir(exist_ok=True)
+    places = [*((punch, "inside") for punch in CENTRAL), *((punch, "near the rim") for punch in NEAR_RIM)]
+    table = pd.DataFrame([*(row for punch, place in places for row in rows(punch, place)), sensor()])
+    table = table.astype({"elements": "Int64", "unknowns": "Int64"})
+    table.assign(**conditions()).to_csv(RESULTS / "electrics.csv", index=False, float_format="%.4g")
+    print(table.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
 
 
 if __name__ == "__main__":

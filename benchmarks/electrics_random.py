@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
@@ -31,12 +32,8 @@ from eitsim.results import Touch
 from eitsim.scene import Accuracy, Body, Punch, Scene, Skin
 from eitsim.skin import touched_conductance, untouched_conductance
 from eitsim.template import centred_radii, inside_rim, ring_mesh
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
 
 RESULTS = Path(__file__).parent / "results" / "electrics_random.csv"
-FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
 SCENES, SEED = 200, 5
 # part of [accuracy] signal that is the electrics'
@@ -62,7 +59,7 @@ def punch_of(k: int) -> Punch:
     """Punch k, drawn from the seed (SEED, k) alone."""
     rng = np.random.default_rng([SEED, k])
     diameter = rng.uniform(0.008, 0.02)
-    force = np.exp(rng.uniform(np.log(0.01), np.log(0.4 * FOAM.mu_0_Pa * np.pi * diameter**2)))
+    force = np.exp(rng.uniform(np.log(0.01), np.log(0.4 * TABLE_1.mu_0_Pa * np.pi * diameter**2)))
     away, angle = (BODY.radius_m - diameter / 2) * np.sqrt(rng.uniform()), rng.uniform(0, 2 * np.pi)
     return Punch(away * math.cos(angle), away * math.sin(angle), diameter, float(force))
 
@@ -148,8 +145,8 @@ def reference_mesh(punch: Punch, touch: Touch, fineness: Fineness) -> SkinMesh:
 def signal_on(mesh: SkinMesh, punch: Punch, touch: Touch) -> np.ndarray:
     """dV from two solutions on one mesh."""
     z, order = ELECTRODES.contact_impedance_Ohm_m, dissection(mesh)
-    touched = touched_conductance(quadrature_points(mesh), ((punch, touch),), SKIN, LAW)
-    untouched = np.full(len(mesh.cells), untouched_conductance(LAW, SKIN))
+    touched = touched_conductance(quadrature_points(mesh), ((punch, touch),), SKIN, SKIN_LAW)
+    untouched = np.full(len(mesh.cells), untouched_conductance(SKIN_LAW, SKIN))
     first, second = (impedance(mesh, s, z, order=order) for s in (touched, untouched))
     return read_out(DRIVE, first - second)
 
@@ -161,7 +158,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
 def rows(k: int) -> list[dict[str, object]]:
     punch = punch_of(k)
     rim = near_rim(Scene(punches=(punch,)), punch)
-    touch = (solve_near_rim if rim else solve_touch)(FOAM, BODY, punch)
+    touch = (solve_near_rim if rim else solve_touch)(TABLE_1, BODY, punch)
     gap = BODY.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
     mesh = reference_mesh(punch, touch, FINEST if gap < SLIM_M else Fineness(3 if rim else 6))
     exact, off = signal_on(mesh, punch, touch), np.nan
@@ -169,7 +166,7 @@ def rows(k: int) -> list[dict[str, object]]:
         off = distance(exact, signal_on(reference_mesh(punch, touch, FINEST), punch, touch))
     out = []
     for method in ("auto",) if rim else ("auto", "mesh"):
-        got = solve(BODY, SKIN, ELECTRODES, DRIVE, ((punch, touch),), LAW, signal=SHARE * Accuracy().signal,
+        got = solve(BODY, SKIN, ELECTRODES, DRIVE, ((punch, touch),), SKIN_LAW, signal=SHARE * Accuracy().signal,
                     method=method)
         out.append({"scene": k, "d_mm": punch.diameter_m * 1e3, "F_N": punch.force_N, "gap_mm": gap * 1e3, "rim": rim,
                     "method": f"{got.method}{' by choice' if method == 'mesh' else ''}", "unknowns": got.unknowns,

@@ -10,14 +10,12 @@ import csv
 import itertools
 from pathlib import Path
 
-import numpy as np
+from materials import TABLE_1
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.scene import Body, Punch
-from matcal.hyperfoam import Hyperfoam
 
 RESULTS = Path(__file__).parent / "results" / "friction.csv"
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 DIAMETERS_MM, FORCES_N = (10, 14, 18), (0.1, 0.5, 1.0, 2.0, 3.0)
 FRICTIONS = (("none", 0.0), ("stick", 0.0))
 

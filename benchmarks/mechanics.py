@@ -15,18 +15,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
 from eitsim.mesh import default_element_m
 from eitsim.results import Touch
 from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
 
 RESULTS = Path(__file__).parent / "results"
-TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
-SKIN_LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 CASES = ((0.010, 2.0), (0.014, 1.0), (0.018, 0.5), (0.014, 0.1))
 # element size over the default one; the last is the reference
 SIZES = (4.0, 2.0, 1.0, 0.5, 0.25)

@@ -13,18 +13,15 @@ import resource
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 from conditions import RESULTS, conditions
+from materials import SKIN_LAW, TABLE_1
 
 from eitsim.scene import Accuracy, Body, Punch, Scene
 from eitsim.simulate import simulate
 from matcal.card import MaterialCard
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
 
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-CARD = MaterialCard("Table 1", TABLE_1, conductivity=Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
+CARD = MaterialCard("Table 1", TABLE_1, conductivity=SKIN_LAW)
 LIMIT_MB = 500.0
 WARM = Scene(punches=(Punch(force_N=0.01),), accuracy=Accuracy(0.2))
 

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import force_unit, pressings, solve_touch, touch_of, under_force
 from eitsim.change import unchanged
@@ -35,14 +36,10 @@ from eitsim.scene import Body, Drive, Electrodes, Hold, Punch, Skin
 from eitsim.skin import changes
 from eitsim.table import Table, shape_of, touch_from
 from eitsim.together import LEAST_GAP, solved_together
-from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
-from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
 
 RESULTS = Path(__file__).parent / "results"
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-SKIN_LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 SERIES = Prony(np.array([0.15, 0.1, 0.1]), np.array([0.29, 5.0, 60.0]))
 BODY, SCENES, SEED = Body(), 100, 11
 LEAST_N, MOST = 0.01, 0.4

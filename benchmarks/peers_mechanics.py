@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from conditions import RESULTS, conditions
+from materials import TABLE_1
 from peers import calculix
 
 from eitsim.axisymmetric import solve_path, solve_touch
@@ -32,9 +33,7 @@ from eitsim.mesh import ELEMENTS, default_element_m, foam_grid
 from eitsim.results import Touch
 from eitsim.scene import Body, Punch
 from matcal.errors import NotConverged
-from matcal.hyperfoam import Hyperfoam
 
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 BODY = Body()
 FLAT, SPHERE = Punch(diameter_m=0.014, force_N=1.0), Punch(diameter_m=0.014, force_N=0.5, profile="sphere")
 TOUCHES = {"flat, d = 14 mm, 1 N": (FLAT, 0.25), "sphere, d = 14 mm, 0.5 N": (SPHERE, 0.5)}

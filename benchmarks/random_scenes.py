@@ -17,17 +17,16 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from materials import SKIN_LAW, TABLE_1
 
 from eitsim.plan import near_rim
 from eitsim.scene import FRICTIONS, Scene, scene_from
 from eitsim.simulate import simulate
 from matcal.card import MaterialCard
-from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
 
 RESULTS = Path(__file__).parent / "results" / "random_scenes.csv"
 SCENES, SEED = 2000, 20
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 # least force, N, of Table 1, and largest over mu_0 pi d^2
 LEAST_N, LARGEST = 1e-3, 1.3
 LAWS = {
@@ -66,7 +65,7 @@ def place_of(scene: Scene) -> str:
 def solved(k: int, name: str, scene: Scene) -> dict[str, object]:
     """Row of scene k."""
     (punch,) = scene.punches
-    card = MaterialCard(name, LAWS[name], None, Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
+    card = MaterialCard(name, LAWS[name], None, SKIN_LAW)
     result = simulate(scene, card)
     touch = result.touches[0] if result.touches else None
     return {"scene": k, "card": name, "friction": punch.friction, "where": place_of(scene),

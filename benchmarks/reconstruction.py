@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.electrics import solve
@@ -22,12 +23,8 @@ from eitsim.reconstruction import PRIORS, fitted, imager, on_grid
 from eitsim.results import Touch
 from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
 from eitsim.skin import principal_conductances, stretches, untouched_conductance
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
 
 RESULTS = Path(__file__).parent / "results"
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-SKIN_LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 TOUCHES = ((0.010, 0.3), (0.014, 1.0), (0.018, 3.0))
 PLACES_M = (0.0, 0.02, 0.04, 0.055, 0.07)
 NOISES_DB = (None, 80, 60)

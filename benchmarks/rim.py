@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from materials import SKIN_LAW, TABLE_1
 from scipy.interpolate import RegularGridInterpolator
 
 from eitsim.axisymmetric import solve_touch
@@ -29,12 +30,8 @@ from eitsim.plan import near_rim
 from eitsim.results import RimField, Touch
 from eitsim.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
 from eitsim.skin import changes, driving_strain, stretches
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
 
 RESULTS = Path(__file__).parent / "results"
-TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-SKIN_LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 CASES = ((0.014, 3.0), (0.014, 1.0), (0.008, 0.3), (0.02, 2.0))
 HANDED_OVER = ((0.014, 1.0), (0.014, 3.0))
 GAPS_M = (0.0005, 0.002, 0.005, 0.01, 0.02, 0.03, 0.04)

@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 from conditions import RESULTS, conditions
+from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.cem import dissection, impedance, quadrature_points
@@ -25,11 +26,7 @@ from eitsim.rim import solve_rim
 from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
 from eitsim.skin import touched_conductance, untouched_conductance
 from eitsim.triangulation import triangulation
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
 
-FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 BODY, ELECTRODES, DRIVE = Body(), Electrodes(), Drive()
 GAPS_MM, STRAINS = (5, 10, 20, 30, 45, 60), ("normal", "principal")
 REFERENCE_LEVEL = 4
@@ -40,8 +37,8 @@ def on_triangles(touches: Touches, skin: Skin, level: int) -> np.ndarray:
     """dV from two solutions on one triangulation."""
     mesh = triangulation(BODY, ELECTRODES, touches, level)
     order, z = dissection(mesh), ELECTRODES.contact_impedance_Ohm_m
-    touched = touched_conductance(quadrature_points(mesh), touches, skin, LAW)
-    untouched = np.full(len(mesh.cells), untouched_conductance(LAW, skin))
+    touched = touched_conductance(quadrature_points(mesh), touches, skin, SKIN_LAW)
+    untouched = np.full(len(mesh.cells), untouched_conductance(SKIN_LAW, skin))
     first, second = (impedance(mesh, s, z, order=order) for s in (touched, untouched))
     return read_out(DRIVE, first - second)
 
@@ -52,7 +49,7 @@ def rows(touches: Touches, gap_mm: float, strain: str) -> list[dict[str, object]
     reference = on_triangles(touches, skin, REFERENCE_LEVEL)
 
     def readings(*chosen: tuple[Punch, Touch], method: str = "multipole") -> tuple[np.ndarray, float]:
-        got = solve(BODY, skin, ELECTRODES, DRIVE, chosen, LAW, method=method)
+        got = solve(BODY, skin, ELECTRODES, DRIVE, chosen, SKIN_LAW, method=method)
         return got.signal_V, got.signal_error
 
     methods: dict[str, Callable[[], tuple[np.ndarray, float]]] = {
@@ -72,8 +69,8 @@ def rows(touches: Touches, gap_mm: float, strain: str) -> list[dict[str, object]
 
 def main() -> None:
     """Write the table."""
-    touch = solve_touch(FOAM, BODY, Punch())
-    solve_rim(BODY, ELECTRODES, untouched_conductance(LAW, Skin()))
+    touch = solve_touch(TABLE_1, BODY, Punch())
+    solve_rim(BODY, ELECTRODES, untouched_conductance(SKIN_LAW, Skin()))
     table = []
     for gap_mm, strain in product(GAPS_MM, STRAINS):
         half = (Punch().diameter_m + gap_mm / 1e3) / 2

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from materials import TABLE_1
 from scipy.optimize import brentq
 
 from eitsim.axisymmetric import solve_touch
@@ -20,7 +21,6 @@ from matcal.hyperfoam import Hyperfoam
 from matcal.stability import stability
 
 RESULTS = Path(__file__).parent / "results"
-TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
 
 
 def scan() -> Iterator[dict[str, object]]:

@@ -1,0 +1,79 @@
+"""Memory of a sweep's parent over the number of scenes, and what parts cost to write and to read.
+
+Scenes are light: touches beyond the rim, which are refused at once, so that the sweep itself is what is measured; the
+rows of a second table hold random numbers in all columns, as solved ones do. Run by `make bench`, which pins threads;
+writes results/sweep_memory.csv and results/sweep_parts.csv beside this file.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from conditions import RESULTS, conditions
+
+from eitsim.dataset import FIXED, read_dataset, voltage_columns, write_manifest, write_part
+from eitsim.design import design_from
+from eitsim.sweep import Progress, sweep
+from matcal.card import MaterialCard, write_card
+from matcal.conductivity import Conductivity
+from matcal.hyperfoam import Hyperfoam
+
+TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+CARD = MaterialCard("Table 1", TABLE_1, conductivity=Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
+AT = (1000, 5000, 10000, 20000)
+ROWS = 1280
+
+
+def resident_MB() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def memory(folder: Path) -> None:
+    """Write the parent's memory at some numbers of scenes."""
+    write_card(CARD, folder / "card.json")
+    design = design_from({"scenes": AT[-1], "punch": {"x_mm": 99.0, "y_mm": [0.0, 1.0]}})
+    rows: list[dict[str, object]] = []
+    cpu, wanted = time.process_time(), list(AT)
+    for step in sweep(design, folder / "card.json", folder / "set", workers=2, reuse=False):
+        if isinstance(step, Progress) and wanted and step.done >= wanted[0]:
+            rows.append({"scenes": wanted.pop(0), "parent_MB": resident_MB(),
+                         "parent_cpu_s": time.process_time() - cpu} | conditions())
+            print(rows[-1], flush=True)
+            pd.DataFrame(rows).to_csv(RESULTS / "sweep_memory.csv", index=False, float_format="%.4g")
+
+
+def parts(folder: Path, size: int) -> dict[str, object]:
+    """What it takes to write and to read rows in parts of one size."""
+    rng, names = np.random.default_rng(0), [*voltage_columns(208), *voltage_columns(208, "dv")]
+    whole = [dict.fromkeys(FIXED, 0.5) | {"scene": i, "outcome": "ok"}
+             | dict(zip(names, rng.random(len(names)).tolist(), strict=True)) for i in range(ROWS)]
+    folder.mkdir()
+    write_manifest(folder, {"design": {}, "card": {}})
+    wall, cpu = time.perf_counter(), time.process_time()
+    for first in range(0, ROWS, size):
+        write_part(folder, whole[first:first + size])
+    wrote, waited = time.process_time() - cpu, time.perf_counter() - wall
+    cpu = time.process_time()
+    read_dataset(folder)
+    taken = sum(path.stat().st_size for path in folder.glob("*.parquet"))
+    return {"rows_per_part": size, "write_cpu_ms_per_row": 1e3 * wrote / ROWS, "write_wall_ms_per_row":
+            1e3 * waited / ROWS, "read_cpu_ms_per_row": 1e3 * (time.process_time() - cpu) / ROWS,
+            "bytes_per_row": taken / ROWS} | conditions()
+
+
+def main() -> None:
+    RESULTS.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as place:
+        sizes = [parts(Path(place) / str(size), size) for size in (8, 16, 64, 256)]
+        pd.DataFrame(sizes).to_csv(RESULTS / "sweep_parts.csv", index=False, float_format="%.4g")
+        print(pd.DataFrame(sizes).iloc[:, :5].to_string(index=False), flush=True)
+        memory(Path(place))
+
+
+if __name__ == "__main__":
+    main()
