@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-reports/out} scenes=${2:-200} workers=${3:-2}
 mkdir -p "$out"
-rm -rf "$out/sweep"
+rm -rf "$out/sweep" "$out/nested"
 began=$SECONDS
 
 step() { # step RESULT COMMAND...: run it, say where the result went and how long it took
@@ -25,6 +25,9 @@ step "$out/touch.json, $out/skin.vtu, $out/touch.pdf" eitsim run examples/scene.
 step "$out/sweep/" eitsim sweep examples/design.toml --card "$out/card.json" --scenes "$scenes" \
   --workers "$workers" --out "$out/sweep"
 step "$out/sweep.pdf" eitsim report "$out/sweep" --out "$out/sweep.pdf"
+step "$out/nested/" eitsim sweep examples/uncertain.toml --card "$out/card.json" --scenes 24 \
+  --workers "$workers" --out "$out/nested"
+step "$out/indices.csv" eitsim indices "$out/nested" --out "$out/indices.csv"
 step "$out/forward/" surrogate train "$out/sweep" --out "$out/forward" --method forward --seed 1
 step "$out/trainbr/" surrogate train "$out/sweep" --out "$out/trainbr" --method trainbr --outputs x0,y0,d,F --seed 1
 step "the tables above" surrogate evaluate "$out/forward" "$out/sweep" --noise-db 90,80
