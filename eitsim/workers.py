@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import connection
+from multiprocessing import connection, resource_tracker
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -53,7 +53,7 @@ class _Processes:
 
     def __init__(self, count: int) -> None:
         self._count = count
-        self._threads = ThreadPoolExecutor(count, initializer=_leave_interrupts)
+        self._threads = ThreadPoolExecutor(count)
         self._own = threading.local()
         self._starting = threading.Lock()
         self._hired: list[_Worker] = []
@@ -116,12 +116,15 @@ class _Processes:
 
 
 def _leave_interrupts() -> None:
-    """Ctrl-C is the parent's alone: processes started from this thread do not get it."""
+    """Ctrl-C is the parent's alone: processes started from this thread do not get it. The tracker of multiprocessing
+    unblocks it as it starts, so that comes first."""
+    resource_tracker.ensure_running()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 
 def _spawned() -> _Worker:
     """A new process and its pipe, whose other end no one but that process holds."""
+    _leave_interrupts()
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs,), daemon=True)

@@ -132,6 +132,12 @@ def test_a_few_kills_change_nothing(place: Path) -> None:
     survived(place, 40, ["group", "parent", "worker"], (1.5, 3.0), seed=1)
 
 
+def hears_interrupts(process: psutil.Process) -> bool:
+    blocked = re.search(r"SigBlk:\s*(\w+)", Path(f"/proc/{process.pid}/status").read_text())
+    assert blocked
+    return not int(blocked[1], 16) & 1 << signal.SIGINT - 1
+
+
 def heed_interrupts() -> None:
     """As from a terminal, also where the tests themselves run in the background of a shell."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -147,6 +153,7 @@ def test_a_sweep_stops_cleanly_when_asked(place: Path, number: signal.Signals, s
         assert process.poll() is None
         time.sleep(0.1)
     hands = workers(process)
+    assert not any(hears_interrupts(hand) for hand in hands)
     os.killpg(process.pid, number)
     _, told = process.communicate(timeout=60)
     assert process.returncode == status
