@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import functools
 import hashlib
 import json
 import os
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.code_hash import SOLVERS, code_hash
 from eitsim.provenance import versions
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -50,22 +50,11 @@ def folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "touchcal"
 
 
-def key_of(content: Mapping[str, Any]) -> str:
-    """SHA-256 of JSON content, of the code of these packages and of the versions of the libraries beneath."""
-    text = json.dumps({"content": content, "code": _code(), "versions": versions()}, sort_keys=True)
+def key_of(content: Mapping[str, Any], modules: tuple[str, ...] = SOLVERS) -> str:
+    """SHA-256 of JSON content, of the code of these modules and of all that they import, and of the versions of the
+    libraries beneath."""
+    text = json.dumps({"content": content, "code": code_hash(modules), "versions": versions()}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-@functools.cache
-def _code() -> str:
-    """Of the code as it is when this process first asks."""
-    import matcal
-
-    found = hashlib.sha256()
-    for package in (Path(__file__).parent, Path(next(iter(matcal.__path__)))):
-        for path in sorted(package.glob("*.py")):
-            found.update(path.name.encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()
 
 
 def kept(key: str, make: Callable[[], Arrays]) -> tuple[Arrays, str]:

@@ -66,7 +66,7 @@ def measure(clean: Path, folder: Path, measurement: Measurement | None = None) -
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
         parts = dataset.parts(clean)
-        told = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}), "clean": {
+        told = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}, (__name__,)), "clean": {
             "folder": clean.resolve().name, "sha256": _content(parts)}}
         _start_or_continue(folder, told)
         sums = Sums()

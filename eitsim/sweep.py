@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,32 +12,23 @@ from eitsim import dataset, fields_file, made_by
 from eitsim.crew import Crew
 from eitsim.design import Design, example
 from eitsim.family import Family, central_of
-from eitsim.family_reuse import family_for, family_repays, span_for
-from eitsim.materials import Cards, cards_for, foam_varies
-from eitsim.pieces import Pieces
+from eitsim.materials import Cards, cards_for
 from eitsim.plan import law_of
-from eitsim.reuse import (
-    design_shape,
-    diameters_of,
-    fine_enough_for,
-    repays,
-    rim_repays,
-    table_for,
-    with_diameters,
-)
 from eitsim.rows import blank_row
 from eitsim.solved_parts import Part, solved_parts
-from eitsim.sweep_folder import keep_to_table, missing, sole_writer, start_or_continue
+from eitsim.sweep_folder import Standing, keep_to_table, missing, sole_writer, start_or_continue
 from eitsim.sweep_omissions import omissions
 from eitsim.sweep_runs import Run, Spent, record, runs_of
+from eitsim.sweep_table import method_for, table_of, told
 from eitsim.table import Table
 from eitsim.tally import Tally
 from eitsim.workers import processes
 from matcal.card import MaterialCard, read_card, require
-from matcal.errors import NotConverged
 
 # Rows of a part: files cost as much as some dozen rows from a table, and little beside rows that are solved afresh.
 ROWS_FROM_TABLE, ROWS_AFRESH = 64, 16
+
+Loads = Table | Family | None
 
 
 @dataclass(frozen=True)
@@ -102,49 +92,95 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
     cards = cards_for(design.material, design.seed, card, card_path)
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
-        wanted = _wanted(design, cards, reuse, exact)
-        size = ROWS_FROM_TABLE if wanted["reuse"] else ROWS_AFRESH
-        manifest, before = start_or_continue(folder, design, cards, card_path, wanted, size, reuse,
-                                             list(blank_row(design, cards)), other_code)
-        method, size = manifest["method"], manifest["rows_per_part"]
-        todo, tally, kept = missing(before.there, size), before.tally, before.tally.rows
-        table, note, spent, done, run = None, "", Spent(), tally, None
-        count = workers if method["reuse"] or len(todo) > 1 else 1
-        with _crew(crew, count) as hands:
-            if method["reuse"] and todo:
-                yield Progress(kept, design.scenes, kept, tally.outcomes, "table")
-                with spent.on("table"):
-                    table, note = _table(design, cards, hands, method)
-                manifest = keep_to_table(folder, manifest, table, note)
-            yield _progress(design, done, kept)
-            with spent.on("rows"):
-                for part in solved_parts(hands, design, cards, todo, exact=method["exact"], table=table):
-                    with spent.on("writing"):
-                        _keep(folder, design, part, size)
-                    done, spent.encoding_cpu_s = done + part.tally, spent.encoding_cpu_s + part.encoding_cpu_s
-                    yield _progress(design, done, kept)
-        if todo:
-            told = _told(method, table, note) + made_by.in_words(manifest)
-            if before.crashed:
-                told += f"; {before.crashed} rows that had crashed solved again"
-            run = spent.run(told, done.rows - kept, done.cpu_s - tally.cpu_s, count if crew is None else None,
-                            central_of(table))
-            record(folder, manifest, run, omissions(design, card, exact=method["exact"]))
-        dataset.settle(folder)
-    yield Account(done.outcomes, {name: message for name, (_, message) in done.first.items()}, done.rows - kept, kept,
-                  run.method if run is not None else _told_before(manifest), run)
+        work = _work(design, cards, card_path, folder, reuse, exact, other_code)
+        account = yield from _done(work, crew, workers)
+    yield account
 
 
-def _told_before(manifest: Mapping[str, Any]) -> str:
-    """How touches were solved when the rows were."""
-    runs = runs_of(manifest)
-    return runs[-1].method if runs else _told(manifest["method"], None, "")
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What a call has to do in a folder."""
+
+    design: Design
+    cards: Cards
+    folder: Path
+    manifest: Mapping[str, Any]
+    before: Standing
+    # scenes without a row, by part
+    todo: list[range]
+
+    @property
+    def method(self) -> Mapping[str, Any]:
+        """How touches are solved, as the folder was started."""
+        return self.manifest["method"]
+
+    def progress(self, tally: Tally, stage: str = "rows") -> Progress:
+        """How far the rows of this tally are."""
+        median, most = tally.error_below(0.5), tally.error_below(0.95)
+        return Progress(tally.rows, self.design.scenes, self.before.tally.rows, tally.outcomes, stage,
+                        None if median is None or most is None else (median, most))
 
 
-def _progress(design: Design, done: Tally, kept: int) -> Progress:
-    median, most = done.error_below(0.5), done.error_below(0.95)
-    return Progress(done.rows, design.scenes, kept, done.outcomes,
-                    signal_error=None if median is None or most is None else (median, most))
+def _work(design: Design, cards: Cards, card_path: Path, folder: Path, reuse: bool | None, exact: bool,
+          other_code: bool) -> _Work:
+    method = method_for(design, cards, reuse, exact)
+    size = ROWS_FROM_TABLE if method["reuse"] else ROWS_AFRESH
+    manifest, before = start_or_continue(folder, design, cards, card_path, method, size, reuse,
+                                         list(blank_row(design, cards)), other_code)
+    return _Work(design, cards, folder, manifest, before, missing(before.there, manifest["rows_per_part"]))
+
+
+def _done(work: _Work, crew: AbstractContextManager[Crew] | Crew | None,
+          workers: int) -> Generator[Progress, None, Account]:
+    """Solve and keep what is to be done, and put on record what it cost."""
+    count, spent, run = workers if work.method["reuse"] or len(work.todo) > 1 else 1, Spent(), None
+    with _crew(crew, count) as hands:
+        work, table, note = yield from _with_table(work, hands, spent)
+        tally = yield from _rows(work, hands, table, spent)
+    if work.todo:
+        kept = work.before.tally
+        run = spent.run(_how(work, table, note), tally.rows - kept.rows, tally.cpu_s - kept.cpu_s,
+                        count if crew is None else None, central_of(table))
+        record(work.folder, work.manifest, run, omissions(work.design, work.cards.card, exact=work.method["exact"]))
+    dataset.settle(work.folder)
+    return _account(work, tally, run)
+
+
+def _with_table(work: _Work, hands: Crew, spent: Spent) -> Generator[Progress, None, tuple[_Work, Loads, str]]:
+    """The load paths where touches are taken from them, which the manifest then tells, and a note on them."""
+    if not work.method["reuse"] or not work.todo:
+        return work, None, ""
+    yield work.progress(work.before.tally, "table")
+    with spent.on("table"):
+        table, note = table_of(work.design, work.cards, hands, work.method)
+    return replace(work, manifest=keep_to_table(work.folder, work.manifest, table, note)), table, note
+
+
+def _rows(work: _Work, hands: Crew, table: Loads, spent: Spent) -> Generator[Progress, None, Tally]:
+    """Solve and keep the parts that are missing; the tally of all rows."""
+    tally = work.before.tally
+    yield work.progress(tally)
+    with spent.on("rows"):
+        for part in solved_parts(hands, work.design, work.cards, work.todo, exact=work.method["exact"], table=table):
+            with spent.on("writing"):
+                _keep(work.folder, work.design, part, work.manifest["rows_per_part"])
+            tally, spent.encoding_cpu_s = tally + part.tally, spent.encoding_cpu_s + part.encoding_cpu_s
+            yield work.progress(tally)
+    return tally
+
+
+def _how(work: _Work, table: Loads, note: str) -> str:
+    """How the rows of this call were solved, in words."""
+    crashed = work.before.crashed
+    return (told(work.method, table, note) + made_by.in_words(work.manifest)
+            + (f"; {crashed} rows that had crashed solved again" if crashed else ""))
+
+
+def _account(work: _Work, tally: Tally, run: Run | None) -> Account:
+    before, kept = runs_of(work.manifest), work.before.tally.rows
+    how = run or (before[-1] if before else None)
+    return Account(tally.outcomes, {name: message for name, (_, message) in tally.first.items()}, tally.rows - kept,
+                   kept, told(work.method, None, "") if how is None else how.method, run)
 
 
 def _crew(crew: AbstractContextManager[Crew] | Crew | None, workers: int) -> AbstractContextManager[Crew]:
@@ -168,83 +204,6 @@ def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
     except OSError as error:
         raise OSError(error.errno, f"{error.strerror}. What is finished is kept; the same command goes on from there",
                       str(place)) from None
-
-
-def _wanted(design: Design, cards: Cards, reuse: bool | None, exact: bool) -> dict[str, Any]:
-    """How a new folder's touches are to be solved, and why."""
-    if exact or reuse is False:
-        return {"exact": exact, "reuse": False, "rim": False, "reason": "as asked for"}
-    try:
-        if foam_varies(cards):
-            shape, span = span_for(design, cards)
-            repaid = family_repays(design, shape, span)
-        else:
-            shape = design_shape(design, cards.card)
-            repaid = repays(design, shape)
-    except ValueError as error:
-        if reuse:
-            raise ValueError(f"{error} Leave out --reuse: every touch is then solved afresh.") from None
-        return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
-    used = bool(reuse or repaid)
-    why = ("as asked for" if reuse else "a table of load paths repays its cost" if repaid else
-           "a table of load paths costs more than so few touches (--reuse makes one)")
-    found = {"exact": False, "reuse": used, "rim": used and rim_repays(design, shape), "reason": why}
-    return found | ({"shape": diameters_of(shape)} if used else {})
-
-
-def _table(design: Design, cards: Cards, crew: Crew, method: Mapping[str, Any]) -> tuple[Table | Family | None, str]:
-    """The table of a design, or the family of its drawn laws, and a note; none where paths are not found or too rough,
-    or were not when the folder was started.
-    """
-    before = method.get("table", {"used": True, "rim": method["rim"], "note": ""})
-    if not before["used"]:
-        return None, before["note"]
-    kept = method.get("shape")
-    if foam_varies(cards):
-        shape, span = span_for(design, cards)
-        make = partial(family_for, with_diameters(shape, kept), span)
-    else:
-        make = partial(table_for, with_diameters(design_shape(design, cards.card), kept))
-    pieces = Pieces(crew)
-    found, note = _made(make, pieces, before["rim"])
-    pieces.forget()
-    table = central_of(found)
-    if table is None:
-        return None, note
-    fine, rough = fine_enough_for(design, table)
-    note = "; ".join(part for part in (before["note"], note, rough) if part)
-    return (replace(found, table=fine) if isinstance(found, Family) and fine is not None else fine), note
-
-
-def _made(make: Callable[..., tuple[Table | Family, str]], run: Pieces,
-          rim: bool) -> tuple[Table | Family | None, str]:
-    try:
-        found, note = make(run)
-    except NotConverged as error:
-        return None, f"no table: {error}"
-    if not rim:
-        return found, note
-    try:
-        return make(run, rim=True)
-    except NotConverged as error:
-        return found, f"no table of what the rim changes: {error}"
-
-
-def _told(method: Mapping[str, Any], found: Table | Family | None, note: str) -> str:
-    table = central_of(found)
-    if table is None:
-        how = "exactly" if method["exact"] else "afresh"
-        return f"every touch solved {how}: {note or method['reason']}"
-    error, rim = table.error, "those near the rim or beyond the table afresh"
-    if table.rim is not None:
-        rim = (f"near the rim another {table.rim.error.depth:.1e} and {table.rim.error.signal:.1e}; those beyond the "
-               "tables afresh")
-    paths = f"{len(table.shape.solved)} load paths"
-    if isinstance(found, Family) and found.span.chosen:
-        paths += f" of a central law and what {len(found.span.chosen)} other drawn laws change of them"
-    return (f"touches from a table of {paths} ({table.whole_cpu_s:.0f} CPU s, once, not counted in the rows' cpu_s), "
-            f"at most {error.depth:.1e} off in depth and {error.signal:.1e} in signal; {rim}"
-            + (f"; {note}" if note else ""))
 
 
 def _check_card(card: MaterialCard, design: Design) -> None:

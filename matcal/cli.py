@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from matcal.errors import NotConverged
-from matcal.terminal import application, check_apart, check_out, counter, print_json, run
+from matcal.terminal import JsonOption, application, check_apart, check_out, counter, print_json, run
 
 if TYPE_CHECKING:
     from matcal.calibrate import Calibration, Choices
@@ -23,7 +23,6 @@ ColumnsOption = Annotated[list[str] | None, typer.Option(metavar="[KIND=|FILE=]Q
     "sheet, block=N a block of an MTS 793 file. Repeat it for further files."))]
 # endings of the files that a fit leaves in the folder beside its card
 WRITTEN = (".parquet", ".json", ".nc")
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 @app.command()

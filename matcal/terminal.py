@@ -8,13 +8,15 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
 from matcal.errors import NotConverged
 
 BAD_INPUT, NOT_CONVERGED = 2, 3
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 def application(help_text: str) -> typer.Typer:

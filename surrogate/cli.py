@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from matcal.terminal import application, check_apart, check_out, counter, numbers, print_json, run
+from matcal.terminal import JsonOption, application, check_apart, check_out, counter, numbers, print_json, run
 
 if TYPE_CHECKING:
     from surrogate.model import Model
@@ -22,7 +22,6 @@ app = application("Learn touches from electrode voltages: the paper's networks, 
 
 DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 @app.command()

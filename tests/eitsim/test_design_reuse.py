@@ -58,7 +58,7 @@ def test_rows_added_to_a_table_of_scenes_change_no_load_path(tmp_path: Path, mon
         asked.append(shape)
         raise NotConverged("none is made here")
 
-    monkeypatch.setattr("eitsim.sweep.table_for", recorded)
+    monkeypatch.setattr("eitsim.sweep_table.table_for", recorded)
     step = sweep(more, tmp_path / "card.json", tmp_path / "out")
     for _ in range(2):
         next(step)
