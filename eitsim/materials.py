@@ -53,6 +53,14 @@ class Cards:
     seed: int = 0
     # name and hash of the posterior's file; empty where the card itself serves
     source: Mapping[str, str] = field(default_factory=dict)
+    # whether numbers 2 b and 2 b + 1 meet cards that differ
+    in_pairs: bool = False
+
+    @property
+    def cycle(self) -> int:
+        """How many cards serve before one serves again: all, but of an odd number in pairs one sits out, each time
+        another."""
+        return len(self.samples) - (len(self.samples) % 2 if self.in_pairs else 0)
 
 
 def material_from(raw: Any) -> Material | None:
@@ -81,11 +89,13 @@ def material_from(raw: Any) -> Material | None:
                     raw.get("specimen", False))
 
 
-def cards_for(material: Material | None, seed: int, card: MaterialCard, card_path: Path) -> Cards:
+def cards_for(material: Material | None, seed: int, card: MaterialCard, card_path: Path, *,
+              in_pairs: bool = False) -> Cards:
     """The cards of a design, read from the posterior beside the card once.
 
     Which draws are chosen, and a specimen's factor exp(omega z) on the moduli, follow from seed and number in the file
-    alone. ValueError where the card has no posterior that can be used, or it lacks what is asked for.
+    alone. in_pairs: whether numbers 2 b and 2 b + 1 meet cards that differ. ValueError where the card has no posterior
+    that can be used, or it lacks what is asked for.
     """
     if material is None:
         return Cards(card)
@@ -97,20 +107,41 @@ def cards_for(material: Material | None, seed: int, card: MaterialCard, card_pat
     if material.draws > len(held):
         raise ValueError(f"draws in [material] is {material.draws}, and the posterior of {card_path} holds "
                          f"{len(held)}. Ask for {len(held)} or fewer.")
+    if in_pairs and len(held) < 2:
+        raise ValueError(f"a nested design gives each block two cards, and the posterior of {card_path} holds "
+                         f"{len(held)}. Fit the card again with more draws.")
     chosen = _rng(seed, _CHOICE, 0).permutation(len(held))[:material.draws or len(held)]
     factor = _stiffness(held, chosen, seed, card_path) if material.specimen else np.ones(len(chosen))
     source = file_identity(card_path.parent / str(card.posterior["file"]), card_path.parent)
     return Cards(card, _as_labelled(_taken(held, chosen, parts), card, factor), chosen, material.rows_per_draw, seed,
-                 source)
+                 source, in_pairs)
 
 
 def draw_of(cards: Cards, number: int) -> int:
-    """Which of the D cards serves this number, -1 for the card itself; every D blocks of numbers meet each card once,
-    in an order of their own, so that it depends on (seed, number) only and is no function of a design's points."""
+    """Which of the D cards serves this number, -1 for the card itself; every `cycle` blocks of numbers meet each card
+    once at most, in an order of their own, so that it depends on (seed, number) only and is no function of a design's
+    points."""
     if cards.draws is None:
         return -1
-    cycle, place = divmod(number // cards.each, len(cards.samples))
-    return int(_rng(cards.seed, _ORDER, cycle).permutation(len(cards.samples))[place])
+    cycle, place = divmod(number // cards.each, cards.cycle)
+    return int(_order(cards, cycle)[place])
+
+
+def _order(cards: Cards, cycle: int) -> NDArray[np.int64]:
+    """Which of the D cards serve in a cycle, one after another."""
+    return _rng(cards.seed, _ORDER, cycle).permutation(len(cards.samples))[:cards.cycle]
+
+
+def count_in_use(cards: Cards, numbers: int) -> int:
+    """How many cards serve the numbers from 0 on, so many of them."""
+    if cards.draws is None:
+        return 1
+    left, used = -(-numbers // cards.each), set[int]()
+    for cycle in range(-(-left // cards.cycle)):
+        used.update(_order(cards, cycle)[:left - cycle * cards.cycle].tolist())
+        if len(used) == len(cards.samples):
+            break
+    return len(used)
 
 
 def card_at(cards: Cards, number: int) -> MaterialCard:
@@ -151,7 +182,8 @@ def _blocks(draws: Draws) -> dict[str, Array]:
     return blocks
 
 
-def _held(draws: Draws) -> Iterator[str]:
+def held_by(draws: Draws) -> Iterator[str]:
+    """Names of the parts that draws hold, some of PARTS."""
     if draws.mu_Pa.shape[1]:
         yield "hyperfoam"
     if draws.g is not None:
@@ -161,7 +193,7 @@ def _held(draws: Draws) -> Iterator[str]:
 
 
 def _parts(material: Material, held: Draws, path: Path) -> tuple[str, ...]:
-    there = tuple(_held(held))
+    there = tuple(held_by(held))
     if missing := [part for part in material.parts if part not in there]:
         raise ValueError(f"parts in [material] names {missing[0]}, and the posterior of {path} holds "
                          f"{', '.join(there)}. Leave it out, or fit the card again with its test and --posterior.")

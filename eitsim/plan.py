@@ -23,6 +23,8 @@ from matcal.card import MaterialCard, require, with_moduli
 from matcal.hyperfoam import Hyperfoam
 
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
+# What scenes with one card leave out, whatever it is.
+ONE_CARD = "one card, not its uncertainty"
 # by the rim of depth, of the strain that drives the skin (2-norm) and of dV (2-norm), for 8 mm and 0.3 N, 14 mm and 1
 # and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py). In-plane strains change more than the normal one.
 # Beyond the last point it decays with the last two points' rate.
@@ -233,7 +235,7 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
         yield Decision("the skin's law is positive over part of what touches reach", f"its cubic is 0 at the strain "
                        f"{least:.3g}; whether the touch compresses the skin that far is known once its mechanics is "
                        "solved, and refused then", 0.0)
-    yield Decision("one card, not its uncertainty", "the card's own laws are taken as exact; not in the bound", 0.0,
+    yield Decision(ONE_CARD, "the card's own laws are taken as exact; not in the bound", 0.0,
                    unbounded=True)
     yield from (_friction_decision(punch, near_rim(scene, punch)) for punch in scene.punches)
     yield Decision("coating of constant thickness, real currents", "fixed choices of this version; the "

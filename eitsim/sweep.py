@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim import dataset, fields_file, made_by
+from eitsim import dataset, fields_file, made_by, nested
 from eitsim.crew import Crew
 from eitsim.design import Design, example
 from eitsim.family import Family, central_of
@@ -89,7 +89,7 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
         raise ValueError("exact solves every touch afresh; leave out reuse.")
     card = read_card(card_path)
     _check_card(card, design)
-    cards = cards_for(design.material, design.seed, card, card_path)
+    cards = cards_for(design.material, design.seed, card, card_path, in_pairs=design.sampler == nested.SAMPLER)
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
         work = _work(design, cards, card_path, folder, reuse, exact, other_code)
@@ -141,7 +141,8 @@ def _done(work: _Work, crew: AbstractContextManager[Crew] | Crew | None,
         kept = work.before.tally
         run = spent.run(_how(work, table, note), tally.rows - kept.rows, tally.cpu_s - kept.cpu_s,
                         count if crew is None else None, central_of(table))
-        record(work.folder, work.manifest, run, omissions(work.design, work.cards.card, exact=work.method["exact"]))
+        record(work.folder, work.manifest, run,
+               omissions(work.design, work.cards, exact=work.method["exact"], table=table))
     dataset.settle(work.folder)
     return _account(work, tally, run)
 

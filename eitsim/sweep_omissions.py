@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from eitsim.design import Design, right_scenes
-from eitsim.plan import make_plan
+from eitsim.design import Design, card_number, scene_at
+from eitsim.family import Family
+from eitsim.materials import Cards, card_at, count_in_use, held_by
+from eitsim.plan import ONE_CARD, make_plan
 from eitsim.results import Decision
-from eitsim.scene import Scene
-from matcal.card import MaterialCard
+from eitsim.table import Table
 
 # Rows whose plans are made.
 _ROWS = 64
@@ -33,24 +34,50 @@ class Omission:
     of: int
 
 
-def omissions(design: Design, card: MaterialCard, *, exact: bool) -> list[Omission]:
-    """What the first rows leave out, the costliest first."""
+def omissions(design: Design, cards: Cards, *, exact: bool, table: Table | Family | None = None) -> list[Omission]:
+    """What the first rows leave out, each with its own card, the costliest first; table: what touches were taken
+    from."""
     found: dict[str, Omission] = {}
-    scenes = list(right_scenes(design, _ROWS))
-    for scene in scenes:
-        for made in _decisions(scene, card, exact):
-            if made.error_bound > 0 or made.unbounded:
-                one = Omission(made.decision, made.reason, made.error_bound, made.unbounded, 1, len(scenes))
+    plans = list(_plans(design, cards, exact))
+    for decisions in plans:
+        for made in decisions:
+            if (made.error_bound > 0 or made.unbounded) and (cards.draws is None or made.decision != ONE_CARD):
+                one = Omission(made.decision, made.reason, made.error_bound, made.unbounded, 1, len(plans))
                 found[made.decision] = _worse(found[made.decision], one) if made.decision in found else one
-    return sorted(found.values(), key=lambda one: (-one.error_bound, one.decision))
+    whole = [Omission(made.decision, made.reason, made.error_bound, made.unbounded, len(plans), len(plans))
+             for made in _of_drawn_cards(design, cards, table)]
+    return sorted([*found.values(), *whole], key=lambda one: (-one.error_bound, one.decision))
 
 
-def _decisions(scene: Scene, card: MaterialCard, exact: bool) -> tuple[Decision, ...]:
-    """None of a row that is refused since the card lacks what it needs."""
-    try:
-        return make_plan(scene, card, exact=exact).decisions
-    except ValueError:
-        return ()
+def _plans(design: Design, cards: Cards, exact: bool) -> Iterator[tuple[Decision, ...]]:
+    """Decisions of the first rows that are scenes; none of a row that is refused since the card lacks what it needs."""
+    for index in range(min(design.scenes, _ROWS)):
+        try:
+            scene = scene_at(design, index)
+        except ValueError:
+            continue
+        try:
+            yield make_plan(scene, card_at(cards, card_number(design, index)), exact=exact).decisions
+        except ValueError:
+            yield ()
+
+
+def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) -> Iterator[Decision]:
+    """What drawing cards leaves out: of the material by their number, of the touches where load paths are means."""
+    if cards.draws is None:
+        return
+    used = count_in_use(cards, card_number(design, design.scenes - 1) + 1)
+    varying = " and ".join(held_by(cards.draws))
+    yield Decision(f"{used} cards drawn from the posterior", f"{varying} vary as its draws do, other parts are the "
+                   f"card's own and taken as exact; a mean over cards is off by 1/sqrt({used}) = {used**-0.5:.2g} of "
+                   "their spread, what the posterior does not hold by what is unknown; not in the bound", 0.0,
+                   unbounded=True)
+    if isinstance(table, Family) and table.span.chosen:
+        error = table.table.error
+        yield Decision("load paths of drawn cards emulated", "those of each card's law are weighted means of those of "
+                       f"{len(table.span.chosen) + 1} drawn laws; at others, solved afresh, they were at most "
+                       f"{error.depth:.1e} off in depth and {error.signal:.1e} in signal, the larger is told here and "
+                       "counted, with a margin, in the rows' signal_error", max(error.depth, error.signal))
 
 
 def _worse(old: Omission, new: Omission) -> Omission:

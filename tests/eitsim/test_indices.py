@@ -14,7 +14,7 @@ from eitsim.cli import app
 from eitsim.dataset import FIXED, read_dataset, voltage_columns, write_manifest, write_part
 from eitsim.design import card_number, design_from, scene_at
 from eitsim.indices import indices_of, read_blocks
-from eitsim.materials import Cards, cards_for, draw_of
+from eitsim.materials import Cards, Material, cards_for, count_in_use, draw_of
 from eitsim.measurement import Measurement
 from eitsim.sweep import Account, sweep
 from matcal.card import MaterialCard, read_card, write_card
@@ -89,6 +89,18 @@ def test_the_cards_of_a_block_differ(card: Path) -> None:
     pairs = [{draw_of(made_of, 2 * b), draw_of(made_of, 2 * b + 1)} for b in range(60)]
     assert {len(pair) for pair in pairs} == {2}
     assert len({tuple(sorted(pair)) for pair in pairs}) == 15
+
+
+@pytest.mark.parametrize("draws", [2, 3, 5, 6])
+def test_the_cards_of_a_block_differ_whatever_their_number(card: Path, draws: int) -> None:
+    """Of an odd number one sits out of each cycle, so that no pair is parted by its end; all serve in the long run."""
+    alone, paired = (cards_for(Material(draws), 7, read_card(card), card, in_pairs=pairs) for pairs in (False, True))
+    met = np.array([draw_of(paired, number) for number in range(400)]).reshape(-1, 2)
+    assert (met[:, 0] != met[:, 1]).all()
+    assert set(met.ravel().tolist()) == set(range(draws))
+    assert count_in_use(paired, 400) == draws
+    if draws % 2 == 0:
+        assert met.ravel().tolist() == [draw_of(alone, number) for number in range(400)]
 
 
 @pytest.mark.parametrize(("change", "named"), [

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,10 +15,15 @@ import pytest
 from eitsim import reuse
 from eitsim.dataset import COST, read_dataset, read_manifest, voltage_columns
 from eitsim.design import card_number, design_from, scene_at
+from eitsim.family import Family
 from eitsim.materials import Cards, Material, card_at, cards_for, columns, draw_of, material_from, recorded
+from eitsim.path import Deviation
+from eitsim.plan import ONE_CARD
 from eitsim.rows import solve_rows
 from eitsim.simulate import simulate
 from eitsim.sweep import Account, sweep
+from eitsim.sweep_account import account_of
+from eitsim.sweep_omissions import omissions
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.conductivity import Conductivity
 from matcal.draws import Draws, read_draws, write_draws
@@ -27,6 +34,7 @@ COUNT = 40
 MU, ALPHA = np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741])
 RAW = {"seed": 7, "punch": {"x_mm": [-25, 25], "y_mm": [-25, 25], "diameter_mm": 14, "force_N": [0.15, 0.3]},
        "accuracy": {"signal": 0.05}, "material": {"draws": 5}}
+LAWS = [Hyperfoam(scale * MU, ALPHA, np.zeros(3), "longterm") for scale in (0.9, 1.1)]
 PARAMETERS = ["mu_1_Pa", "mu_2_Pa", "mu_3_Pa", "alpha_1", "alpha_2", "alpha_3", "nu_1", "nu_2", "nu_3", "g_1",
               "tau_1_s", "c0_S_per_m", "a_1", "a_2", "a_3"]
 
@@ -159,6 +167,23 @@ def test_rows_do_not_depend_on_workers_or_stops_and_the_count_may_grow(card: Pat
     a, b = (read_dataset(tmp_path / name).table.drop(columns=list(COST)) for name in "ab")
     pd.testing.assert_frame_equal(a, b)
     assert Counter(a["card_sample"]).most_common()[0][1] == 2
+    told = {one.decision: one for one in account_of(tmp_path / "b").left_out}
+    assert ONE_CARD not in told
+    drawn = told["5 cards drawn from the posterior"]
+    assert (drawn.unbounded, drawn.rows) == (True, drawn.of)
+    assert "hyperfoam and prony and conductivity vary" in drawn.reason
+    assert "1/sqrt(5) = 0.45" in drawn.reason
+
+
+def test_what_emulated_load_paths_cost_is_among_what_is_left_out(card: Path) -> None:
+    table: Any = SimpleNamespace(error=Deviation(2e-4, 3e-4, 1e-3))
+    span: Any = SimpleNamespace(chosen=LAWS)
+    design, none = design_from(RAW, 3), np.empty(0)
+    told = [omissions(design, cards(card, draws=5), exact=False, table=found)
+            for found in (None, Family(table, span, none, none))]
+    without, emulated = ({one.decision: one.error_bound for one in one_set} for one_set in told)
+    assert emulated.items() - without.items() == {("load paths of drawn cards emulated", 3e-4)}
+    assert "3 cards drawn from the posterior" in without
 
 
 def test_skins_drawn_for_one_foam_share_its_load_paths_and_so_do_foams_that_differ_in_stiffness_alone(
