@@ -25,8 +25,9 @@ _GONE = "the dask scheduler is gone. Start one, and the same command again: what
 def cluster(address: str) -> Iterator[Crew]:
     """The workers of the scheduler at `address`, for instance tcp://10.0.0.1:8786.
 
-    ValueError without dask.distributed; NoCrew where no scheduler answers, or it has no workers, or any that runs other
-    code or libraries than this process, which one that joins later tells with its first item.
+    ValueError without dask.distributed; NoCrew where no scheduler answers, or it has no workers, or any of several
+    threads, or that runs other code or libraries than this process, which one that joins later tells with its first
+    item.
     """
     try:
         from distributed import Client
@@ -39,11 +40,23 @@ def cluster(address: str) -> Iterator[Crew]:
         raise NoCrew(f"no dask scheduler answers at {address} ({error}). Start one with `dask scheduler`, or correct "
                      "the address.") from None
     with client:
-        if not client.nthreads():
+        if not _threads(client):
             raise NoCrew(f"the dask scheduler at {address} has no workers. Start some with `dask worker {address} "
                          "--nthreads 1`, or wait for them, and start again.")
         _check_code(client, address)
         yield _Cluster(client)
+
+
+def _threads(client: Any) -> dict[str, int]:
+    """Worker -> its threads; NoCrew where tasks would run side by side in one process, whose CPU time and memory are
+    then no one row's."""
+    threads: dict[str, int] = client.nthreads()
+    for worker, count in threads.items():
+        if count > 1:
+            raise NoCrew(f"the dask worker {worker} has {count} threads, and a row's CPU time is that of its process. "
+                         "Start workers with `--nthreads 1` (a LocalCluster with threads_per_worker=1), as many as "
+                         "there are processors, and start again: what is finished is kept.")
+    return threads
 
 
 def _check_code(client: Any, address: str) -> None:
@@ -82,9 +95,9 @@ class _Cluster:
         self._alone_s: float | None = None
 
     def abreast(self) -> int:
-        """Two for every thread of the workers that are there now."""
+        """Two for every worker that is there now."""
         if time.monotonic() > self._asked_s + _SIZE_S:
-            self._size, self._asked_s = 2 * sum(self._client.nthreads().values()), time.monotonic()
+            self._size, self._asked_s = 2 * len(_threads(self._client)), time.monotonic()
         return max(self._size, 2)
 
     def given(self, task: Task) -> Submit:

@@ -174,6 +174,8 @@ def _print_scores(result: Mapping[str, Any]) -> None:
         _print_table(title, level["outputs"], ("test", "new", "all"))
     print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
           f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+    if result["interval_caution"]:
+        print(f"caution: {result['interval_caution']}")
 
 
 def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...]) -> None:

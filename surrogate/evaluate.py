@@ -34,6 +34,21 @@ def check_sensor(model: Model, samples: Samples) -> None:
                          "Evaluate it on a set of the same [body], [electrodes] and [drive].")
 
 
+def interval_caution(model: Model, samples: Samples) -> str:
+    """In words, that intervals are not those of this data set, whose rows are measured otherwise than those that the
+    model was calibrated on; empty where they are not, or the model is too old to tell."""
+    calibrated, here = model.record["dataset"].get("measurement"), samples.measurement
+    if calibrated is None or calibrated == here:
+        return ""
+    return (f"intervals were calibrated on rows {_measured(calibrated)}, and these are {_measured(here)}: they do not "
+            "count the difference in noise. Train on a set that is measured as this one is.")
+
+
+def _measured(measurement: Mapping[str, Any]) -> str:
+    told = ", ".join(f"{key} = {value}" for key, value in measurement.items())
+    return f"measured with {told}" if told else "without noise"
+
+
 @dataclass(frozen=True)
 class Evaluation:
     """Scores, and the noise-free predictions behind them."""
@@ -56,7 +71,7 @@ def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), ref
     volts = {"baseline": rms(samples.baseline_V), "signal": rms(samples.signal_V)}
     table, predict_ms = _predictions(model, samples, 0.0)
     scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
-              "fit_s": model.fit_s, "predict_ms": predict_ms,
+              "fit_s": model.fit_s, "predict_ms": predict_ms, "interval_caution": interval_caution(model, samples),
               "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
               "noise": [_at_level(model, samples, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)

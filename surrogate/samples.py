@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 
 from eitsim import nested
 from eitsim.dataset import TOUCH, Dataset, read_dataset, voltage_columns
+from eitsim.measurement_file import TABLE
 from matcal.errors import TestFileError
 from surrogate import outputs
 from surrogate.ring import Ring, ring_of_design
@@ -36,6 +39,8 @@ class Samples:
     target: Array
     # (n,) hash of each row's number and targets: the same however its readings were measured
     row_hash: NDArray[np.uint64]
+    # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
+    measurement: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.scene)
@@ -68,7 +73,11 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     target = _numbers(folder, rows, [output.column for output in outputs.ALL])
     scene = rows["scene"].to_numpy(np.int64)
     touch = _touches(data.design["sampler"], scene, rows)
-    return Samples(ring, scene, touch, signal, touched - signal, target, _hashes(scene, target))
+    return Samples(ring, scene, touch, signal, touched - signal, target, _hashes(scene, target), _measurement(data))
+
+
+def _measurement(data: Dataset) -> dict[str, Any]:
+    return {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
 
 
 def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
@@ -114,5 +123,5 @@ def content_hash(samples: Samples) -> str:
 
 def take(samples: Samples, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Samples:
     """The samples of these rows."""
-    return replace(samples, **{field.name: getattr(samples, field.name)[rows] for field in fields(samples)
-                               if field.name != "ring"})
+    return replace(samples, **{part.name: getattr(samples, part.name)[rows] for part in fields(samples)
+                               if part.name not in ("ring", "measurement")})

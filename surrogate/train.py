@@ -82,6 +82,6 @@ def _codes(part: NDArray[np.str_]) -> NDArray[np.int64]:
 
 def _provenance(samples: Samples, part: NDArray[np.str_]) -> dict[str, Any]:
     names = ("touchcal", "numpy", "scipy", "torch")
-    return {"dataset": {"sha256": content_hash(samples), "rows": len(samples),
+    return {"dataset": {"sha256": content_hash(samples), "rows": len(samples), "measurement": dict(samples.measurement),
                         "split": {p: int(np.sum(part == p)) for p in PARTS}},
             "versions": {name: importlib.metadata.version(name) for name in names}}

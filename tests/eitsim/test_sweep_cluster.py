@@ -77,6 +77,22 @@ def test_no_scheduler_or_no_workers_is_said(card: Path, tmp_path: Path, monkeypa
         pass
 
 
+def local(threads: int):
+    return distributed.LocalCluster(n_workers=1, threads_per_worker=threads, processes=False, dashboard_address=None)
+
+
+def test_workers_of_several_threads_are_refused_at_once_and_when_they_join(monkeypatch: pytest.MonkeyPatch) -> None:
+    with (local(2) as made, pytest.raises(NoCrew, match=r"has 2 threads.*--nthreads 1"),
+          cluster(made.scheduler_address)):
+        pass
+    monkeypatch.setattr("eitsim.cluster._SIZE_S", 0.0)
+    with local(1) as made, cluster(made.scheduler_address) as crew:
+        assert crew.abreast() == 2
+        monkeypatch.setattr("distributed.Client.nthreads", lambda _: {"tcp://10.0.0.2:1": 4})
+        with pytest.raises(NoCrew, match="has 4 threads"):
+            crew.abreast()
+
+
 def test_workers_of_other_code_are_refused_at_once_and_when_they_join(address: str,
                                                                       monkeypatch: pytest.MonkeyPatch) -> None:
     with cluster(address) as crew:
@@ -102,8 +118,8 @@ def test_a_cluster_without_workers_is_waited_for_a_while(monkeypatch: pytest.Mon
 def test_a_scheduler_that_goes_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eitsim.crew._LOOK_S", 0.2)
     code = ("import distributed, time\nif __name__ == '__main__':\n"
-            "    made = distributed.LocalCluster(n_workers=1, processes=False, protocol='tcp://',\n"
-            "                                    dashboard_address=None)\n"
+            "    made = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False,\n"
+            "                                    protocol='tcp://', dashboard_address=None)\n"
             "    print(made.scheduler_address, flush=True)\n    time.sleep(100)")
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

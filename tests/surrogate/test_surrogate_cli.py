@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from eitsim.dataset import voltage_columns
+from eitsim.dataset import read_dataset, read_manifest, voltage_columns, write_manifest, write_part
 from eitsim.frames import Frames
 from eitsim.measured_set import measure
 from eitsim.measurement import Measurement
@@ -53,6 +53,15 @@ def forward(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.fixture(scope="module")
+def few(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first 50 rows of the synthetic sweep, as a set of their own."""
+    folder = tmp_path_factory.mktemp("few")
+    write_part(folder, read_dataset(sweep).table.head(50).to_dict("records"))
+    write_manifest(folder, read_manifest(sweep))
+    return folder
+
+
 def write_frames(path: Path, frames: Array, header: list[str] | None = None) -> Path:
     pd.DataFrame(frames).to_csv(path, index=False, header=header or False)
     return path
@@ -70,8 +79,8 @@ def test_training_leaves_a_model_its_scores_and_its_predictions(forward: Path) -
     assert rmse == pytest.approx(scores["outputs"]["x0"]["test"]["rmse"])
 
 
-def test_evaluate_prints_one_object(call: Call, forward: Path, sweep: Path) -> None:
-    status, out, _ = call("evaluate", forward, sweep, "--noise-db", "100,80", "--json")
+def test_evaluate_prints_one_object(call: Call, forward: Path, few: Path) -> None:
+    status, out, _ = call("evaluate", forward, few, "--noise-db", "100,80", "--json")
     scores = json.loads(out)
     assert status == 0
     assert {"mse", "rmse", "r2", "mae", "n", "coverage_90", "unit"} == set(scores["outputs"]["F"]["test"])
@@ -88,8 +97,8 @@ def test_report_writes_a_pdf(call: Call, forward: Path, tmp_path: Path) -> None:
     assert (tmp_path / "forward.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_evaluate_prints_a_table(call: Call, forward: Path, sweep: Path) -> None:
-    status, out, _ = call("evaluate", forward, sweep, "--noise-db", "90")
+def test_evaluate_prints_a_table(call: Call, forward: Path, few: Path) -> None:
+    status, out, _ = call("evaluate", forward, few, "--noise-db", "90")
     assert status == 0
     assert "90.0 dB below the baseline" in out
     assert "delta_max" in out
@@ -237,11 +246,11 @@ def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
         refuse_dead(Path("frames.csv"), quiet, np.array([1.0, 0.1, 2.0]))
 
 
-def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Call, forward: Path, sweep: Path,
+def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Call, forward: Path, few: Path,
                                                                        tmp_path: Path) -> None:
-    list(measure(sweep, tmp_path / "measured", Measurement(snr_db=70, relative_to="rms")))
+    list(measure(few, tmp_path / "measured", Measurement(snr_db=70, relative_to="rms")))
     scores = {}
-    for name, folder in (("clean", sweep), ("measured", tmp_path / "measured")):
+    for name, folder in (("clean", few), ("measured", tmp_path / "measured")):
         status, out, _ = call("evaluate", forward, folder, "--json")
         assert status == 0
         scores[name] = json.loads(out)
@@ -249,3 +258,18 @@ def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Cal
     assert {part: score["n"] for part, score in measured.items()} == {part: score["n"] for part, score in clean.items()}
     assert measured["test"]["rmse"] > 2 * clean["test"]["rmse"]
     assert scores["clean"]["dataset"]["sha256"] != scores["measured"]["dataset"]["sha256"]
+    assert scores["clean"]["interval_caution"] == ""
+    assert "without noise, and these are measured with snr_db = 70" in scores["measured"]["interval_caution"]
+
+
+def test_intervals_of_rows_measured_otherwise_are_cautioned(call: Call, few: Path, tmp_path: Path) -> None:
+    """Another seed is the same measurement; a model that does not tell is not doubted."""
+    for name, model in (("a", Measurement(snr_db=70)), ("b", Measurement(snr_db=70, seed=5))):
+        list(measure(few, tmp_path / name, model))
+    assert call("train", tmp_path / "a", "--out", tmp_path / "m", "--method", "ridge")[0] == 0
+    told = [call("evaluate", tmp_path / "m", folder)[1] for folder in (tmp_path / "a", tmp_path / "b", few)]
+    assert ["caution: intervals" in text for text in told] == [False, False, True]
+    description = json.loads((tmp_path / "m" / "model.json").read_text())
+    del description["dataset"]["measurement"]
+    (tmp_path / "m" / "model.json").write_text(json.dumps(description))
+    assert "caution" not in call("evaluate", tmp_path / "m", few)[1]
