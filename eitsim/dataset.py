@@ -184,14 +184,16 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def read_dataset(folder: Path | str) -> Dataset:
-    """Read a data set; TestFileError where it is none, has no rows, or holds a scene twice."""
+def read_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Dataset:
+    """Read a data set, or of its columns FIXED and those of `columns` that it has; TestFileError where it is none, has
+    no rows, or holds a scene twice."""
     folder = Path(folder)
     manifest = read_manifest(folder)
     files = parts(folder)
     if not files:
         raise TestFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
-    table = pd.concat([read_part(path) for path in files], ignore_index=True)
+    wanted = None if columns is None else [*dict.fromkeys([*FIXED, *columns])]
+    table = pd.concat([read_part(path, wanted) for path in files], ignore_index=True)
     table = table.sort_values("scene", ignore_index=True)
     _require_columns(folder, table, FIXED)
     if table["scene"].duplicated().any():

@@ -13,8 +13,7 @@ from eitsim.dataset import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_datase
 from eitsim.draws import Draw, draw_of
 from eitsim.layout import number_of_touches
 from eitsim.scene import is_list, scene_from, scene_tables
-from matcal.errors import TestFileError
-from reports import provenance, readings, sweep_account, sweep_plates
+from reports import provenance, readings, sweep_account, sweep_plates, sweep_signals
 from reports.numerals import counted, number, percent
 from reports.page import Plate, Report, Table
 from reports.sweep_plates import Columns
@@ -31,13 +30,15 @@ ACCURACY = {
     "skin_fraction_extrapolated": ("skin area beyond the fitted range of the conductivity", percent),
     "cpu_s": ("CPU time (s)", number),
 }
+# What is read beside dataset.FIXED; signals are read apart.
+_COLUMNS = (*ACCURACY, "message", "touches")
 
 
 def report(folder: Path) -> Report:
     """Everything that the template `sweep.typ` shows of a data set; TestFileError where the folder is none."""
     from eitsim.sweep_account import account_of
 
-    data, account = read_dataset(folder), account_of(folder)
+    data, account = read_dataset(folder, _COLUMNS), account_of(folder)
     solved = (data.table["outcome"] == "ok").to_numpy()
     ok, failed = _columns(data, solved), _columns(data, ~solved)
     tables = _outcome_tables(data) | {"stages": sweep_account.stage_table(account),
@@ -45,7 +46,7 @@ def report(folder: Path) -> Report:
     absent: dict[str, str] = {} if account.stages else {"stages": "Its rows tell no CPU time."}
     plates: list[Plate] = []
     if solved.any():
-        plates = _plates(data, ok, failed, _signals(folder, data, solved))
+        plates = _plates(folder, data, ok, failed)
         tables |= {"outputs": _output_table(ok), "accuracy": _accuracy_table(ok)}
     else:
         absent |= dict.fromkeys(("map", "inputs", "outputs", "examples", "accuracy"), NO_SCENE)
@@ -57,14 +58,6 @@ def _columns(data: Dataset, rows: np.ndarray) -> Columns:
     """The numeric columns of some rows, readings left aside."""
     names = [n for n in ("scene", *TOUCH, *OUTPUTS, *ACCURACY) if n in data.table]
     return {name: data.table[name].to_numpy(dtype=float)[rows] for name in names}
-
-
-def _signals(folder: Path, data: Dataset, rows: np.ndarray) -> readings.Array:
-    """(scenes, readings) signals dV, V."""
-    columns = sorted(name for name in data.table.columns if name.startswith("dv_"))
-    if not columns:
-        raise TestFileError(folder, "the data set has scenes that ended ok but no columns dv_000 ...; sweep again.")
-    return data.table[columns].to_numpy(dtype=float)[rows]
 
 
 def _footer(folder: Path, data: Dataset) -> dict[str, Any]:
@@ -97,26 +90,26 @@ def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
     return found
 
 
-def _plates(data: Dataset, ok: Columns, failed: Columns, signals: readings.Array) -> list[Plate]:
+def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[Plate]:
     given = data.design["tables"]
     tables = scene_tables(scene_from({key: given[key] for key in ("body", "electrodes") if key in given}))
+    rms_V = sweep_signals.rms_of(folder, ok["scene"].astype(np.int64))
     placed = np.isfinite(failed["x_mm"]) & np.isfinite(failed["y_mm"])
-    return [sweep_plates.touch_map(ok, {name: values[placed] for name, values in failed.items()}, signals, tables),
+    return [sweep_plates.touch_map(ok, {name: values[placed] for name, values in failed.items()}, rms_V, tables),
             sweep_plates.histograms("inputs", ok, TOUCH, "What was drawn"),
             sweep_plates.histograms("outputs", ok, OUTPUTS, "What came out"),
-            readings.examples(_examples(ok, signals), tables["electrodes"]["count"]),
+            readings.examples(_examples(folder, ok, rms_V), tables["electrodes"]["count"]),
             sweep_plates.accuracy(ok)]
 
 
-def _examples(ok: Columns, signals: readings.Array) -> dict[str, readings.Array]:
+def _examples(folder: Path, ok: Columns, rms_V: readings.Array) -> dict[str, readings.Array]:
     """Label -> signal of the scenes with the least, the median and the largest RMS."""
-    order = np.argsort(np.nanmean(signals**2, axis=1))
-    chosen = {}
-    for label, share in EXAMPLES:
-        row = int(order[round(share * (order.size - 1))])
-        chosen[f"scene {int(ok['scene'][row])}, {label}: d = {number(ok['d_mm'][row])} mm, "
-               f"F = {number(ok['F_N'][row])} N"] = signals[row]
-    return chosen
+    order = np.argsort(rms_V)
+    rows = [int(order[round(share * (order.size - 1))]) for _, share in EXAMPLES]
+    found = sweep_signals.signals_of(folder, [int(ok["scene"][row]) for row in rows])
+    return {f"scene {int(ok['scene'][row])}, {label}: d = {number(ok['d_mm'][row])} mm, "
+            f"F = {number(ok['F_N'][row])} N": signal for row, (label, _), signal in
+            zip(rows, EXAMPLES, found, strict=True)}
 
 
 def _outcome_tables(data: Dataset) -> dict[str, Table]:

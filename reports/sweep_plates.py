@@ -31,9 +31,8 @@ def axis_label(column: str) -> str:
     return f"{name} ({unit})"
 
 
-def touch_map(ok: Columns, failed: Columns, signals: Array, tables: Mapping[str, Any]) -> Plate:
-    """Touches on the disc, coloured by the RMS of their signal; `signals` (ok scenes, readings), V."""
-    rms = np.sqrt(np.nanmean(signals**2, axis=1))
+def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any]) -> Plate:
+    """Touches on the disc, coloured by the RMS of their signal; `rms` (ok scenes,), V."""
     factor, unit = volts(rms)
     figure = style.sheet(72, 78)
     axes = figure.subplots()
