@@ -43,7 +43,8 @@ def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Sam
 @pytest.mark.parametrize("method", METHODS)
 def test_one_seed_gives_one_model(models: dict[str, Model], samples: Samples, method: str) -> None:
     again = train(samples, method, NAMES, 1, epochs=60 if method == "trainbr" else None)
-    assert np.array_equal(estimate(again, samples.signal_V).value, estimate(models[method], samples.signal_V).value)
+    rows = samples.signal_V[::5]
+    assert np.array_equal(estimate(again, rows).value, estimate(models[method], rows).value)
 
 
 def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples: Samples) -> None:
@@ -69,6 +70,7 @@ def test_all_eight_outputs_of_the_forward_method(samples: Samples) -> None:
 
 
 def test_noise_grows_the_error_and_the_intervals_follow(models: dict[str, Model], samples: Samples) -> None:
+    samples = take(samples, np.arange(0, 200, 2))
     scores = evaluate(models["forward"], samples, [100, 80]).scores
     quiet, loud = ({name: parts["test"] for name, parts in level["outputs"].items()} for level in scores["noise"])
     assert scores["outputs"]["x0"]["test"]["rmse"] < quiet["x0"]["rmse"] < loud["x0"]["rmse"]

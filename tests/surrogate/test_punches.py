@@ -28,7 +28,7 @@ def measured(learned: ForwardMap, d_mm: float, force_N: float, sd: Array) -> Loc
     return Located(place, log_strengths(learned, unknown), np.diag(sd**2)[None])
 
 
-def brute_force(learned: ForwardMap, located: Located, points: int = 400) -> tuple[Array, Array]:
+def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tuple[Array, Array]:
     """Posterior mean and standard deviation of (d, F) by summing over a fine grid, uniform in d and F."""
     (_, d_lo, f_lo), (_, d_hi, f_hi) = learned.bounds
     d, force = (g.ravel() for g in np.meshgrid(np.linspace(d_lo, d_hi, points), np.linspace(f_lo, f_hi, points)))
