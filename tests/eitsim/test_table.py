@@ -15,7 +15,7 @@ from eitsim.plan import make_plan
 from eitsim.reuse import decision, design_shape, repays, scene_shape, served
 from eitsim.scene import Body, Punch, scene_from
 from eitsim.simulate import simulate
-from eitsim.table import carried_over, shape_of, state, touch_from
+from eitsim.table import carried_over, parts_of, shape_of, state, touch_from
 from eitsim.tabulate import build
 from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
@@ -46,6 +46,16 @@ def pressed(table, diameter_m: float = 0.0137, depth: float = 0.07) -> Punch:
 def scene(table):
     found = scene_from({"accuracy": {"signal": 0.03}})
     return replace(found, punches=(pressed(table),))
+
+
+def test_a_table_serves_its_own_shape_whose_moduli_are_rounded(table) -> None:
+    """Moduli of 12 digits over mu_0 need not add up to 1, and over their sum end in other digits."""
+    shape = replace(table.shape, mu=(0.830199673203, -1.62819339387, 1.79799372067))
+    law, body, punch = parts_of(shape, shape.base)
+    assert shape_of(law, body, punch, shape.strain).mu != shape.mu
+    punch, own = replace(punch, force_N=None, depth_m=0.07), replace(table, shape=shape)
+    assert touch_from(own, law, body, punch, "normal") is not None
+    assert touch_from(own, replace(law, mu_Pa=law.mu_Pa * [1, 1, 1 + 1e-8]), body, punch, "normal") is None
 
 
 def test_touches_are_recovered_within_the_stated_error(table) -> None:
