@@ -64,9 +64,9 @@ def family_for(shape: Shape, span: Span, run: Run = map, *, rim: bool = False) -
     family = _family(alone, span, arrays)
     if table.rim is None:
         return family, note
-    key |= {"gaps": reuse.GAPS, "rim_depths": reuse.RIM_DEPTHS}
-    arrays, _ = cache.kept(cache.key_of(key), lambda: _told(with_rim(family, table, run).table.rim))
-    changes = replace(table.rim, error=Deviation(*arrays["error"].tolist()), cpu_s=float(arrays["cpu_s"]))
+    key |= {"rim": asdict(reuse.GRID)}
+    arrays, _ = cache.kept(cache.key_of(key), lambda: _rim_told(with_rim(family, table, run)))
+    changes = replace(table.rim, told=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
     return replace(family, table=replace(family.table, rim=changes)), note
 
 
@@ -78,11 +78,13 @@ def _plain(law: Hyperfoam) -> list[list[float]]:
 def _arrays(family: Family) -> dict[str, Any]:
     table = family.table
     return {"values": family.values, "slopes": family.slopes, "count": np.array(len(table.depths)),
-            "checks": np.array(table.checks)} | _told(table)
+            "checks": np.array(table.checks), "error": np.array(astuple(table.error)), "cpu_s": np.array(table.cpu_s)}
 
 
-def _told(part: Any) -> dict[str, Any]:
-    return {"error": np.array(astuple(part.error)), "cpu_s": np.array(part.cpu_s)}
+def _rim_told(family: Family) -> dict[str, Any]:
+    rim = family.table.rim
+    assert rim is not None
+    return {"told": rim.told, "cpu_s": np.array(rim.cpu_s)}
 
 
 def _family(table: Table, span: Span, arrays: Mapping[str, Any]) -> Family:

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from functools import partial, reduce
-
-import numpy as np
+from functools import partial
 
 from eitsim.change import signal_difference
 from eitsim.family import Family, table_of
 from eitsim.near_rim import corrected
 from eitsim.path import Deviation
-from eitsim.rim_table import RimTable, near_rim_from
+from eitsim.rim_cells import cells_of, middles_of, told_by
+from eitsim.rim_table import near_rim_from
 from eitsim.table import Table, parts_of, touch_from
 from eitsim.tabulate import Run
 from matcal.errors import NotConverged
 
-# Changes by which the farthest law tells their error.
-_CHECKS = 4
+# Of the cells of gap and depth, every which gap and depth the farthest law is solved at to tell the error.
+_EVERY = (3, 4)
 
 
 def with_rim(family: Family, table: Table, run: Run = map) -> Family:
-    """The family with what the rim changes of the central law's touches, from its table, taken over at equal depth; its
-    error is at least that at the law that is farthest off.
+    """The family with what the rim changes of the central law's touches, from its table, taken over at equal depth; in
+    each cell of gap and depth its deviation is at least that at the law that is farthest off in the nearest cells.
 
     NotConverged where more than half of the changes that tell it are not found.
     """
@@ -34,22 +33,11 @@ def with_rim(family: Family, table: Table, run: Run = map) -> Family:
         return family
     own = table_of(family, family.span.held_out[0])
     assert own is not None
-    found = list(run(partial(_deviation, own), _places(rim)))
-    apart = [one for one, _ in found if one is not None]
-    if 2 * len(apart) < len(found):
-        raise NotConverged(f"{len(found) - len(apart)} of {len(found)} changes by the rim that tell the error at a "
-                           "drawn law were not found; touches near the rim have to be solved one by one.",
-                           estimate=rim.gaps)
+    cells = [(i, j) for i, j in cells_of(rim) if i % _EVERY[0] == 0 and j % _EVERY[1] == 1]
+    found = list(run(partial(_deviation, own), middles_of(rim, cells, rim.diameters.tolist())))
+    rim = told_by(rim, {cell: off for cell, (off, _) in zip(cells, found, strict=True)})
     spent = rim.cpu_s + sum(cpu for _, cpu in found)
-    rim = replace(rim, error=reduce(Deviation.at_least, apart, rim.error), cpu_s=spent)
-    return replace(family, table=replace(family.table, rim=rim))
-
-
-def _places(rim: RimTable) -> list[tuple[float, float, float]]:
-    """Diameters, gaps and depths between the nodes of a table of changes."""
-    gaps, depths = (np.sqrt(nodes[1:] * nodes[:-1]) for nodes in (rim.gaps, rim.depths))
-    return [(float(rim.diameters[i % len(rim.diameters)]), float(gaps[i * len(gaps) // _CHECKS]),
-             float(depths[(2 * i + 1) * len(depths) // (2 * _CHECKS)])) for i in range(_CHECKS)]
+    return replace(family, table=replace(family.table, rim=replace(rim, cpu_s=spent)))
 
 
 def _deviation(table: Table, place: tuple[float, float, float]) -> tuple[Deviation | None, float]:

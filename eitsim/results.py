@@ -75,6 +75,8 @@ class RimField:
     offset_m: float
     # (2,) direction to the neighbour, beyond whose plane nothing is changed; None for the rim
     towards: Array | None = None
+    # how far depth and signal may be off those solved afresh, relative; None where they are
+    told: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,8 @@ from eitsim.near_rim import rim_problem
 from eitsim.path import Deviation
 from eitsim.plan import law_of, near_rim
 from eitsim.results import Decision, Touch
-from eitsim.rim_table import RimTable, changed_diameters, near_rim_from
-from eitsim.rim_tabulate import DEPTHS as RIM_DEPTHS
-from eitsim.rim_tabulate import GAPS, build_rim
+from eitsim.rim_table import RimTable, changed_diameters, near_rim_from, within
+from eitsim.rim_tabulate import GRID, build_rim
 from eitsim.scene import Punch, Scene
 from eitsim.table import Shape, Table, shape_of, touch_from
 from eitsim.tabulate import DEPTHS, Run, build
@@ -38,7 +37,7 @@ _SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch",
 _APART = ("electrodes", "drive")
 # Arrays of a table and of what the rim changes.
 _PATHS = ("depths", "radius", "values", "slopes", "told")
-_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers")
+_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "told")
 # Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
 RIM_REPAYS, _ROWS = 25, 200
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
@@ -58,11 +57,10 @@ def table_for(shape: Shape, run: Run = map, *, rim: bool = False) -> tuple[Table
                   Deviation(*arrays["error"].tolist()), int(arrays["checks"]), float(arrays["cpu_s"]))
     if not rim:
         return table, note
-    key |= {"gaps": GAPS, "rim_depths": RIM_DEPTHS}
-    arrays, note = cache.kept(cache.key_of(key), lambda: _rim_arrays(build_rim(table, run, GAPS, RIM_DEPTHS)))
+    key |= {"rim": asdict(GRID)}
+    arrays, note = cache.kept(cache.key_of(key), lambda: _rim_arrays(build_rim(table, run, GRID)))
     part = {name: np.asarray(arrays[name]) for name in _CHANGES}
-    changes = RimTable(**part, error=Deviation(*arrays["error"].tolist()), cpu_s=float(arrays["cpu_s"]))
-    return replace(table, rim=changes), note
+    return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note
 
 
 def _arrays(table: Table) -> dict[str, Any]:
@@ -73,7 +71,7 @@ def _arrays(table: Table) -> dict[str, Any]:
 
 def _rim_arrays(rim: RimTable) -> dict[str, Any]:
     kept = {name: getattr(rim, name) for name in _CHANGES}
-    return kept | {"error": np.array(astuple(rim.error)), "cpu_s": np.array(rim.cpu_s)}
+    return kept | {"cpu_s": np.array(rim.cpu_s)}
 
 
 def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
@@ -161,10 +159,21 @@ def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
     if table.error.signal > _SHARE * wanted:
         return None, (f"no table: its signals are up to {table.error.signal:.1e} off, more than {_SHARE:.0%} of the "
                       f"{wanted:g} wanted")
-    if table.rim is not None and table.rim.error.signal > _RIM_SHARE * wanted:
+    return _rim_fine_enough(table, _RIM_SHARE * wanted) if table.rim is not None else (table, "")
+
+
+def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
+    """The table with the cells of gap and depth alone in which what the rim changes is no farther off, and how many of
+    them are not."""
+    assert table.rim is not None
+    kept = within(table.rim, allowed)
+    before, after = (np.isfinite(rim.told).all(axis=-1) for rim in (table.rim, kept))
+    if not after.any():
         return replace(table, rim=None), (f"no table of what the rim changes: its signals are up to "
-                                          f"{table.rim.error.signal:.1e} off, more than the {wanted:g} wanted")
-    return table, ""
+                                          f"{table.rim.error.signal:.1e} off, more than the {allowed:g} wanted")
+    left = f"{np.sum(~after)} of {after.size} cells of gap and depth near the rim"
+    why = f"{np.sum(before & ~after)} of them since the table is more than {allowed:g} off there"
+    return replace(table, rim=kept), "" if after.all() else f"touches in {left} are solved afresh, {why}"
 
 
 def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
@@ -178,9 +187,9 @@ def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch |
     touch = touch_from(table, law, scene.body, punch, scene.skin.strain)
     if touch is None or not near_rim(scene, punch):
         return touch
-    if table.rim is None or table.rim.error.signal > _RIM_SHARE * scene.accuracy.signal:
-        return None
-    return near_rim_from(table, touch, scene.body, punch)
+    near = near_rim_from(table, touch, scene.body, punch)
+    off = None if near is None or near.rim is None else near.rim.told
+    return near if off is not None and off[1] <= _RIM_SHARE * scene.accuracy.signal else None
 
 
 def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
@@ -192,11 +201,11 @@ def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
         where += (f", for this law a weighted mean of those of {table.laws} drawn laws (what the rim changes that of "
                   "one)")
     bound, rim = max(error.depth, error.signal), ""
-    if touch.rim is not None and table.rim is not None:
-        added = table.rim.error
-        bound += max(added.depth, added.signal)
-        rim = (f"; what the rim changes, from a table too, was at most {added.depth:.1e} off in depth and "
-               f"{added.signal:.1e} in signal")
+    if touch.rim is not None and touch.rim.told is not None:
+        depth, signal = touch.rim.told
+        bound += max(depth, signal)
+        rim = (f"; what the rim changes, from a table too, was at most {depth:.1e} off in depth and {signal:.1e} in "
+               "signal about this gap and depth")
     bound *= _SAFETY
     told = (f"the bound is {_SAFETY:g} times the larger of depth and response; the table took {table.whole_cpu_s:.0f} "
             "CPU s, once, not counted in the cost of a touch")

@@ -1,7 +1,8 @@
 """What the rim changes of a touch, tabulated over diameter, gap and depth, and added to touches from load paths.
 
 A change is known at a few gaps between the punch's edge and the rim and at a few depths of the axisymmetric touch, and
-divided by the depth, in proportion to which it starts; between them it is cubic in the logarithm of gap and depth.
+divided by the depth, in proportion to which it starts; between them it is cubic in the logarithm of gap and depth. How
+far it is off is told for each cell between neighbouring gaps and depths.
 """
 
 from __future__ import annotations
@@ -49,9 +50,17 @@ class RimTable:
     # (diameters, gaps, depths, 7) added depth over the depth, ratios of pressure, area and wall, fraction that is not
     # elliptic, and the errors of depth and signal that the rim's own mesh makes
     numbers: Array
-    # largest deviation from changes solved afresh between
-    error: Deviation
+    # (gaps - 1, depths, 2) in a cell between neighbouring gaps and between a depth and that before it, the first one
+    # from 0 on: how far depth and signal are off changes solved afresh; infinite where touches are to be solved afresh
+    told: Array
     cpu_s: float
+
+    @property
+    def error(self) -> Deviation:
+        """Largest deviation in the cells whose touches are served."""
+        served = self.told[np.isfinite(self.told).all(axis=-1)]
+        depth, signal = served.max(axis=0, initial=0.0).tolist()
+        return Deviation(depth, signal, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +80,22 @@ def changed_diameters(shape: Shape) -> Array:
     return diameters[np.linspace(0, len(diameters) - 1, min(len(diameters), _DIAMETERS)).round().astype(int)]
 
 
+def between(shape: Shape) -> list[float]:
+    """Diameters at which a table of changes is checked: in the middle between those solved, or of a choice, those where
+    it is not solved."""
+    solved = changed_diameters(shape)
+    if shape.spans:
+        return np.sqrt(solved[1:] * solved[:-1]).tolist()
+    return [d for d in shape.diameters if d not in solved] or solved.tolist()
+
+
 def change_from(shape: Shape, rim: RimTable, diameter: float, gap: float, depth: float) -> Solved | None:
     """The change of an axisymmetric touch of a depth, all over the thickness; None where the table does not reach.
 
     Below the least depth the change goes on in proportion to the depth.
     """
-    low, high = rim.gaps[[0, -1]]
-    if not low <= gap <= high or depth > rim.depths[-1]:
+    off = deviation_at(rim, gap, depth)
+    if off is None:
         return None
     w_d = _lagrange(np.log(rim.diameters), np.log(diameter))
     i, w_g = across_gaps(rim.gaps, gap)
@@ -88,10 +106,25 @@ def change_from(shape: Shape, rim: RimTable, diameter: float, gap: float, depth:
     base = float(rim.diameters[len(rim.diameters) // 2])
     disc = shape.disc
     field = RimField(carried_over(shape, rim.radius, base, diameter), rim.share, parts[..., :3],
-                     parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, disc, disc - diameter / 2 - gap)
+                     parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, disc, disc - diameter / 2 - gap, told=off)
     added, pressure, area, wall, lost, depth_error, signal_error = numbers.tolist()
     return Solved(Change(field, added * depth, pressure, area, max(wall, 0.0), min(max(lost, 0.0), 1.0), ()),
                   max(depth_error, 0.0), max(signal_error, 0.0))
+
+
+def deviation_at(rim: RimTable, gap: float, depth: float) -> tuple[float, float] | None:
+    """How far depth and signal may be off at a gap and a depth, over the thickness; None where touches are to be solved
+    afresh."""
+    if not rim.gaps[0] <= gap <= rim.gaps[-1] or depth > rim.depths[-1]:
+        return None
+    i = min(int(np.searchsorted(rim.gaps, gap, side="right")), len(rim.gaps) - 1) - 1
+    off, signal = rim.told[i, np.searchsorted(rim.depths, depth)].tolist()
+    return (off, signal) if np.isfinite([off, signal]).all() else None
+
+
+def within(rim: RimTable, signal: float) -> RimTable:
+    """The table with the cells alone whose signals are no farther off."""
+    return replace(rim, told=np.where(rim.told[..., 1:] <= signal, rim.told, np.inf))
 
 
 def _lagrange(nodes: Array, at: float) -> Array:
@@ -102,6 +135,28 @@ def _lagrange(nodes: Array, at: float) -> Array:
 def across_gaps(gaps: Array, at: float) -> tuple[slice, Array]:
     """Gaps next to one, and the weights of a cubic through them."""
     return _local(np.log(gaps + _GAP_SHIFT), np.log(at + _GAP_SHIFT))
+
+
+def extended(gaps: Array, values: Array) -> Array:
+    """Values (diameters, gaps, depths, n) with those of a line over the gap up to its last NaN on the parabola through
+    the next three gaps."""
+    out, nodes = values.copy(), np.log(gaps + _GAP_SHIFT)
+    for i, last, j in np.argwhere(np.isnan(values[..., 0])).tolist():
+        chosen = slice(last + 1, last + 4)
+        for k in range(last + 1):
+            out[i, k, j] = _lagrange(nodes[chosen], nodes[k]) @ values[i, chosen, j]
+    return out
+
+
+def middle_gaps(gaps: Array) -> Array:
+    """Gaps in the middle between neighbouring ones, as cubics count it."""
+    return np.sqrt((gaps[1:] + _GAP_SHIFT) * (gaps[:-1] + _GAP_SHIFT)) - _GAP_SHIFT
+
+
+def middle_depths(depths: Array) -> Array:
+    """Depths in the middle of each cell, as cubics count it; the first one half the least depth."""
+    between = np.sqrt((depths[1:] + _DEPTH_SHIFT) * (depths[:-1] + _DEPTH_SHIFT)) - _DEPTH_SHIFT
+    return np.array([depths[0] / 2, *between])
 
 
 def across_depths(depths: Array, at: float) -> tuple[slice, Array]:

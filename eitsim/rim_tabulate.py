@@ -1,25 +1,36 @@
 """Solving what the rim changes of a table's touches, and its deviation from changes solved afresh between them.
 
-A change is solved on the coarse mesh at all places of a grid, and on the finer one at some: what that adds varies less,
-and is a quadratic through those.
+A change is solved on the coarse mesh at all places of a grid, and on the finer one at some: what that adds varies less
+with the gap, and is a cubic through those. Deep touches next to the rim are not found; there lines over the gap go on
+as parabolas, and no touch beside such a place is served.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
 from eitsim.change import Change, signal_difference
-from eitsim.near_rim import COARSE, corrected, rim_change
+from eitsim.near_rim import COARSE, LEAST_GAP, corrected, rim_change
 from eitsim.path import Deviation
 from eitsim.results import Touch
-from eitsim.rim_table import LOCAL, RimTable, Solved, across_depths, across_gaps, change_from, changed_diameters
+from eitsim.rim_cells import cells_of, middles_of, told_by
+from eitsim.rim_table import (
+    RimTable,
+    Solved,
+    across_depths,
+    across_gaps,
+    between,
+    change_from,
+    changed_diameters,
+    extended,
+)
 from eitsim.scene import Punch
 from eitsim.table import Shape, Table, carried_over, parts_of, touch_from
 from eitsim.tabulate import Run
@@ -32,14 +43,30 @@ Found = NDArray[np.object_]
 Place = tuple[float, float, float]
 Solve = Callable[[Table, Place], Solved]
 
-# Gaps, from where deep touches still are found at once up to where the rim no longer counts at a wanted error of 1 %,
-# and depths of the axisymmetric touch, both over the thickness, at which changes are solved.
-GAPS = tuple((np.geomspace(0.25, 4.7, 8)[1:] - 0.2).tolist())
-DEPTHS = (0.02, 0.06, 0.12, 0.2, 0.32, 0.48, 0.66, 0.86)
-# How many of them, each, are solved on the finer mesh too.
-_FINE = 3
-# How many changes are solved afresh to tell the error.
-_CHECKS = 6
+
+@dataclass(frozen=True)
+class Grid:
+    """Gaps and depths of the axisymmetric touch, increasing, over the thickness, at which changes are solved."""
+
+    gaps: tuple[float, ...]
+    depths: tuple[float, ...]
+    # those of them at which they are solved on the finer mesh too, the ends among them
+    fine_gaps: tuple[float, ...]
+    fine_depths: tuple[float, ...]
+
+
+# From the rim itself up to where it no longer counts at a wanted error of 1 %. The coarse mesh's contact grows element
+# by element, felt most at depths between 0.06 and 0.16, which takes the finer mesh there.
+GRID = Grid((0.0, 0.06, 0.18, 0.38, 0.68, 1.14, 1.83, 2.9, 4.5),
+            (0.02, 0.035, 0.06, 0.09, 0.12, 0.16, 0.2, 0.26, 0.32, 0.4, 0.48, 0.57, 0.66, 0.76, 0.86),
+            (0.0, 0.18, 1.14, 4.5), (0.02, 0.035, 0.06, 0.09, 0.12, 0.16, 0.32, 0.48, 0.66, 0.86))
+# Depths up to which changes are tried, over the thickness, on the coarse and on the finer mesh, and what each thickness
+# of the gap adds to them: deeper ones next to the rim take a minute each, and many are not found.
+_ROUGH_TRIED, _FINE_TRIED, _BY_GAP = 0.66, 0.5, 4.0
+
+
+# Fewest gaps at which a depth is found.
+_FEWEST = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,43 +78,68 @@ class _Nodes:
     solved: Found
     cpu_s: float
 
+    @property
+    def missing(self) -> NDArray[np.bool_]:
+        """(diameters, gaps, depths) where none was found."""
+        return np.array([one is None for one in self.solved.ravel()]).reshape(self.solved.shape)
 
-def build_rim(table: Table, run: Run = map, gaps: Iterable[float] = GAPS, depths: Iterable[float] = DEPTHS) -> RimTable:
-    """Solve the changes of a table's touches at increasing gaps and depths, over the thickness; `run` maps a function
-    over places, possibly in other processes.
+
+def build_rim(table: Table, run: Run = map, grid: Grid = GRID) -> RimTable:
+    """Solve the changes of a table's touches on a grid; `run` maps a function over places, possibly in other processes.
 
     NotConverged where too few changes are found, or too few of those that tell the error.
     """
     diameters = changed_diameters(table.shape)
-    rough = _nodes(table, run, _roughly, np.array(list(gaps)), np.array(list(depths)), LOCAL)
-    fine = _nodes(table, run, _finely, _some(rough.gaps), _some(rough.depths), LOCAL - 1)
-    rough = _within(rough, fine)
-    field = fine.solved[len(diameters) // 2, 0, 0].change.field
+    rough = _nodes(table, run, _roughly, _ROUGH_TRIED, grid.gaps, grid.depths)
+    fine = _nodes(table, run, _finely, _FINE_TRIED, grid.fine_gaps, grid.fine_depths)
+    rough, fine = _as_deep(rough, fine)
+    field = fine.solved[len(diameters) // 2, -1, 0].change.field
     (fields, numbers), finer = (_rows(table.shape, field.radius_m, nodes) for nodes in (rough, fine))
     at = rough.gaps, rough.depths, fine.gaps, fine.depths
     fields, numbers = (refined(*at, *pair) for pair in zip((fields, numbers), finer, strict=True))
     rim = RimTable(diameters, rough.gaps, rough.depths, field.radius_m, field.share, fields.astype(np.float32), numbers,
-                   Deviation(0.0, 0.0, 0.0), rough.cpu_s + fine.cpu_s)
+                   _untold(rough), rough.cpu_s + fine.cpu_s)
     return checked(table, rim, run)
 
 
-def _nodes(table: Table, run: Run, solve: Solve, gaps: Array, depths: Array, least: int) -> _Nodes:
-    """Changes at all gaps and depths where they are found, at least so many of each."""
-    diameters = changed_diameters(table.shape)
-    grid = [(d, g, s) for d in diameters.tolist() for g in gaps.tolist() for s in depths.tolist()]
-    found = list(run(partial(_timed, solve, table), grid))
-    solved = np.array([one for one, _ in found], dtype=object).reshape(len(diameters), len(gaps), len(depths))
-    return _Nodes(*_complete(gaps, depths, solved, least), sum(cpu for _, cpu in found))
+def _nodes(table: Table, run: Run, solve: Solve, deepest: float, gaps: Sequence[float],
+           depths: Sequence[float]) -> _Nodes:
+    """Changes at all gaps and depths at which they are tried, on the rim itself up to the deepest."""
+    diameters, least = changed_diameters(table.shape), LEAST_GAP * table.shape.disc
+    at = np.maximum(gaps, least)
+    places = [(d, g, s) for d in diameters.tolist() for g in at.tolist() for s in depths]
+    tried = [place for place in places if place[2] <= deepest + _BY_GAP * place[1]]
+    found = dict(zip(tried, run(partial(_timed, solve, table), tried), strict=True))
+    solved = np.empty(len(places), dtype=object)
+    solved[:] = [found.get(place, (None, 0.0))[0] for place in places]
+    return _Nodes(at, np.array(depths), solved.reshape(len(diameters), len(at), len(depths)),
+                  sum(cpu for _, cpu in found.values()))
 
 
-def _some(nodes: Array) -> Array:
-    return nodes[np.linspace(0, len(nodes) - 1, _FINE).round().astype(int)]
+def _as_deep(rough: _Nodes, fine: _Nodes) -> tuple[_Nodes, _Nodes]:
+    """Both as deep as a few of the largest gaps are found at; NotConverged where that is at too few depths."""
+    ends = [_end(nodes) for nodes in (rough, fine)]
+    common = fine.depths[fine.depths <= min(ends)]
+    if len(common) < _FEWEST:
+        raise NotConverged("changes by the rim were found at too few gaps and depths for a table.", estimate=fine.gaps)
+    rough, fine = (replace(nodes, depths=nodes.depths[nodes.depths <= common[-1]],
+                           solved=nodes.solved[:, :, nodes.depths <= common[-1]]) for nodes in (rough, fine))
+    return rough, fine
 
 
-def _within(nodes: _Nodes, other: _Nodes) -> _Nodes:
-    """The nodes between the least gap and the largest depth of others."""
-    i, j = nodes.gaps >= other.gaps[0], nodes.depths <= other.depths[-1]
-    return replace(nodes, gaps=nodes.gaps[i], depths=nodes.depths[j], solved=nodes.solved[:, i][:, :, j])
+def _end(nodes: _Nodes) -> float:
+    """Depth up to which the largest gaps are all found, 0 where they are not at the least."""
+    lost = np.argwhere(nodes.missing[:, -_FEWEST:])[:, 2]
+    count = int(lost.min(initial=len(nodes.depths)))
+    return float(nodes.depths[count - 1]) if count else 0.0
+
+
+def _untold(nodes: _Nodes) -> Array:
+    """Deviations (gaps - 1, depths, 2): none yet, and infinite where a node about a cell is missing."""
+    told = np.zeros((len(nodes.gaps) - 1, len(nodes.depths), 2))
+    for _, i, j in np.argwhere(nodes.missing).tolist():
+        told[max(i - 1, 0):i + 1, j:j + 2] = np.inf
+    return told
 
 
 def _timed(solve: Solve, table: Table, place: Place) -> tuple[Solved | None, float]:
@@ -127,27 +179,17 @@ def _finely(table: Table, place: Place) -> Solved:
     return Solved(change, done.depth_error - touch.depth_error, done.signal_error - touch.signal_error)
 
 
-def _complete(gaps: Array, depths: Array, solved: Found, least: int) -> tuple[Array, Array, Found]:
-    """Without the smallest gaps and the largest depths at which changes were not found, at least so many of each."""
-    while len(gaps) >= least and len(depths) >= least:
-        missing = solved == None  # noqa: E711
-        if not missing.any():
-            return gaps, depths, solved
-        if missing[:, 0].mean() >= missing[:, :, -1].mean():
-            gaps, solved = gaps[1:], solved[:, 1:]
-        else:
-            depths, solved = depths[:-1], solved[:, :, :-1]
-    raise NotConverged("changes by the rim were found at too few gaps and depths for a table.", estimate=gaps)
-
-
 def _rows(shape: Shape, radius: Array, nodes: _Nodes) -> tuple[Array, Array]:
     """What a table keeps of changes: fields and numbers (diameters, gaps, depths, ...) at radii about the middle
-    diameter."""
+    diameter, NaN where none was found."""
     diameters = changed_diameters(shape).tolist()
     middle = diameters[len(diameters) // 2]
-    made = [_row(shape, radius, middle, one, d, s) for d, part in zip(diameters, nodes.solved, strict=True)
-            for line in part for s, one in zip(nodes.depths.tolist(), line, strict=True)]
-    fields, numbers = (np.stack(rows).reshape(*nodes.solved.shape, -1) for rows in zip(*made, strict=True))
+    made = {(i, j, k): _row(shape, radius, middle, nodes.solved.item(i, j, k), diameters[i], float(nodes.depths[k]))
+            for i, j, k in np.argwhere(~nodes.missing).tolist()}
+    first = next(iter(made.values()))
+    fields, numbers = (np.full((*nodes.solved.shape, len(part)), np.nan) for part in first)
+    for place, (parts, own) in made.items():
+        fields[place], numbers[place] = parts, own
     return fields, numbers
 
 
@@ -164,13 +206,13 @@ def _row(shape: Shape, radius: Array, middle: float, one: Solved, diameter: floa
 
 
 def refined(gaps: Array, depths: Array, fine_gaps: Array, fine_depths: Array, values: Array, finer: Array) -> Array:
-    """Values (diameters, gaps, depths, n) with what finer ones at some of the gaps and depths add, a polynomial through
-    them in the logarithms."""
+    """Values (diameters, gaps, depths, n) with what finer ones at some of the gaps and depths add, cubics through them
+    in the logarithms; what is missing next to the rim, NaN, goes on from larger gaps."""
     i, j = np.searchsorted(gaps, fine_gaps), np.searchsorted(depths, fine_depths)
-    added = finer - values[:, i][:, :, j]
+    added = extended(fine_gaps, finer - values[:, i][:, :, j])
     along = np.stack([_spread(len(fine_gaps), across_gaps(fine_gaps, gap)) for gap in gaps.tolist()])
     down = np.stack([_spread(len(fine_depths), across_depths(fine_depths, depth)) for depth in depths.tolist()])
-    return values + np.einsum("Gg,Ss,dgsn->dGSn", along, down, added, optimize=True)
+    return extended(gaps, values) + np.einsum("Gg,Ss,dgsn->dGSn", along, down, added, optimize=True)
 
 
 def _spread(count: int, local: tuple[slice, Array]) -> Array:
@@ -181,25 +223,17 @@ def _spread(count: int, local: tuple[slice, Array]) -> Array:
 
 
 def checked(table: Table, rim: RimTable, run: Run) -> RimTable:
-    """The table with its largest deviation from changes solved afresh in the middle between its nodes.
+    """The table with its deviation from changes solved afresh in the middle of every second cell, in each cell the
+    largest of those next to it: within a cell deviations differ threefold.
 
     NotConverged where more than half of these are not found, which leaves the error untold.
     """
-    def middles(nodes: Array) -> Array:
-        return np.sqrt(nodes[1:] * nodes[:-1]) if len(nodes) > 1 else nodes
-
-    d, g, s = (middles(nodes) for nodes in (rim.diameters, rim.gaps, rim.depths))
-    count = np.arange(_CHECKS)
-    places = list(zip(d[count % len(d)].tolist(), g[(2 * count + 1) % len(g)].tolist(),
-                      s[np.linspace(0, len(s) - 1, _CHECKS).round().astype(int)].tolist(), strict=True))
+    cells = [(i, j) for i, j in cells_of(rim) if (i + j) % 2 == 0]
+    places = middles_of(rim, cells, between(table.shape))
     found = list(run(partial(_timed, _finely, table), places))
-    apart = [_apart(table, rim, place, fresh) for place, (fresh, _) in zip(places, found, strict=True)
-             if fresh is not None]
-    if 2 * len(apart) < _CHECKS:
-        raise NotConverged(f"{_CHECKS - len(apart)} of {_CHECKS} changes by the rim that tell the error of their table "
-                           "were not found; touches near the rim have to be solved one by one.", estimate=rim.gaps)
-    spent = rim.cpu_s + sum(cpu for _, cpu in found)
-    return replace(rim, error=reduce(Deviation.at_least, apart, rim.error), cpu_s=spent)
+    off = {cell: None if fresh is None else _apart(table, rim, place, fresh)
+           for cell, place, (fresh, _) in zip(cells, places, found, strict=True)}
+    return replace(told_by(rim, off), cpu_s=rim.cpu_s + sum(cpu for _, cpu in found))
 
 
 def _apart(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviation:

@@ -23,7 +23,7 @@ from eitsim.materials import Material, cards_for
 from eitsim.near_rim import solve_near_rim
 from eitsim.reuse import fine_enough_for
 from eitsim.rim_table import near_rim_from
-from eitsim.rim_tabulate import build_rim
+from eitsim.rim_tabulate import Grid, build_rim
 from eitsim.scene import Body, Punch, scene_from
 from eitsim.simulate import simulate
 from eitsim.sweep import Account, sweep
@@ -113,21 +113,23 @@ def test_paths_too_rough_for_a_design_are_left_out_and_it_is_told(family) -> Non
 
 @pytest.mark.slow
 def test_near_the_rim_the_central_change_serves_within_the_stated_error(family) -> None:
-    whole = replace(family.table, rim=build_rim(family.table, gaps=(0.5, 0.7, 1.0, 1.4),
-                                                depths=(0.06, 0.075, 0.085, 0.095)))
+    grid = Grid((0.5, 0.7, 1.0, 1.4), (0.06, 0.075, 0.085, 0.095), (0.5, 1.0, 1.4), (0.06, 0.085, 0.095))
+    whole = replace(family.table, rim=build_rim(family.table, grid=grid))
     found, law = with_rim(family, whole), family.span.held_out[-1]
     own = table_of(found, law)
     assert own is not None
     assert own.rim is not None
     assert whole.rim is not None
-    assert own.rim.error.depth >= whole.rim.error.depth
+    assert (own.rim.told >= whole.rim.told).all()
     force_N = stored(family, law, Punch(depth_m=0.8e-3, force_N=None)).force_N
     punch = Punch(x_m=0.085, force_N=force_N)
     quick, fresh = near_rim_from(own, stored(found, law, punch), Body(), punch), solve_near_rim(law, Body(), punch)
     assert quick is not None
     missed = abs(quick.depth_m / fresh.depth_m - 1)
     print(missed, own.rim.error)
-    assert 0 < missed < own.error.depth + own.rim.error.depth
+    assert quick.rim is not None
+    assert quick.rim.told is not None
+    assert 0 < missed < own.error.depth + quick.rim.told[0]
 
 
 RAW = {"seed": 7, "punch": {"x_mm": [-30, 30], "y_mm": [-30, 30], "diameter_mm": 14, "force_N": [0.24, 0.3]},
