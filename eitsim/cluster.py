@@ -25,15 +25,16 @@ _GONE = "the dask scheduler is gone. Start one, and the same command again: what
 def cluster(address: str) -> Iterator[Crew]:
     """The workers of the scheduler at `address`, for instance tcp://10.0.0.1:8786.
 
-    ValueError without dask.distributed; NoCrew where no scheduler answers, or it has no workers, or any of several
-    threads, or that runs other code or libraries than this process, which one that joins later tells with its first
-    item.
+    ValueError without dask.distributed or where the address is none; NoCrew where no scheduler answers, or it has no
+    workers, or any of several threads, or that runs other code or libraries than this process, which one that joins
+    later tells with its first item.
     """
     try:
         from distributed import Client
     except ImportError:
         raise ValueError("--scheduler needs dask.distributed. Install it with pip install 'touchcal[cluster]', here "
                          "and on the workers.") from None
+    _check_address(address)
     try:
         client = Client(address, timeout=_ANSWER_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -45,6 +46,23 @@ def cluster(address: str) -> Iterator[Crew]:
                          "--nthreads 1`, or wait for them, and start again.")
         _check_code(client, address)
         yield _Cluster(client)
+
+
+def _check_address(address: str) -> None:
+    """ValueError where no scheduler can have such an address. (A client that is made of one asks itself in vain, and
+    complains when it is thrown away.)"""
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import backends
+
+    try:
+        scheme, place = parse_address(address)
+        if scheme not in backends:
+            raise ValueError(f"'{scheme}' is none of {', '.join(sorted(backends))}")
+        if scheme != "inproc":
+            parse_host_port(place)
+    except ValueError as error:
+        raise ValueError(f"--scheduler {address} is no address of a dask scheduler ({error}). Give protocol, host and "
+                         "port as `dask scheduler` prints them, for example tcp://10.0.0.1:8786.") from None
 
 
 def _threads(client: Any) -> dict[str, int]:

@@ -81,7 +81,7 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
     solves again.
     ValueError where the folder belongs to another design or card, was started otherwise or by other code, where reuse
     is asked for and the design has no use for a table, or where another sweep is writing to it; NoCrew where nobody
-    works; OSError where the folder cannot be written.
+    works, before anything is written where `crew` tells it; OSError where the folder cannot be written.
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}.")
@@ -90,10 +90,11 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
     card = read_card(card_path)
     _check_card(card, design)
     cards = cards_for(design.material, design.seed, card, card_path, in_pairs=design.sampler == nested.SAMPLER)
-    folder.mkdir(parents=True, exist_ok=True)
-    with sole_writer(folder):
-        work = _work(design, cards, card_path, folder, reuse, exact, other_code)
-        account = yield from _done(work, crew, workers)
+    with _entered(crew) as lent:
+        folder.mkdir(parents=True, exist_ok=True)
+        with sole_writer(folder):
+            work = _work(design, cards, card_path, folder, reuse, exact, other_code)
+            account = yield from _done(work, lent, workers)
     yield account
 
 
@@ -130,17 +131,16 @@ def _work(design: Design, cards: Cards, card_path: Path, folder: Path, reuse: bo
     return _Work(design, cards, folder, manifest, before, missing(before.there, manifest["rows_per_part"]))
 
 
-def _done(work: _Work, crew: AbstractContextManager[Crew] | Crew | None,
-          workers: int) -> Generator[Progress, None, Account]:
+def _done(work: _Work, lent: Crew | None, workers: int) -> Generator[Progress, None, Account]:
     """Solve and keep what is to be done, and put on record what it cost."""
     count, spent, run = workers if work.method["reuse"] or len(work.todo) > 1 else 1, Spent(), None
-    with _crew(crew, count) as hands:
+    with processes(count) if lent is None else nullcontext(lent) as hands:
         work, table, note = yield from _with_table(work, hands, spent)
         tally = yield from _rows(work, hands, table, spent)
     if work.todo:
         kept = work.before.tally
         run = spent.run(_how(work, table, note), tally.rows - kept.rows, tally.cpu_s - kept.cpu_s,
-                        count if crew is None else None, central_of(table))
+                        count if lent is None else None, central_of(table))
         record(work.folder, work.manifest, run,
                omissions(work.design, work.cards, exact=work.method["exact"], table=table))
     dataset.settle(work.folder)
@@ -184,9 +184,8 @@ def _account(work: _Work, tally: Tally, run: Run | None) -> Account:
                    kept, told(work.method, None, "") if how is None else how.method, run)
 
 
-def _crew(crew: AbstractContextManager[Crew] | Crew | None, workers: int) -> AbstractContextManager[Crew]:
-    if crew is None:
-        return processes(workers)
+def _entered(crew: AbstractContextManager[Crew] | Crew | None) -> AbstractContextManager[Crew | None]:
+    """Who works instead of processes of this machine, connected to where that is still to be done."""
     return crew if isinstance(crew, AbstractContextManager) else nullcontext(crew)
 
 

@@ -77,6 +77,20 @@ def test_no_scheduler_or_no_workers_is_said(card: Path, tmp_path: Path, monkeypa
         pass
 
 
+def test_without_a_scheduler_nothing_is_written(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eitsim.cluster._ANSWER_S", 0.2)
+    with pytest.raises(NoCrew, match="no dask scheduler answers"):
+        next(sweep(design_from(RAW, SCENES), card, tmp_path / "set", crew=cluster("tcp://127.0.0.1:9"), reuse=True))
+    assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize("address", ["localhost", "tcp://localhost", "tcp://10.0.0.1:some", "http://10.0.0.1:8786", ""])
+def test_what_is_no_address_is_refused_before_a_client_is_made(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr("distributed.Client.__init__")
+    with pytest.raises(ValueError, match=r"--scheduler .* no address .* tcp://10\.0\.0\.1:8786"), cluster(address):
+        pass
+
+
 def local(threads: int):
     return distributed.LocalCluster(n_workers=1, threads_per_worker=threads, processes=False, dashboard_address=None)
 
