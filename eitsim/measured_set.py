@@ -56,16 +56,19 @@ def measure(clean: Path, folder: Path, measurement: Measurement | None = None) -
     """Write the data set of `clean` as measured to `folder`; yields the rows done after each part, then what it means.
 
     measurement: by default that of the design. Parts map one to one; those that stand in the folder are kept. A column
-    `clipped` counts samples at the full scale. TestFileError where `clean` is no data set or measured already,
-    ValueError where the folder holds another measurement, that of another set, or one by other code.
+    `clipped` counts samples at the full scale. TestFileError where `clean` is no data set, damaged or measured already,
+    ValueError where the folder lies in it or holds another measurement, that of another set, or one by other code.
     """
     if folder.resolve() == clean.resolve():
         raise ValueError(f"{folder} is the clean data set itself; give another folder.")
-    manifest = dataset.read_manifest(clean)
+    if clean.resolve() in folder.resolve().parents:
+        raise ValueError(f"{folder} lies inside the clean data set {clean}; give a folder beside it.")
+    manifest, parts = dataset.read_manifest(clean), dataset.parts(clean)
     lab = lab_of(clean, manifest, measurement)
+    for path in parts:
+        dataset.read_part(path)  # before anything is written: a part that is mended later makes it another set
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
-        parts = dataset.parts(clean)
         told = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}, (__name__,)), "clean": {
             "folder": clean.resolve().name, "sha256": _content(parts)}}
         _start_or_continue(folder, told)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +11,12 @@ from numpy.typing import NDArray
 
 from eitsim.dataset import voltage_columns
 from eitsim.measurement import Measurement, level_db, noise_of, reference_of
+from matcal.digits import counted
 
 Array = NDArray[np.float64]
+
+# Part of the samples from which on clipping is warned of.
+_MUCH_CLIPPED = 0.01
 
 
 @dataclass(frozen=True)
@@ -33,8 +38,9 @@ class Told:
     signal_error_V: float
     # step of the quantisation; 0 without one
     step_V: float
-    # samples clipped at the full scale
+    # samples clipped at the full scale, and part of all
     clipped: int
+    clipped_share: float
 
 
 def volts(rows: pd.DataFrame) -> tuple[Array, Array]:
@@ -73,7 +79,15 @@ class Sums:
         baseline, signal, carried, error = np.sqrt(self.squares / max(self.readings, 1)).tolist()
         noise, reference = (self.means / max(self.rows, 1)).tolist()
         return Told(self.rows, baseline, self.largest, signal, noise, reference if measurement.snr_db is not None else
-                    None, carried, error, measurement.step_V, self.clipped)
+                    None, carried, error, measurement.step_V, self.clipped,
+                    self.clipped / max(self._samples(measurement), 1))
+
+    def _samples(self, measurement: Measurement) -> int:
+        """Readings of all frames, which are alike without noise and then read once."""
+        touched, still = measurement.frames, measurement.baseline_frames or measurement.frames
+        counts = (touched, 0 if measurement.clean_baseline else still)
+        return self.readings * sum(count if self.means[0] > 0 else min(count, 1) for count in counts)
+
 
 
 def in_words(told: Told) -> str:
@@ -92,5 +106,18 @@ def in_words(told: Told) -> str:
         lines.append(f"all terms change dV by {told.signal_error_V:.3g} V rms: "
                      f"{level_db(told.signal_error_V, told.signal_rms_V):.1f} dB below the signals' rms")
     if told.step_V:
-        lines.append(f"steps of {told.step_V:.3g} V; {told.clipped} samples clipped at the full scale")
-    return "\n".join(lines)
+        lines.append(f"steps of {told.step_V:.3g} V; {counted(told.clipped, 'sample')} clipped at the full scale "
+                     f"({100 * told.clipped_share:.3g} % of all)")
+    return "\n".join([*lines, *_cautions(told)])
+
+
+def _cautions(told: Told) -> Iterator[str]:
+    """What is right to ask for and seldom meant."""
+    if told.signal_error_V == 0 and told.rows:
+        yield "caution: every term is off, or changes nothing: these rows are the clean ones"
+    if told.noise_V > told.baseline_largest_V > 0:
+        yield ("caution: the noise of one frame is larger than every untouched reading; is noise_V in V, and snr_db "
+               "above 0?")
+    if told.clipped_share > _MUCH_CLIPPED:
+        yield ("caution: so many clipped samples tell the full scale and not the touch; give a full_scale_V above "
+               f"{told.baseline_largest_V:.3g} V")

@@ -16,6 +16,7 @@ from eitsim.scene import Accuracy
 from eitsim.sweep_omissions import Omission, omissions_of
 from eitsim.sweep_runs import Run, runs_of
 from eitsim.tally import Tally, tally_of
+from matcal.digits import counted
 from matcal.errors import TestFileError
 
 _WANTED = "accuracy_signal"
@@ -163,24 +164,36 @@ def document(account: Accounted) -> dict[str, Any]:
 
 def lines(account: Accounted) -> list[str]:
     """An account as it is printed."""
-    out = []
-    if account.errors is not None:
-        errors = account.errors
-        wanted = "wanted" if errors.wanted is None else f"wanted {errors.wanted:g}"
-        out.append(f"signal error {errors.median:.2g} in the median, 95 % below {errors.p95:.2g}, at most "
-                   f"{errors.largest:.2g}; {errors.share_above:.2%} of ok rows above the {wanted}")
+    out = [] if account.errors is None else _error_lines(account.errors, account.left_out)
     whole = account.cpu_s or 1.0
     out.append(f"{'stage':42}{'count':>9}{'CPU s':>11}{'share':>9}")
-    out += [f"{stage.name:42}{stage.count:9d}{stage.cpu_s:11.3g}{stage.cpu_s / whole:9.1%}" for stage in account.stages]
+    out += [f"{stage.name:42}{stage.count:9d}{stage.cpu_s:11.3g}{100 * stage.cpu_s / whole:7.1f} %"
+            for stage in account.stages]
     if (rate := account.rows_per_core_hour) is not None:
         out.append(f"{rate:.3g} rows per core-hour beside tables; {account.bytes_per_row:.0f} bytes a row"
                    + (f" and {account.field_bytes_per_row:.0f} of fields" if account.field_bytes_per_row else ""))
     return out + [in_words(run) for run in account.runs[-1:]]
 
 
+def _error_lines(errors: Errors, left_out: Iterable[Omission]) -> list[str]:
+    """Estimated errors in per cent and, where rows miss the wanted one, what the plans count most for."""
+    wanted = "wanted one" if errors.wanted is None else f"wanted {_percent(errors.wanted)}"
+    told = [f"signal error {_percent(errors.median)} in the median, 95 % below {_percent(errors.p95)}, at most "
+            f"{_percent(errors.largest)}; {_percent(errors.share_above)} of ok rows above the {wanted}"]
+    if errors.share_above and (worst := next((one for one in left_out if one.error_bound > 0), None)):
+        told.append(f"what the plans count most for: {worst.decision}, at most {_percent(worst.error_bound)} "
+                    f"({counted(worst.rows, 'row')} of the {worst.of} looked at)")
+    return told
+
+
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.3g} %"
+
+
 def in_words(run: Run) -> str:
-    """Wall time of a run, and how busy its workers were."""
-    by = "lent workers" if run.workers is None else f"{run.workers} worker{'s' if run.workers > 1 else ''}"
-    busy = "" if run.efficiency is None else f", busy with rows for {run.efficiency:.0%}"
-    return (f"last run: {run.rows} rows in {run.rows_wall_s:.1f} s on {by}{busy}, of which {run.writing_wall_s:.1f} s "
-            f"of writing; {run.table_wall_s:.1f} s for the table before")
+    """Wall time of a run, and how busy its workers were; times below 0.1 s are left out."""
+    by = "lent workers" if run.workers is None else counted(run.workers, "worker")
+    told = [f"last run: {counted(run.rows, 'row')} in {run.rows_wall_s:.1f} s on {by}"]
+    told += [] if run.efficiency is None else [f"busy with rows for {_percent(run.efficiency)}"]
+    told += [f"{run.writing_wall_s:.1f} s of it spent on writing"] if run.writing_wall_s >= 0.05 else []
+    return ", ".join(told) + (f"; {run.table_wall_s:.1f} s for the table before" if run.table_wall_s >= 0.05 else "")

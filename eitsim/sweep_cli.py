@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eitsim.report_cli import check_pdf, report_written
+from matcal.digits import counted
 from matcal.terminal import JsonOption, check_apart, check_out, numbers, print_json
 
 if TYPE_CHECKING:
@@ -45,14 +46,19 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     """Solve many scenes into Parquet parts; started again on the same folder, it goes on where it was. At the end it
     tells outcomes, errors of the signal, and what each stage cost.
 
-    In a design any scalar of a scene may be a range [lo, hi], {choice = [...]} or {dist = "normal", mean = , sd = } (or
+    A design begins with scenes = 200, seed = 1 and sampler = "random" (its count may grow), "lhs", "sobol" (both fix
+    it) or "nested" (for `eitsim indices`); then come the tables of a scene file. [accuracy] signal = 0.01 is the
+    relative error of the signal that is wanted. [material] draws = 200 takes cards of the posterior, [measurement] is
+    what `eitsim measure` adds, [fields] names = ["strain"] stores images of the skin beside the rows.
+
+    Any scalar of a scene may be a range [lo, hi], {choice = [...]} or {dist = "normal", mean = , sd = } (or
     lognormal, uniform, loguniform, integer; lo and hi cut off), by chance, or {list = [...]}, whose combinations are
     gone through. [punch] place = {grid = "polar", spacing_mm = 10} (or square; sunflower with count) or {list =
     [[x, y], ...]} are lists of places; without place, x_mm and y_mm touches are uniform over the disc. touches = [1, 2]
     draws their number. A table has columns x_mm, y_mm, d_mm, F_N, any key of [punch], skin.thickness_um and so on, and
     x_2_mm, punch_2_profile of further touches.
 
-    Example: eitsim sweep design.toml --card card.json --scenes 200 --workers 2 --out sweep
+    Example: eitsim sweep examples/design.toml --card card.json --scenes 200 --workers 2 --out sweep
 
     Example: eitsim sweep scenes.csv --scene scene.toml --card card.json --out sweep
     """
@@ -61,13 +67,13 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     _check_sweep(design, card, scene, out, report, workers, scheduler)
     count = workers if workers is not None else os.cpu_count() or 1
     rows, begun = _rows_of(design, scene, scenes), time.perf_counter()
-    steps = _steps(rows, card, out, count, scheduler, reuse, exact, other_code)
+    steps = _cautioned(_steps(rows, card, out, count, scheduler, reuse, exact, other_code), rows, card)
     account = _followed(steps, rows.scenes, log_every, out)
     spent, found = time.perf_counter() - begun, account_of(out)
     if as_json:
         _print_document(out, spent, account, found)
     else:
-        _print_words(out, spent, f"{count} worker(s)" if scheduler is None else scheduler, account, found)
+        _print_words(out, spent, counted(count, "worker") if scheduler is None else scheduler, account, found)
     if report is not None:
         written = report_written(out, report)
         if not as_json:
@@ -104,6 +110,19 @@ def _steps(rows: Design, card: Path, out: Path, count: int, scheduler: str | Non
                  crew=cluster(scheduler) if scheduler is not None else None)
 
 
+def _cautioned(steps: Iterator[Progress | Account], rows: Design, card: Path) -> Iterator[Progress | Account]:
+    """The steps; once the sweep has begun and rows are to be solved, what the design will not give is said."""
+    from eitsim.sweep import Progress
+    from eitsim.sweep_cautions import cautions
+    from matcal.card import read_card
+
+    for number, step in enumerate(steps):
+        if number == 0 and isinstance(step, Progress) and step.done < step.scenes:
+            for sentence in cautions(rows, read_card(card)):
+                print(f"eitsim: {sentence}", file=sys.stderr)
+        yield step
+
+
 def _followed(steps: Iterator[Progress | Account], scenes: int, log_every: float, out: Path) -> Account:
     """The account at the end of a sweep whose steps are shown; a sweep that is asked to stop ends the command."""
     from eitsim.sweep import Progress
@@ -138,8 +157,8 @@ def _print_words(out: Path, spent_s: float, by: str, account: Account, found: Ac
     from eitsim.sweep_account import lines
     from eitsim.sweep_progress import in_words
 
-    print(f"{out}: {account.solved} scenes finished in {spent_s:.1f} s on {by}, {account.kept} were there; outcomes: "
-          f"{in_words(account.outcomes)}.")
+    print(f"{out}: {counted(account.solved, 'scene')} finished in {spent_s:.1f} s on {by}, {account.kept} were there; "
+          f"outcomes: {in_words(account.outcomes)}.")
     print(account.method)
     for name, message in sorted(account.reasons.items()):
         print(f"first \"{name}\": {message}")
@@ -152,6 +171,11 @@ def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set 
                                                             "design's own.")] = None,
             as_json: JsonOption = False) -> None:
     """Turn clean rows into rows as an instrument gives them: noise, gain, drift, contact impedances, quantisation.
+
+    A measurement is one table [measurement] with some of: snr_db and relative_to ("largest", "rms" or volts), or
+    noise_V; frames, baseline_frames, clean_baseline; gain, offset_V; drift, drift_channel, drift_V, drift_channel_V;
+    contact_impedance; bits and full_scale_V, or lsb_V; channels ("electrode"), seed. What is left out is off. For
+    instance three lines: [measurement], snr_db = 90, relative_to = "rms".
 
     Example: eitsim measure sweep --model measurement.toml --out measured
     """
@@ -181,10 +205,13 @@ def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set
             out: Annotated[Path | None, typer.Option(help="Write the indices of every reading (CSV) here.")] = None,
             model: Annotated[Path | None, typer.Option(help="Measurement (TOML) with one table [measurement], whose "
                                                             "noise is a factor; else the design's own.")] = None,
-            within: Annotated[list[str] | None, typer.Option(help="KEY=LOWEST,HIGHEST: touches over which the spread "
+            within: Annotated[list[str] | None, typer.Option(help="KEY=LOW,HIGH: touches over which the spread "
                                                                   "by the card alone is told; repeatable.")] = None,
             as_json: JsonOption = False) -> None:
     """Tell how much of each output's variance touch, material and noise make: what calibration would buy.
+
+    Blocks of four rows, two touches with two cards each, tell it. 24 rows serve a try; intervals worth reading take
+    some hundred blocks (400 rows) and draws = 20 or more in [material].
 
     Example: eitsim indices sweep --within F_N=0.9,1.1 --out indices.csv
     """
@@ -210,9 +237,10 @@ def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:
-    """Key and ends of a range KEY=LOWEST,HIGHEST."""
+    """Key and ends of a range KEY=LOW,HIGH."""
     key, _, ends = text.partition("=")
-    found = numbers(ends, "--within", "F_N=0.9,1.1")
+    found = numbers(ends, "--within", "F_N=0.9,1.1") if key and ends else []
     if len(found) != 2 or found[0] > found[1]:
-        raise ValueError(f"--within {text}: give a key and the lowest and the highest value, for example F_N=0.9,1.1.")
+        raise ValueError(f"--within {text}: give KEY=LOW,HIGH, a key and its lowest and highest value, for example "
+                         "F_N=0.9,1.1.")
     return key, (found[0], found[1])

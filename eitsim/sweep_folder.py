@@ -107,7 +107,7 @@ def _check_same_design(folder: Path, old: Mapping[str, Any], new: Mapping[str, A
             raise ValueError(f"{folder} was made with another table of scenes: rows or columns that stood in it are "
                              f"changed or gone. Add rows to the end of {new['source']['file']} alone, or choose "
                              "another folder.")
-        raise ValueError(f"{folder} was made with another design: its {key} is {old[key]}, here {new[key]}. "
+        raise ValueError(f"{folder} was made with another design: its {_differing(key, old[key], new[key])}. "
                          "Choose another folder for this design.")
     if new["scenes"] < old["scenes"]:
         raise ValueError(f"{folder} holds a design of {old['scenes']} scenes; {new['scenes']} would drop some. Ask for "
@@ -115,6 +115,30 @@ def _check_same_design(folder: Path, old: Mapping[str, Any], new: Mapping[str, A
     if new["scenes"] != old["scenes"] and new["sampler"] not in GROWING:
         raise ValueError(f"{folder}: sampler \"{new['sampler']}\" fixes the count at {old['scenes']}. Only "
                          f"{' and '.join(GROWING)} may grow.")
+
+
+def _differing(name: str, old: Any, new: Any) -> str:
+    """The first key that differs between two values of a design's key, and both of its values."""
+    if name == "tables":
+        table = _first_other(old, new)
+        return _differing(table, old.get(table), new.get(table))
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new) and name == "punch":
+        k = next(k for k, pair in enumerate(zip(old, new, strict=True)) if not same_or_grown(*pair))
+        return _differing(f"punch {k + 1}", old[k], new[k])
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        key = _first_other(old, new)
+        return f"{key} in [{name}] {_both(old.get(key), new.get(key))}"
+    return f"{name} {_both(old, new)}"
+
+
+def _first_other(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    return next(key for key in {**old, **new}
+                if key not in old or key not in new or not same_or_grown(old[key], new[key]))
+
+
+def _both(old: Any, new: Any) -> str:
+    before, here = ("not given" if value is None else json.dumps(value)[:100] for value in (old, new))
+    return f"is {before}, here {here}"
 
 
 @dataclass(frozen=True, eq=False)

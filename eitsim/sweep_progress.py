@@ -40,7 +40,7 @@ def line(step: Progress, spent_s: float) -> str:
     rate = _rate(step, spent_s)
     left = f"{(step.scenes - step.done) / rate / 60:.1f} min left" if rate else "time left unknown"
     errors = [] if step.signal_error is None else [
-        "signal error {:.2g} in the median, 95 % below {:.2g}".format(*step.signal_error)]
+        "signal error {:.3g} % in the median, 95 % below {:.3g} %".format(*_percent(step.signal_error))]
     return "; ".join([f"{step.done} of {step.scenes} scenes, {rate:.3g} a second, {left}",
                       *([in_words(step.outcomes)] if step.outcomes else []), *errors])
 
@@ -49,9 +49,13 @@ def beside_bar(step: Progress, spent_s: float) -> str:
     """What of a line the bar on a terminal does not tell, as short as 80 columns ask; errors are the median and what
     95 % lie below."""
     rate = _rate(step, spent_s)
-    errors = [] if step.signal_error is None else ["error {:.2g} < {:.2g}".format(*step.signal_error)]
+    errors = [] if step.signal_error is None else ["error {:.2g} < {:.2g} %".format(*_percent(step.signal_error))]
     return ", ".join([*([f"{rate:.3g}/s"] if rate else []), *([in_words(step.outcomes)] if step.outcomes else []),
                       *errors])
+
+
+def _percent(fractions: tuple[float, float]) -> tuple[float, float]:
+    return 100 * fractions[0], 100 * fractions[1]
 
 
 def _rate(step: Progress, spent_s: float) -> float:

@@ -23,6 +23,11 @@ def significant(value: float, digits: int = 4) -> str:
     return f"{rounded:.{max(digits - 1 - power, 0)}f}"
 
 
+def counted(count: int, noun: str, plural: str | None = None) -> str:
+    """ "1 scene", "2 scenes"."""
+    return f"{count} {noun if count == 1 else plural or noun + 's'}"
+
+
 def percent(fraction: float, digits: int = 3) -> str:
     """A fraction of a stress in per cent; from ten times the stress on as a multiple of it."""
     if fraction < 10:

@@ -75,6 +75,8 @@ def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
     """Before any work: ValueError where a file (or `folder`) cannot be written at `out`; folders are never made above
     it."""
     what = "folder" if folder else "file"
+    if above := next((place for place in out.parents if place.is_file()), None):
+        raise ValueError(f"{flag} {out}: {above} is a file, and nothing can be written below it. Choose another place.")
     if not out.parent.is_dir():
         raise ValueError(f"{flag} {out}: the folder {out.parent} does not exist. Create it first, or choose another.")
     if out.exists() and out.is_dir() != folder:

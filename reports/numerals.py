@@ -70,9 +70,7 @@ def r_squared(value: float) -> str:
     return f"{value:.{min(1 - math.floor(math.log10(lack)), 12)}f}"
 
 
-def counted(count: int, noun: str, plural: str | None = None) -> str:
-    """ "1 scene", "2 scenes"."""
-    return f"{count} {noun if count == 1 else plural or noun + 's'}"
+counted = digits.counted
 
 
 def prefixed(values: ArrayLike, unit: str,

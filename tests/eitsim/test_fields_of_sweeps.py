@@ -89,7 +89,7 @@ def test_a_grown_or_mended_sweep_has_the_files_of_one_in_a_go(card: Path, tmp_pa
 
 def test_fields_are_fixed_by_the_design(card: Path, tmp_path: Path) -> None:
     swept(card, tmp_path / "a", 1)
-    with pytest.raises(ValueError, match="made with another design: its fields is"):
+    with pytest.raises(ValueError, match=r"made with another design: its side in \[fields\] is"):
         swept(card, tmp_path / "a", 2, fields={**STORED, "side": 41})
     swept(card, tmp_path / "none", 1, fields={"names": ["strain"], "side": 4})
     with pytest.raises(ValueError, match=r"radius_mm in \[body\] is drawn"):

@@ -206,7 +206,7 @@ def test_another_posterior_or_material_is_refused(card: Path, tmp_path: Path) ->
     own = written(tmp_path, posterior())
     account(own, tmp_path / "a", 1)
     assert len(read_manifest(tmp_path / "a")["posterior"]["sha256"]) == 64
-    with pytest.raises(ValueError, match="its material is"):
+    with pytest.raises(ValueError, match=r"its draws in \[material\] is"):
         account(own, tmp_path / "a", 1, RAW | {"material": {"draws": 6}})
     write_draws(replace(posterior(), omega=np.full(COUNT, 0.3)), tmp_path / "card.d" / "posterior.nc")
     with pytest.raises(ValueError, match="another posterior"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -167,6 +167,9 @@ def test_folders_are_not_mixed(clean: Path, tmp_path: Path) -> None:
         done(folder, tmp_path / "twice", **NOISY)
     with pytest.raises(ValueError, match="the clean data set itself"):
         done(clean, clean, **NOISY)
+    with pytest.raises(ValueError, match="lies inside the clean data set"):
+        done(clean, clean / "sub" / "measured", **NOISY)
+    assert not (clean / "sub").exists()
     other = tmp_path / "other"
     other.mkdir()
     dataset.write_manifest(other, dataset.read_manifest(clean))
@@ -177,6 +180,36 @@ def test_folders_are_not_mixed(clean: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="from other rows"):
         done(clean, folder, **NOISY)
     assert hashlib.sha256(b"".join(path.read_bytes() for path in dataset.parts(folder))).hexdigest() == before
+
+
+def test_of_a_damaged_set_nothing_is_begun(clean: Path, tmp_path: Path) -> None:
+    part = dataset.parts(clean)[-1]
+    whole = part.read_bytes()
+    part.write_bytes(whole[:100] + bytes([whole[100] ^ 1]) + whole[101:])
+    with pytest.raises(TestFileError, match="the part is damaged"):
+        done(clean, tmp_path / "noisy", **NOISY)
+    assert not (tmp_path / "noisy").exists()
+
+
+USUAL = Told(rows=9, baseline_rms_V=1.0, baseline_largest_V=2.0, signal_rms_V=0.01, noise_V=1e-4, reference_V=None,
+             signal_noise_V=1.4e-4, signal_error_V=1.4e-4, step_V=1e-3, clipped=3, clipped_share=0.002)
+
+
+@pytest.mark.parametrize(("terms", "caution"), [
+    ({"noise_V": 0.0, "signal_noise_V": 0.0, "signal_error_V": 0.0}, "these rows are the clean ones"),
+    ({"noise_V": 1e9}, "larger than every untouched reading"),
+    ({"clipped_share": 0.5}, "give a full_scale_V above 2 V")])
+def test_what_is_seldom_meant_is_cautioned(terms: dict[str, float], caution: str) -> None:
+    found = in_words(replace(USUAL, **terms))
+    assert found.count("caution: ") == 1
+    assert caution in found
+    assert "caution" not in in_words(USUAL)
+
+
+def test_the_share_of_clipped_samples_is_of_all_that_were_read(clean: Path, tmp_path: Path) -> None:
+    told = done(clean, tmp_path / "set", bits=2, full_scale_V=1e-6, noise_V=1e-9, frames=3, baseline_frames=2)
+    assert told.clipped_share == pytest.approx(told.clipped / ((ROWS - 1) * 208 * 5))
+    assert 0.9 < told.clipped_share <= 1.0
 
 
 def test_a_design_without_a_measurement_asks_for_one(clean: Path, tmp_path: Path) -> None:

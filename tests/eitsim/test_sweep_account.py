@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from eitsim import dataset, reuse, tabulate
 from eitsim.cli import app
 from eitsim.design import design_from
 from eitsim.sweep import Account, Progress, sweep
-from eitsim.sweep_account import account_of, document, lines
+from eitsim.sweep_account import Accounted, Errors, account_of, document, in_words, lines
+from eitsim.sweep_omissions import Omission
 from eitsim.sweep_progress import beside_bar, line
+from eitsim.sweep_runs import Run
 from eitsim.tally import Tally, tally_of
 from matcal.card import MaterialCard, write_card
 from matcal.conductivity import Conductivity
@@ -44,6 +47,25 @@ def test_errors_are_counted_to_a_per_cent_and_add_up() -> None:
     assert Tally().error_below(0.5) is None
 
 
+def test_what_weighs_most_is_named_where_rows_miss_the_wanted_error() -> None:
+    rim, sheet = (Omission(name, "", bound, False, 3, 8) for name, bound in (("rim left out", 0.18), ("sheet", 0.001)))
+    found = Accounted(8, 8, {"ok": 8}, Errors(0.0064, 0.02, 0.032, 0.215, 0.01), (), 1.0, 0.0, (), (rim, sheet))
+    assert lines(found)[:2] == [
+        "signal error 0.64 % in the median, 95 % below 2 %, at most 3.2 %; 21.5 % of ok rows above the wanted 1 %",
+        "what the plans count most for: rim left out, at most 18 % (3 rows of the 8 looked at)"]
+    assert found.errors is not None
+    met = replace(found, errors=replace(found.errors, share_above=0.0))
+    assert not any("rim left out" in line for line in lines(met))
+
+
+def test_a_run_in_words_has_right_plurals_and_no_zeros() -> None:
+    run = Run("afresh", 1, 0.9, 2.0, 1, 0.0, 0.0, 0.0, 0.001)
+    assert in_words(run) == "last run: 1 row in 2.0 s on 1 worker, busy with rows for 45 %"
+    assert in_words(replace(run, rows=3, workers=2, writing_wall_s=0.3, table_wall_s=4.0)) == (
+        "last run: 3 rows in 2.0 s on 2 workers, busy with rows for 22.5 %, 0.3 s of it spent on writing; 4.0 s for "
+        "the table before")
+
+
 def test_failed_rows_have_no_error() -> None:
     table = rows_of(np.array([0.01, np.nan, 0.04])).assign(outcome=["ok", "refused", "bottomed_out"])
     assert tally_of(table).error_below(1.0) == pytest.approx(0.01, rel=0.0051)
@@ -52,9 +74,9 @@ def test_failed_rows_have_no_error() -> None:
 
 def test_a_line_tells_rate_time_left_outcomes_and_errors() -> None:
     step = Progress(60, 100, 20, {"ok": 58, "refused": 2}, signal_error=(0.004, 0.0123))
-    assert line(step, 20.0) == ("60 of 100 scenes, 2 a second, 0.3 min left; 58 ok, 2 refused; signal error 0.004 in "
-                                "the median, 95 % below 0.012")
-    assert beside_bar(step, 20.0) == "2/s, 58 ok, 2 refused, error 0.004 < 0.012"
+    assert line(step, 20.0) == ("60 of 100 scenes, 2 a second, 0.3 min left; 58 ok, 2 refused; signal error 0.4 % in "
+                                "the median, 95 % below 1.23 %")
+    assert beside_bar(step, 20.0) == "2/s, 58 ok, 2 refused, error 0.4 < 1.2 %"
     assert line(Progress(0, 9, 0, {}), 1.0) == "0 of 9 scenes, 0 a second, time left unknown"
 
 

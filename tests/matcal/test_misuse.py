@@ -63,6 +63,8 @@ def test_every_output_has_one_rule(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="is a folder, and a file is to be written there"):
         check_out(tmp_path)
     (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="file is a file, and nothing can be written below it"):
+        check_out(tmp_path / "file" / "deep" / "x")
     with pytest.raises(ValueError, match="is a file, and a folder"):
         check_out(tmp_path / "file", folder=True)
     check_out(tmp_path / "model", folder=True)
