@@ -102,6 +102,9 @@ def _read(path: Path) -> _Cells:
         raise TestFileError(path, "it holds no scenes. Expected a header such as x_mm,y_mm,d_mm,F_N and one row a "
                                   "scene.")
     (line, header), *rows = found
+    if any(";" in cell or "\t" in cell for cell in header):
+        raise TestFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and points "
+                                  "in numbers.", line=line)
     columns = _columns(path, header, line)
     return _Cells(columns, tuple(_row(path, columns, row, line) for line, row in rows), tuple(n for n, _ in rows))
 
@@ -141,7 +144,8 @@ def _known_columns() -> dict[str, Where]:
 
 def _row(path: Path, columns: Mapping[str, Where], row: list[str], line: int) -> dict[Where, Any]:
     if len(row) != len(columns):
-        raise TestFileError(path, f"{len(row)} cells, expected {len(columns)} as in the header.", line=line)
+        commas = " A decimal comma parts a cell in two: use points in numbers." if len(row) > len(columns) else ""
+        raise TestFileError(path, f"{len(row)} cells, expected {len(columns)} as in the header.{commas}", line=line)
     values = {}
     for (name, where), cell in zip(columns.items(), row, strict=True):
         if cell:
