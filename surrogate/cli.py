@@ -13,7 +13,10 @@ import typer
 from matcal.terminal import JsonOption, application, check_apart, check_out, counter, numbers, print_json, run
 
 if TYPE_CHECKING:
+    from eitsim.frames import Frames
+    from surrogate.dead_channels import Mask
     from surrogate.model import Model
+    from surrogate.predict import Untouched
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -63,60 +66,63 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
 
 
 @app.command()
-def evaluate(model_folder: ModelFolder, folder: DataFolder,
+def evaluate(model_folder: ModelFolder,
+             folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Data sets that `eitsim sweep` "
+                                                                                  "wrote; several are compared.")],
              noise_db: Annotated[str, typer.Option(help="Noise levels in dB, separated by commas.")] = "",
              noise_reference: Annotated[str, typer.Option(help="What a level lies below: the RMS of the baseline "
                                                                "voltages, or of the signal.")] = "baseline",
              as_json: JsonOption = False) -> None:
-    """Score a model on a data set; rows it was trained on are told apart.
+    """Score a model on data sets; rows it was trained on are told apart.
 
-    Example: surrogate evaluate forward sweep --noise-db 80,60,40 --json
+    Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
     """
     from surrogate import store
     from surrogate.evaluate import evaluate as scored
+    from surrogate.evaluate import transfer
     from surrogate.samples import read_samples
 
-    levels = _levels(noise_db)
-    scores = scored(store.load(model_folder), read_samples(folder), levels, noise_reference).scores
-    if as_json:
-        print_json({"model": model_folder, **scores})
+    levels, model = _levels(noise_db), store.load(model_folder)
+    sets = {str(folder): scored(model, read_samples(folder), levels, noise_reference).scores for folder in folders}
+    if not as_json:
+        for name, scores in sets.items():
+            if len(sets) > 1:
+                print(f"{name}:")
+            _print_scores(scores)
+        if len(sets) > 1:
+            _print_transfer(transfer(sets))
+    elif len(sets) == 1:
+        print_json({"model": model_folder, **next(iter(sets.values()))})
     else:
-        _print_scores(scores)
+        print_json({"model": model_folder, "sets": sets, "transfer": transfer(sets)})
 
 
 @app.command()
 def predict(model_folder: ModelFolder,
-            frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="CSV, one frame of voltages a row.")],
+            frames: Annotated[str, typer.Argument(metavar="FRAMES", help="CSV, one frame of voltages a row; - reads "
+                                                                         "lines from standard input and answers each "
+                                                                         "as it comes.")],
             baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first row of FRAMES. "
                                                                "Two or more of them also give the noise.")] = None,
             noise_v: Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, "
                                                                             "where known.")] = None,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None) -> None:
-    """Read touches from recorded frames.
+    """Read touches from recorded frames, or from frames as they come.
 
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
     from surrogate import store
-    from surrogate.predict import predict_frames
 
     if out is not None:
         check_out(out)
-        check_apart({"--out": out}, [path for path in (frames, baseline) if path is not None])
-    model = store.load(model_folder)
-    touched, reference = _frames(model, frames, baseline)
+        check_apart({"--out": out}, [Path(path) for path in (frames, baseline) if path not in (None, "-")])
     if noise_v is not None and not noise_v >= 0:
         raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
-    noise = noise_v if noise_v is not None else reference.noise_V
-    if noise is None:
-        print("surrogate: the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two "
-              "or more untouched frames with --baseline.", file=sys.stderr)
-    table = predict_frames(model, touched, reference, noise or 0.0)
-    text = table.to_csv(index=False, float_format="%.6g")
-    if out is None:
-        print(text, end="")
+    model = store.load(model_folder)
+    if frames == "-":
+        _predict_stream(model, baseline, noise_v, out)
     else:
-        out.write_text(text, encoding="utf-8")
-        print(f"{out}: {len(table)} frames, {sum(bool(flag) for flag in table['flag'])} of them flagged.")
+        _predict_file(model, Path(frames), baseline, noise_v, out)
 
 
 @app.command()
@@ -136,23 +142,83 @@ def _levels(text: str) -> list[float]:
     return numbers(text, "--noise-db", "80,60") if text else []
 
 
-def _frames(model: Model, frames: Path, baseline: Path | None) -> tuple[Any, Any]:
-    from eitsim.frames import Frames, read_frames
-    from surrogate.dead_channels import refuse_dead
+def _predict_file(model: Model, path: Path, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
+    from surrogate.predict import predict_frames
+
+    frames, reference, dead = _frames(model, path, baseline)
+    noise = _noise(model, reference, noise_V)
+    table = predict_frames(model, frames, reference, noise, dead)
+    text = table.to_csv(index=False, float_format="%.6g")
+    if out is None:
+        print(text, end="")
+    else:
+        out.write_text(text, encoding="utf-8")
+        print(f"{out}: {_counted(len(table), sum(bool(flag) for flag in table['flag']))}")
+
+
+def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
+    from contextlib import nullcontext
+
+    from surrogate.predict import Untouched
+    from surrogate.stream import answer, widen_pipe
+
+    reference = None if baseline is None else _untouched(model, baseline)[0]
+    noise = _noise(model, reference or Untouched(model.baseline_V, None), noise_V)
+    widen_pipe(sys.stdin.fileno())
+    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
+          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
+        counts = answer(model, source, sink, noise, None if reference is None else reference.volts,
+                        _say)
+    if out is not None:
+        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
+
+
+def _counted(frames: int, flagged: int) -> str:
+    return f"{frames} frames, {flagged} of them flagged."
+
+
+def _noise(model: Model, reference: Untouched, given: float | None) -> float:
+    """Standard deviation of the noise, V; cautions where it is unknown, and about an untouched frame of elsewhere."""
+    from surrogate.predict import baseline_caution
+
+    if caution := baseline_caution(model, reference.volts):
+        _say(caution)
+    noise = given if given is not None else reference.noise_V
+    if noise is None:
+        _say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
+             "untouched frames with --baseline.")
+    return noise or 0.0
+
+
+def _say(words: str) -> None:
+    print(f"surrogate: {words}", file=sys.stderr)
+
+
+def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
+    """The untouched frame of a file, and its stuck channels."""
+    from eitsim.frames import read_frames
+    from surrogate.dead_channels import usable
     from surrogate.predict import untouched
 
-    def sound(path: Path) -> Frames:
-        read = read_frames(path, len(model.baseline_V))
-        refuse_dead(path, read, model.baseline_V)
-        return read
+    read = read_frames(baseline, len(model.baseline_V))
+    return untouched(read), usable(baseline, read, model)
 
-    read = sound(frames)
+
+def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Frames, Untouched, Mask]:
+    """Frames of a file, their untouched frame, and channels that are stuck."""
+    from eitsim.frames import Frames, read_frames
+    from surrogate.dead_channels import usable
+    from surrogate.predict import untouched
+
+    read = read_frames(path, len(model.baseline_V))
+    dead = usable(path, read, model)
     if baseline is not None:
-        return read, untouched(sound(baseline))
+        reference, stuck = _untouched(model, baseline)
+        return read, reference, dead | stuck
     if len(read.volts) < 2:
-        raise ValueError(f"{frames}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
+        raise ValueError(f"{path}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
                          "put the untouched frame first.")
-    return Frames(read.volts[1:], read.line[1:]), untouched(Frames(read.volts[:1], read.line[:1]))
+    return Frames(read.volts[1:], read.line[1:]), untouched(Frames(read.volts[:1], read.line[:1])), dead
 
 
 def _shown(names: tuple[str, ...]) -> Any:
@@ -182,14 +248,32 @@ def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...]) 
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("output", "rows", "RMSE", "MAE", "R2", "in 90 %", "n", title=title)
+    table = Table("output", "rows", "RMSE", "MAE", "R2", "in 50/90/95 %", "n", title=title)
     for name, parts in scored.items():
         for part in (p for p in shown if p in parts):
             s = parts[part]
             r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
-            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2, f"{s['coverage_90']:.0%}",
-                          str(s["n"]))
+            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2, _held(s), str(s["n"]))
     Console().print(table)
+
+
+def _print_transfer(table: Mapping[str, list[dict[str, Any]]]) -> None:
+    """Unseen rows of several sets side by side, without noise."""
+    from rich.console import Console
+    from rich.table import Table
+
+    shown = Table("output", "set", "rows", "RMSE", "over first", "in 50/90/95 %", "n",
+                  title="transfer, no noise, unseen rows")
+    for name, rows in table.items():
+        for s in rows:
+            over = "-" if s["rmse_over_first"] is None else f"{s['rmse_over_first']:.3g}"
+            shown.add_row(name, s["set"], s["part"], f"{s['rmse']:.4g} {s['unit']}", over, _held(s), str(s["n"]))
+    Console().print(shown)
+
+
+def _held(score: Mapping[str, Any]) -> str:
+    """Per cent of the rows that the three intervals hold."""
+    return "/".join(f"{100 * score[f'coverage_{level}']:.0f}" for level in (50, 90, 95))
 
 
 def _print_collapses(model: Model) -> None:

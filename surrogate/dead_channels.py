@@ -1,7 +1,8 @@
-"""Frames with a dead channel, which a model trained on all readings cannot do without."""
+"""Channels that read nothing, and what a model can still tell without them."""
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,23 +10,82 @@ from numpy.typing import NDArray
 
 from eitsim.frames import Frames
 from matcal.errors import TestFileError
+from surrogate.model import Model
+from surrogate.ring import Ring
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # A reading this far below the RMS of its frame reads nothing.
 DEAD = 1e-9
+# Most readings, as a part of all, that a model can do without.
+MOST_DEAD = 0.5
+# Validation rows that calibrate the intervals of a model without some readings.
+CALIBRATION_ROWS = 100
 
 
-def refuse_dead(path: Path, frames: Frames, baseline_V: NDArray[np.float64]) -> None:
-    """TestFileError names the line of a channel that reads nothing in a frame where the baseline (readings,), V, of the
-    training does, or reads exactly the same in every frame while nine in ten others change."""
-    volts = frames.volts
-    size, known = (np.sqrt(np.mean(v**2, axis=-1, keepdims=True)) for v in (volts, baseline_V))
-    silent = np.argwhere((np.abs(volts) <= DEAD * size) & (np.abs(baseline_V) > DEAD * known))
-    if len(silent):
-        frame, column = silent[0]
-        raise TestFileError(path, f"column {column + 1} reads {volts[frame, column]:g} V: a dead channel. Mend it; a "
-                                  "model trained on all readings cannot do without it.", line=int(frames.line[frame]))
-    stuck = np.ptp(volts, axis=0) == 0
-    if len(volts) > 2 and 0 < np.mean(stuck) < 0.1:
-        column = int(np.argmax(stuck))
-        raise TestFileError(path, f"column {column + 1} reads exactly {volts[0, column]:g} V from this line on, in all "
-                                  f"{len(volts)} frames: a dead channel.", line=int(frames.line[0]))
+def silent(volts: Array, baseline_V: Array) -> Mask:
+    """(n, readings) channels of frames (n, readings), V, that read nothing where the baseline (readings,), V, of the
+    training does, or that are no finite number."""
+    finite = np.where(np.isfinite(volts), volts, 0.0)
+    size, known = (np.sqrt(np.mean(v**2, axis=-1, keepdims=True)) for v in (finite, baseline_V))
+    return ~np.isfinite(volts) | ((np.abs(finite) <= DEAD * size) & (np.abs(baseline_V) > DEAD * known))
+
+
+def stuck(volts: Array) -> Mask:
+    """(readings,) channels that read exactly the same in all of three or more frames, while nine in ten others
+    change."""
+    same = np.ptp(volts, axis=0) == 0
+    return same if len(volts) > 2 and np.mean(same) < 0.1 else np.zeros(volts.shape[1], bool)
+
+
+def named(dead: Mask) -> str:
+    """In words, which channels of a mask (readings,) are dead, counted from 1."""
+    columns = [str(column + 1) for column in np.flatnonzero(dead)]
+    told = ", ".join(columns[:4]) + (f" and {len(columns) - 4} more" if len(columns) > 4 else "")
+    return f"dead channel: column {told}" if len(columns) == 1 else f"dead channels: columns {told}"
+
+
+def why_not(model: Model, dead: Mask) -> str:
+    """In words, why a model cannot do without these channels (readings,); empty where it can."""
+    if model.method != "forward":
+        return "a model trained on all readings cannot do without it; --method forward can"
+    if np.mean(dead) > MOST_DEAD:
+        return f"{np.sum(dead)} of {len(dead)} readings are dead, and more than half are needed"
+    return ""
+
+
+def usable(path: Path, frames: Frames, model: Model) -> Mask:
+    """(readings,) channels of a file of frames that are stuck; TestFileError names the line and the channels that read
+    nothing or are stuck where the model cannot do without them."""
+    always = stuck(frames.volts)
+    for dead, line in zip(silent(frames.volts, model.baseline_V) | always, frames.line.tolist(), strict=True):
+        if dead.any() and (problem := why_not(model, dead)):
+            column = int(np.argmax(dead))
+            reads = f"column {column + 1} reads {frames.volts[0, column]:g} V" + (
+                " in all frames" if always[column] else "")
+            raise TestFileError(path, f"{named(dead)} ({reads}). Mend it: {problem}.", line=line)
+    return always
+
+
+def without(model: Model, dead: Mask) -> Model:
+    """A forward model that leaves these channels (readings,) out of its misfit, its intervals to be calibrated on
+    validation rows that lack them too."""
+    if problem := why_not(model, dead):
+        raise ValueError(f"{named(dead)}: {problem}.")
+    kept = ~dead
+    rows = np.linspace(0, len(model.calibration.target) - 1,
+                       min(CALIBRATION_ROWS, len(model.calibration.target))).round().astype(int)
+    calibration = replace(model.calibration, signal_V=model.calibration.signal_V[rows][:, kept],
+                          target=model.calibration.target[rows])
+    ring = _kept(model.ring, kept)
+    learner = replace(model.learner, forward=replace(model.learner.forward, ring=ring))  # pyright: ignore
+    weakest = model.trained.weakest_V * float(np.sqrt(np.mean(kept)))
+    return replace(model, ring=ring, learner=learner, calibration=calibration, baseline_V=model.baseline_V[kept],
+                   trained=replace(model.trained, weakest_V=weakest))
+
+
+def _kept(ring: Ring, kept: Mask) -> Ring:
+    readings = len(kept)
+    return replace(ring, **{field.name: value[kept] for field in fields(Ring)
+                            if np.shape(value := getattr(ring, field.name)) == (readings,)})

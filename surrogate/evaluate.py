@@ -13,11 +13,16 @@ from numpy.typing import NDArray
 
 from eitsim.measurement import below, level_db
 from surrogate import outputs
-from surrogate.metrics import NOISE_REFERENCES, Array, Score, rms, score
-from surrogate.model import Model, estimate, interval_scale
+from surrogate.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
+from surrogate.model import Model, estimate, interval_scales
 from surrogate.ring import same_ring
 from surrogate.samples import Samples, content_hash
 from surrogate.split import PARTS
+
+# Columns of the half widths of intervals, one for each of COVERAGES.
+HALF_WIDTHS = tuple(f"half_width_{coverage:.0%}".rstrip("%") for coverage in COVERAGES)
+# Rows that the model has not seen, by what their part is called, the first that a set has.
+UNSEEN = ("test", "new", "all")
 
 
 def parts_of(model: Model, samples: Samples) -> NDArray[np.str_]:
@@ -55,7 +60,7 @@ class Evaluation:
 
     # scores as JSON
     scores: Mapping[str, Any]
-    # one row a scene and output: part, scene, output, unit, target, value, half_width_90, in the output's unit
+    # one row a scene and output: part, scene, output, unit, target, value, HALF_WIDTHS, in the output's unit
     predictions: pd.DataFrame
 
 
@@ -92,10 +97,10 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
     begun = time.process_time()
     found = estimate(model, noisy, noise)
     predict_ms = (time.process_time() - begun) / len(samples) * 1e3
-    half_width = found.sd * interval_scale(model, noise)
+    half_width = found.sd * interval_scales(model, noise, COVERAGES)[:, None]
     chosen = [outputs.NAMES.index(name) for name in model.names]
     part = parts_of(model, samples)
-    tables = [_long(model, samples.scene, part, k, samples.target[:, column], found.value[:, k], half_width[:, k])
+    tables = [_long(model, samples.scene, part, k, samples.target[:, column], found.value[:, k], half_width[..., k])
               for k, column in enumerate(chosen)]
     return pd.concat(tables, ignore_index=True), predict_ms
 
@@ -103,7 +108,7 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
 def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int, target: Array, value: Array,
           half_width: Array) -> pd.DataFrame:
     table = pd.DataFrame({"part": part, "scene": scene, "output": model.names[k], "unit": model.units[k],
-                          "target": target, "value": value, "half_width_90": half_width})
+                          "target": target, "value": value, **dict(zip(HALF_WIDTHS, half_width, strict=True))})
     order = [*PARTS, "new", "all"]
     return table.iloc[np.argsort([order.index(p) for p in part], kind="stable")]
 
@@ -117,5 +122,24 @@ def _scores(model: Model, table: pd.DataFrame) -> dict[str, dict[str, Any]]:
 
 
 def _score(group: pd.DataFrame, unit: str) -> Score:
-    target, value, half_width = (group[key].to_numpy(np.float64) for key in ("target", "value", "half_width_90"))
-    return score(target, value, half_width, unit)
+    target, value, *half_widths = (group[key].to_numpy(np.float64) for key in ("target", "value", *HALF_WIDTHS))
+    return score(target, value, np.array(half_widths), unit)
+
+
+def transfer(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Scores of several sets side by side, without noise: of each output, the unseen rows of each set, with the RMSE
+    over that on the first set.
+
+    sets: name -> scores as `evaluate` gives them; one that holds seen rows alone is left out.
+    """
+    table: dict[str, list[dict[str, Any]]] = {}
+    for name, scores in sets.items():
+        for output, parts in scores["outputs"].items():
+            part = next((p for p in UNSEEN if p in parts), None)
+            if part is None:
+                continue
+            rows = table.setdefault(output, [])
+            first = rows[0]["rmse"] if rows else parts[part]["rmse"]
+            rows.append({"set": name, "part": part, **parts[part],
+                         "rmse_over_first": parts[part]["rmse"] / first if first > 0 else None})
+    return table

@@ -1,4 +1,4 @@
-"""Split-conformal intervals: how many standard deviations hold 90 % of the validation rows (Lei et al. 2018)."""
+"""Split-conformal intervals: how many standard deviations hold so many of the validation rows (Lei et al. 2018)."""
 
 from __future__ import annotations
 
@@ -6,22 +6,26 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
 COVERAGE = 0.90
-# Standard deviations that hold 90 % of a normal variable.
-NORMAL = 1.6448536269514722
 
 
-def conformal_scale(error: Array, sd: Array, rows: int) -> Array:
-    """(k,) factor of sd (n, k) whose intervals hold 90 % of errors (n, k) made on `rows` different rows.
+def normal(coverage: float) -> float:
+    """Standard deviations about the mean that hold this part of a normal variable."""
+    return float(ndtri((1 + coverage) / 2))
 
-    The order statistic is that of `rows` exchangeable errors. Fewer than 9 rows have none at 90 %: then the largest
-    ratio is taken, or the normal factor where that is larger.
+
+def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE) -> Array:
+    """(k,) factor of sd (n, k) whose intervals hold this part of errors (n, k) made on `rows` different rows.
+
+    The order statistic is that of `rows` exchangeable errors. Few rows have none (fewer than 9 at 90 %, 19 at 95 %):
+    then the largest ratio is taken, or the normal factor where that is larger.
     """
     ratio = np.abs(error) / np.maximum(sd, np.finfo(float).tiny)
-    level = math.ceil((rows + 1) * COVERAGE) / rows
+    level = math.ceil((rows + 1) * coverage) / rows
     if level > 1:
-        return np.maximum(ratio.max(axis=0), NORMAL)
+        return np.maximum(ratio.max(axis=0), normal(coverage))
     return np.quantile(ratio, level, axis=0, method="higher")

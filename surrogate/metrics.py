@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 NOISE_REFERENCES = ("baseline", "signal")
+# Parts of the rows that scored intervals are to hold.
+COVERAGES = (0.50, 0.90, 0.95)
 
 
 @dataclass(frozen=True)
@@ -23,20 +25,23 @@ class Score:
     mae: float
     # rows
     n: int
-    # fraction of rows whose 90 % interval holds the target
+    # fraction of rows whose 50, 90 and 95 % interval holds the target
+    coverage_50: float
     coverage_90: float
+    coverage_95: float
     # unit of rmse and mae
     unit: str
 
 
 def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:
-    """Score predictions (n,) with intervals value +- half_width (n,)."""
+    """Score predictions (n,) with intervals value +- half_width (3, n), one for each of COVERAGES."""
     error = value - target
     mse = float(np.mean(error**2))
     spread = float(np.var(target))
     r2 = 1 - mse / spread if spread > 1e-20 * max(1.0, float(np.mean(target**2))) else None
-    return Score(mse, float(np.sqrt(mse)), r2, float(np.mean(np.abs(error))), len(target),
-                 float(np.mean(np.abs(error) <= half_width)), unit)
+    half, ninety, ninety_five = (float(np.mean(np.abs(error) <= width)) for width in half_width)
+    return Score(mse, float(np.sqrt(mse)), r2, float(np.mean(np.abs(error))), len(target), half, ninety, ninety_five,
+                 unit)
 
 
 def rms(values: Array) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from surrogate import outputs
 from surrogate.estimate import Estimate
-from surrogate.intervals import conformal_scale
+from surrogate.intervals import COVERAGE, conformal_scale
 from surrogate.metrics import Array
 from surrogate.ring import Ring
 
@@ -110,9 +110,14 @@ def estimate(model: Model, signal_V: Array, noise_V: float = 0.0) -> Estimate:
 
 def interval_scale(model: Model, noise_V: float = 0.0) -> Array:
     """(outputs,) standard deviations that make a 90 % interval at this noise, from the validation rows."""
+    return interval_scales(model, noise_V, (COVERAGE,))[0]
+
+
+def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
+    """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale."""
     rows = model.calibration
     draws = NOISE_DRAWS if noise_V > 0 else 1
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
     noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
     found = estimate(model, noisy, noise_V)
-    return conformal_scale(found.value - target, found.sd, len(rows.target))
+    return np.array([conformal_scale(found.value - target, found.sd, len(rows.target), c) for c in coverages])

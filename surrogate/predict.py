@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from eitsim.frames import Frames
+from surrogate.dead_channels import Mask, named, silent, why_not, without
 from surrogate.estimate import Estimate
+from surrogate.familiar import Familiar, learn_familiar, strangeness
 from surrogate.model import Model, estimate, interval_scale
 
 Array = NDArray[np.float64]
@@ -19,8 +22,14 @@ NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike th
 WEAK = 0.5
 # How far beyond the training targets, in their ranges, a value may lie before it is flagged.
 SLACK = 0.02
-# Misfit from which a frame is unlike a touch: this many times the worst of the validation rows.
+# Misfit, or strangeness of a signal, from which a frame is unlike a touch: so often the worst of the validation rows.
 MISFIT_FACTOR = 3.0
+# Largest factor by which a strange signal widens the intervals.
+MOST_WIDENED = 1000.0
+# Norm of a signal, over that of the strongest validation row, from which it is outside the training range.
+STRONG = 1.2
+# Relative difference of the untouched frame from that of the training, 2-norm, from which it is cautioned.
+OTHER_BASELINE = 0.2
 
 
 @dataclass(frozen=True)
@@ -33,6 +42,35 @@ class Untouched:
     noise_V: float | None
 
 
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """A model with what does not change from frame to frame."""
+
+    model: Model
+    # (readings,) the untouched frame, V
+    baseline_V: Array
+    # standard deviation of the noise of a signal, V
+    noise_V: float
+    # (outputs,) standard deviations that make a 90 % interval
+    scale: Array
+    familiar: Familiar
+    # (readings,) channels that are dead whatever a frame reads
+    dead: Mask
+    # predictors of the readings that are left, by the bytes of a mask of dead channels
+    reduced: dict[bytes, Predictor] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """One row a frame; NaN where a frame has no touch to read."""
+
+    # (n, outputs), and the half widths of the 90 % intervals
+    value: Array
+    half_width: Array
+    # (n,) what is to be known of the frame, empty where nothing is
+    flag: list[str]
+
+
 def untouched(frames: Frames) -> Untouched:
     """The mean of untouched frames, and the noise by their scatter where there are two or more."""
     n = len(frames.volts)
@@ -40,31 +78,116 @@ def untouched(frames: Frames) -> Untouched:
     return Untouched(frames.volts.mean(axis=0), noise)
 
 
-def predict_frames(model: Model, frames: Frames, reference: Untouched, noise_V: float = 0.0) -> pd.DataFrame:
-    """One row a frame: line, then value, lowest and highest of the 90 % interval for each output, then the flag.
+def baseline_caution(model: Model, baseline_V: Array) -> str:
+    """In words, that an untouched frame (readings,), V, is not that of the trained sensor; empty where it may be."""
+    finite = np.isfinite(baseline_V)
+    trained = model.baseline_V[finite]
+    apart = float(np.linalg.norm(baseline_V[finite] - trained) / np.linalg.norm(trained))
+    if apart < OTHER_BASELINE:
+        return ""
+    return (f"the untouched frame differs by {apart:.0%} from that of the training: is it untouched, of this sensor "
+            "and drive, and in volts? Intervals do not count such a difference.")
 
-    Frames without a touch have no values. Columns carry the outputs' units.
+
+def prepare(model: Model, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None) -> Predictor:
+    """What predicting frames needs, the calibration of the intervals included, once for a stream of frames.
+
+    dead: (readings,) channels known to be dead, beside those that the baseline shows.
     """
-    signal = frames.volts - reference.volts
+    lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
+    return Predictor(model, baseline_V, noise_V, interval_scale(model, noise_V),
+                     learn_familiar(model.ring, model.calibration.signal_V), lost)
+
+
+def predict(predictor: Predictor, volts: Array) -> Predictions:
+    """Predictions of frames (n, readings), V.
+
+    Channels that are dead in a frame are left out of its misfit where the model can do that; its values are then
+    flagged, and intervals calibrated without them, never by less than with them. Else such a frame has no values.
+    """
+    shape = (len(volts), len(predictor.model.names))
+    found = Predictions(np.full(shape, np.nan), np.full(shape, np.nan), [""] * len(volts))
+    dead = silent(volts, predictor.model.baseline_V) | predictor.dead
+    for mask, rows in _groups(dead):
+        part = _without(predictor, mask, volts[rows]) if mask.any() else _sound(predictor, volts[rows])
+        found.value[rows], found.half_width[rows] = part.value, part.half_width
+        for row, flag in zip(rows.tolist(), part.flag, strict=True):
+            found.flag[row] = flag
+    return found
+
+
+def _groups(dead: Mask) -> Iterator[tuple[Mask, NDArray[np.intp]]]:
+    """Masks of dead channels, each with the frames that have it."""
+    if not dead.any():
+        yield dead[0] if len(dead) else np.zeros(dead.shape[1], bool), np.arange(len(dead))
+        return
+    masks, which = np.unique(dead, axis=0, return_inverse=True)
+    for k, mask in enumerate(masks):
+        yield mask, np.flatnonzero(which.ravel() == k)
+
+
+def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
+    if problem := why_not(predictor.model, dead):
+        none = np.full((len(volts), len(predictor.model.names)), np.nan)
+        return Predictions(none, none, [f"{named(dead)}; {problem}"] * len(volts))
+    key, kept = dead.tobytes(), ~dead
+    if key not in predictor.reduced:
+        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V)
+        predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale))
+    part = _sound(predictor.reduced[key], volts[:, kept])
+    return Predictions(part.value, part.half_width, ["; ".join(filter(None, (named(dead), flag)))
+                                                     for flag in part.flag])
+
+
+def _sound(predictor: Predictor, volts: Array) -> Predictions:
+    """Predictions of frames that have all their channels."""
+    model, signal = predictor.model, volts - predictor.baseline_V
     touched = np.linalg.norm(signal, axis=1) >= WEAK * model.trained.weakest_V
     shape = (len(signal), len(model.names))
     value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
     if np.any(touched):
-        found = estimate(model, signal[touched], noise_V)
-        value[touched], half_width[touched] = found.value, found.sd * interval_scale(model, noise_V)
-        flags[touched] = _flags(model, found)
-    table = pd.DataFrame({"line": frames.line})
-    for k, (name, unit) in enumerate(zip(model.names, model.units, strict=True)):
-        table[f"{name}_{unit}"] = value[:, k]
-        table[f"{name}_lo90_{unit}"] = value[:, k] - half_width[:, k]
-        table[f"{name}_hi90_{unit}"] = value[:, k] + half_width[:, k]
-    table["flag"] = flags
-    return table
+        found = estimate(model, signal[touched], predictor.noise_V)
+        strange = strangeness(predictor.familiar, signal[touched], predictor.noise_V) / MISFIT_FACTOR
+        strong = np.linalg.norm(signal[touched], axis=1) > STRONG * predictor.familiar.strongest_V
+        value[touched] = found.value
+        half_width[touched] = found.sd * predictor.scale * _widening(strange)[:, None]
+        flags[touched] = _flags(model, found, strange > 1, strong)
+    return Predictions(value, half_width, flags.tolist())
 
 
-def _flags(model: Model, found: Estimate) -> list[str]:
+def _widening(strange: Array) -> Array:
+    """Factor of the interval of a signal that is not like the trained ones, by how much it is not; no coverage is
+    promised there."""
+    return np.clip(strange, 1.0, MOST_WIDENED)
+
+
+def _flags(model: Model, found: Estimate, strange: Mask, strong: Mask) -> list[str]:
     slack = SLACK * (model.trained.highest - model.trained.lowest)
     beyond = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
-    outside = beyond.any(axis=1) | ~found.inside
-    odd = found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0)
+    outside = beyond.any(axis=1) | ~found.inside | strong
+    odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
     return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]
+
+
+def columns(model: Model) -> list[str]:
+    """Names of the columns of predictions: line, then value, lowest and highest of the 90 % interval of each output in
+    its unit, then the flag."""
+    each = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
+            for end in ("", "_lo90", "_hi90")]
+    return ["line", *each, "flag"]
+
+
+def numbers_of(found: Predictions) -> Array:
+    """(n, 3 outputs) value, lowest and highest of each output, in the order of `columns`."""
+    ends = (found.value, found.value - found.half_width, found.value + found.half_width)
+    return np.stack(ends, axis=2).reshape(len(found.value), -1)
+
+
+def predict_frames(model: Model, frames: Frames, reference: Untouched, noise_V: float = 0.0,
+                   dead: Mask | None = None) -> pd.DataFrame:
+    """One row a frame, with the columns of `columns`; frames without a touch have no values."""
+    found = predict(prepare(model, reference.volts, noise_V, dead), frames.volts)
+    table = pd.DataFrame(numbers_of(found), columns=columns(model)[1:-1])
+    table.insert(0, "line", frames.line)
+    table["flag"] = found.flag
+    return table

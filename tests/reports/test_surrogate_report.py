@@ -40,7 +40,7 @@ def write_model(folder: Path, **changes: Any) -> pd.DataFrame:
         for part in ("train", "val", "test"):
             chosen = ((table["output"] == name) & (table["part"] == part)).to_numpy()
             target, value, half = (table[key].to_numpy(float)[chosen] for key in ("target", "value", "half_width_90"))
-            scores.setdefault(name, {})[part] = asdict(score(target, value, half, unit))
+            scores.setdefault(name, {})[part] = asdict(score(target, value, np.array([half] * 3), unit))
     dataset = {"sha256": "cd" * 32, "rows": 40}
     net = {"gamma": 25.5, "parameters": 101, "epochs": 77, "stop": "the gradient vanished", "collapsed": False}
     model = {"schema": 1, "method": "trainbr", "seed": 4, "fit_s": 12.34, "versions": {"torch": "2.13.0"},

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from eitsim.measurement import below, level_db
 from surrogate import outputs
-from surrogate.intervals import NORMAL, conformal_scale
+from surrogate.evaluate import transfer
+from surrogate.intervals import conformal_scale, normal
 from surrogate.metrics import score
 from surrogate.split import split
 
@@ -24,8 +27,10 @@ def test_too_few_rows_are_refused() -> None:
 
 
 def test_a_score_by_hand() -> None:
-    found = score(np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 3.0, 3.0, 4.0]), np.full(4, 1.5), "mm")
+    found = score(np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 3.0, 3.0, 4.0]),
+                  np.array([[0.5] * 4, [1.5] * 4, [2.0] * 4]), "mm")
     assert (found.mse, found.mae, found.n, found.coverage_90, found.unit) == (1.25, 0.75, 4, 0.75, "mm")
+    assert (found.coverage_50, found.coverage_95) == (0.5, 1.0)
     assert found.rmse == pytest.approx(np.sqrt(1.25))
     assert found.r2 == pytest.approx(1 - 1.25 / 3.5)
 
@@ -39,18 +44,18 @@ def test_decibels() -> None:
     assert level_db(2e-3, 2.0) == pytest.approx(60)
 
 
-@pytest.mark.parametrize("rows", [9, 30, 600])
-def test_conformal_intervals_cover_what_they_promise(rows: int) -> None:
+@pytest.mark.parametrize(("rows", "coverage"), [(9, 0.9), (30, 0.9), (600, 0.9), (600, 0.5), (600, 0.95)])
+def test_conformal_intervals_cover_what_they_promise(rows: int, coverage: float) -> None:
     rng = np.random.default_rng(0)
     sd = rng.uniform(0.5, 2, (2000, rows + 1))
     ratio = np.abs(rng.standard_t(3, (2000, rows + 1)))
-    scale = conformal_scale((ratio * sd)[:, :rows].T, sd[:, :rows].T, rows)
+    scale = conformal_scale((ratio * sd)[:, :rows].T, sd[:, :rows].T, rows, coverage)
     covered = np.mean(ratio[:, rows] <= scale)
-    assert 0.885 < covered < 0.9 + 1 / (rows + 1) + 0.015
+    assert coverage - 0.015 < covered < coverage + 1 / (rows + 1) + 0.015
 
 
 def test_few_rows_fall_back_on_the_larger_of_both() -> None:
-    assert conformal_scale(np.array([[0.1], [0.2]]), np.ones((2, 1)), 2)[0] == NORMAL
+    assert conformal_scale(np.array([[0.1], [0.2]]), np.ones((2, 1)), 2)[0] == normal(0.9)
     assert conformal_scale(np.array([[0.1], [5.0]]), np.ones((2, 1)), 2)[0] == 5.0
 
 
@@ -59,3 +64,13 @@ def test_outputs_are_chosen_by_name() -> None:
     assert outputs.chosen("F, x0") == ("x0", "F")
     with pytest.raises(ValueError, match="'z' is unknown; known: all, x0, y0, d, F, sigma_max"):
         outputs.chosen("x0,z")
+
+
+def test_sets_are_compared_on_their_unseen_rows() -> None:
+    def scores(rmse: float, *parts: str) -> dict[str, Any]:
+        return {"outputs": {"x0": {part: {"rmse": rmse, "unit": "mm"} for part in parts}}}
+
+    sets = {"own": scores(0.2, "train", "test"), "mesh": scores(0.5, "all"), "seen": scores(0.1, "train")}
+    rows = transfer(sets)["x0"]
+    assert [(row["set"], row["part"]) for row in rows] == [("own", "test"), ("mesh", "all")]
+    assert [row["rmse_over_first"] for row in rows] == pytest.approx([1.0, 2.5])

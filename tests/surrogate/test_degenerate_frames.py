@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eitsim.frames import Frames
+from matcal.errors import TestFileError
+from surrogate.dead_channels import named, silent, stuck, usable
+from surrogate.model import Model
+from surrogate.predict import MISFIT, NO_TOUCH, OUTSIDE, Predictor, baseline_caution, predict, prepare
+from surrogate.samples import Samples
+from surrogate.train import train
+
+Array = NDArray[np.float64]
+Synthetic = Callable[[int, int], tuple[Array, Array]]
+NOISE_V = 1e-6
+
+
+@pytest.fixture(scope="module")
+def forward(samples: Samples) -> Model:
+    return train(samples, "forward", ("x0", "y0", "F"), 1)
+
+
+@pytest.fixture(scope="module")
+def ridge(samples: Samples) -> Model:
+    return train(samples, "ridge", ("x0", "y0", "F"), 1)
+
+
+@pytest.fixture(scope="module")
+def predictors(forward: Model, ridge: Model, untouched_V: Array) -> dict[str, Predictor]:
+    return {model.method: prepare(model, untouched_V, NOISE_V) for model in (forward, ridge)}
+
+
+@pytest.mark.parametrize("method", ["forward", "ridge"])
+def test_sound_frames_are_not_flagged(predictors: dict[str, Predictor], synthetic: Synthetic, untouched_V: Array,
+                                      method: str) -> None:
+    touch, signal = synthetic(12, 71)
+    frames = untouched_V + signal + NOISE_V * np.random.default_rng(0).normal(size=signal.shape)
+    found = predict(predictors[method], frames)
+    assert found.flag == [""] * 12
+    assert np.abs(found.value[:, :2] - touch[:, :2]).max() < 3
+
+
+@pytest.mark.parametrize("method", ["forward", "ridge"])
+def test_what_is_no_touch_of_the_training_is_flagged_and_widened(
+        predictors: dict[str, Predictor], synthetic: Synthetic, untouched_V: Array, method: str) -> None:
+    _, signal = synthetic(3, 72)
+    sound = predict(predictors[method], untouched_V + signal)
+    limit = np.quantile(untouched_V + signal, 0.8)
+    cases = {"sign flipped": -signal, "channels shifted by one": np.roll(signal, 1, axis=1),
+             "saturated": np.minimum(untouched_V + signal, limit) - untouched_V}
+    for name, odd in cases.items():
+        found = predict(predictors[method], untouched_V + odd)
+        assert all(MISFIT in flag for flag in found.flag), name
+        assert np.all(found.half_width > 2 * sound.half_width), name
+    assert all(OUTSIDE in flag for flag in predict(predictors[method], untouched_V + 40 * signal).flag)
+
+
+def test_a_frame_equal_to_the_baseline_has_no_touch(predictors: dict[str, Predictor], untouched_V: Array) -> None:
+    for predictor in predictors.values():
+        found = predict(predictor, untouched_V[None])
+        assert found.flag == [NO_TOUCH]
+        assert np.isnan(found.value).all()
+
+
+def test_a_dead_channel_is_left_out_of_an_inversion(predictors: dict[str, Predictor], synthetic: Synthetic,
+                                                    untouched_V: Array) -> None:
+    touch, signal = synthetic(10, 73)
+    frames = untouched_V + signal
+    whole = predict(predictors["forward"], frames)
+    frames[:, [7, 30]] = 0.0, np.nan
+    found = predict(predictors["forward"], frames)
+    assert all(flag.startswith("dead channels: columns 8, 31") for flag in found.flag)
+    assert np.abs(found.value[:, :2] - touch[:, :2]).max() < 0.5
+    assert len(predictors["forward"].reduced) == 1
+    assert np.mean(found.half_width / whole.half_width) > 0.99
+    other = predict(predictors["ridge"], frames)
+    assert np.isnan(other.value).all()
+    assert other.flag[0].startswith("dead channels: columns 8, 31; a model trained on all readings")
+
+
+def test_a_dead_electrode_widens_the_intervals(predictors: dict[str, Predictor], synthetic: Synthetic,
+                                               untouched_V: Array) -> None:
+    """All readings that need one electrode are gone."""
+    ring = predictors["forward"].model.ring
+    dead = np.any([getattr(ring, name) == 3 for name in ("source", "sink", "read", "ground")], axis=0)
+    touch, signal = synthetic(12, 74)
+    frames = untouched_V + signal + NOISE_V * np.random.default_rng(1).normal(size=signal.shape)
+    whole = predict(predictors["forward"], frames)
+    found = predict(predictors["forward"], np.where(dead, 0.0, frames))
+    within = np.array([flag == "" for flag in whole.flag])
+    assert 40 < dead.sum() < 104
+    assert within.sum() > 8
+    assert np.all(np.abs(found.value[:, :2] - touch[:, :2])[within] < 2 * found.half_width[within, :2])
+    assert np.all(found.half_width > whole.half_width)
+
+
+def test_a_channel_that_is_dead_in_the_baseline_is_dead_in_every_frame(forward: Model, synthetic: Synthetic,
+                                                                       untouched_V: Array) -> None:
+    baseline = np.where(np.arange(208) == 7, 0.0, untouched_V)
+    found = predict(prepare(forward, baseline), untouched_V + synthetic(1, 75)[1])
+    assert found.flag == ["dead channel: column 8"]
+
+
+def test_more_than_half_of_the_channels_cannot_be_done_without(predictors: dict[str, Predictor], synthetic: Synthetic,
+                                                               untouched_V: Array) -> None:
+    frames = np.where(np.arange(208) < 110, 0.0, untouched_V + synthetic(1, 76)[1])
+    found = predict(predictors["forward"], frames)
+    assert np.isnan(found.value).all()
+    assert "110 of 208 readings are dead" in found.flag[0]
+
+
+def test_files_for_models_of_all_readings_are_refused_by_channel(ridge: Model, forward: Model, synthetic: Synthetic,
+                                                                 untouched_V: Array) -> None:
+    volts = untouched_V + synthetic(3, 77)[1]
+    lines = np.arange(2, 5)
+    dead = volts.copy()
+    dead[1, 7] = 0.0
+    same = np.where(np.arange(208) == 9, volts[0, 9], volts)
+    for frames, message in ((dead, r"line 3: dead channel: column 8 .*--method forward can"),
+                            (same, r"line 2: dead channel: column 10 .* in all frames")):
+        with pytest.raises(TestFileError, match=message):
+            usable(Path("frames.csv"), Frames(frames, lines), ridge)
+    assert np.flatnonzero(usable(Path("frames.csv"), Frames(same, lines), forward)).tolist() == [9]
+
+
+def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
+    quiet = np.array([[1.0, 1e-16, 2.0]])
+    assert not silent(quiet, np.array([1.0, -2e-17, 2.0])).any()
+    assert silent(quiet, np.array([1.0, 0.1, 2.0])).tolist() == [[False, True, False]]
+    assert not stuck(np.ones((3, 4))).any()
+    assert named(np.arange(9) > 2) == "dead channels: columns 4, 5, 6, 7 and 2 more"
+
+
+def test_an_untouched_frame_of_another_drive_is_cautioned(forward: Model, untouched_V: Array) -> None:
+    assert baseline_caution(forward, 1.05 * untouched_V) == ""
+    assert "differs by 100%" in baseline_caution(forward, 2 * untouched_V)
