@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from matcal.terminal import JsonOption, application, check_apart, check_out, counter, numbers, print_json, run
+from surrogate.limit_cli import limit
 
 if TYPE_CHECKING:
     from eitsim.frames import Frames
@@ -136,6 +137,9 @@ def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PD
     check_out(out)
     write(model_folder, out)
     print(f"report: {out}")
+
+
+app.command()(limit)
 
 
 def _levels(text: str) -> list[float]:
