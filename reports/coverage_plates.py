@@ -10,7 +10,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from matcal.modes import MODES
 from reports import style
@@ -82,9 +81,7 @@ def orders(tried: Sequence[Mapping[str, Any]], chosen: int) -> Plate:
         axes.set_xticks(table["terms"])
         axes.margins(x=0.12, y=0.15)
     left.set_yscale("log")
-    left.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    left.yaxis.set_minor_formatter(NullFormatter())
+    style.plain_log(left.yaxis)
     right.set_yscale("symlog", linthresh=10)
     style.label(left, "Terms of the law (–)", "Weighted residual (%)")
     style.label(right, "Terms of the law (–)", "BIC above the least (–)")

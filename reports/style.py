@@ -9,7 +9,9 @@ from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 # the one accent colour, and what stands beside it (Okabe and Ito's palette; line styles differ as well)
 ACCENT, SECOND, THIRD = "#0072B2", "#D55E00", "#009E73"
@@ -43,6 +45,13 @@ def house() -> AbstractContextManager[None]:
 def sheet(height_mm: float, width_mm: float = TEXT_WIDTH_MM) -> Figure:
     """An empty figure of this size, mm, that owes nothing to pyplot's global state."""
     return Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+
+
+def plain_log(axis: Axis) -> None:
+    """Ticks of a logarithmic axis at 1, 2 and 5 of every decade, as plain numbers."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def label(axes: Axes, x: str, y: str, title: str = "") -> None:

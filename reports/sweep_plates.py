@@ -46,7 +46,9 @@ def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any
         axes.scatter(failed["x_mm"], failed["y_mm"], marker="x", color=style.SECOND, s=size, lw=0.7, zorder=3,
                      label="another outcome")
         axes.legend(loc="upper left", bbox_to_anchor=(0, 1.09), ncols=2)
-    figure.colorbar(dots, ax=axes, label=f"RMS of the signal ΔV ({unit})", shrink=0.85)
+    bar = figure.colorbar(dots, ax=axes, label=f"RMS of the signal ΔV ({unit})", shrink=0.85)
+    if isinstance(norm, LogNorm):
+        style.plain_log(bar.ax.yaxis)
     caption = (f"{counted(rms.size, 'touch', 'touches')} by place; the RMS of the signal runs from "
                f"{number(rms.min() * factor)} to {number(rms.max() * factor)} {unit}.")
     if lost:
