@@ -1,0 +1,57 @@
+"""Frames a second from standard input: models answer a stream of text lines, on one core.
+
+Lines hold the validation rows of each model with noise of 1e-6 V. `waiting` lets all frames wait, so that they are
+answered 32 at a time; `lone` gives one at a time, and tells how long an answer takes. CPU time, without start-up (the
+calibration of the intervals), which start_s tells. Run as `python benchmarks/streaming.py MODEL_DIR...`; writes
+results/streaming.csv beside this file.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from conditions import RESULTS, conditions
+
+from surrogate import store
+from surrogate.model import Model
+from surrogate.predict import prepare
+from surrogate.stream import BATCH, Columns, answers
+
+FRAMES, NOISE_V = 512, 1e-6
+
+
+def row(model: Model, most: int, frames: int) -> dict[str, object]:
+    """Rate of one model, at most so many lines at a time."""
+    rng = np.random.default_rng(0)
+    signal = model.calibration.signal_V[np.arange(frames) % len(model.calibration.signal_V)]
+    volts = model.baseline_V + signal + NOISE_V * rng.normal(size=signal.shape)
+    lines = [(number, ",".join(map(repr, frame))) for number, frame in enumerate(volts.tolist(), start=1)]
+    form = Columns(volts.shape[1], np.arange(volts.shape[1]))
+    begun = time.process_time()
+    predictor = prepare(model, model.baseline_V, NOISE_V)
+    answers(predictor, lines[:1], form)
+    start_s, begun, sink = time.process_time() - begun, time.process_time(), io.StringIO()
+    for first in range(0, frames, most):
+        sink.writelines(",".join(cells) + "\n" for cells in answers(predictor, lines[first:first + most], form))
+    spent = time.process_time() - begun
+    return {"method": model.method, "outputs": len(model.names), "rows": len(model.rows.part),
+            "mode": "lone" if most == 1 else "waiting", "frames": frames, "ms_a_frame": spent / frames * 1e3,
+            "frames_per_s": frames / spent, "start_s": start_s, **conditions()}
+
+
+def main() -> None:
+    RESULTS.mkdir(exist_ok=True)
+    models = [store.load(Path(name)) for name in sys.argv[1:]]
+    rows = [row(model, most, frames) for model in models for most, frames in ((BATCH, FRAMES), (1, 64))]
+    found = pd.DataFrame(rows)
+    found.to_csv(RESULTS / "streaming.csv", index=False, float_format="%.4g")
+    print(found.iloc[:, :8].to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
