@@ -75,7 +75,7 @@ def local_covariance(slopes: Slopes, noise_V: float, prior: Prior) -> Array:
     scaled[..., known, :] = 0.0
     scaled[..., :, known] = 0.0
     scaled[..., known, known] = 1.0
-    found = np.linalg.inv(scaled) * np.outer(scale, scale)
+    found = np.asarray(np.linalg.inv(scaled) * np.outer(scale, scale), np.float64)
     found[..., known, known] = 0.0
     return found
 
@@ -94,7 +94,7 @@ class Split:
 
 def split(whole: Array) -> Split:
     """Parts of an information (..., 4, 4)."""
-    place = np.linalg.inv(whole[..., :2, :2])
+    place = np.asarray(np.linalg.inv(whole[..., :2, :2]), np.float64)
     follows = place @ whole[..., :2, 2:]
     return Split(place, follows, whole[..., 2:, 2:] - whole[..., 2:, :2] @ follows)
 

@@ -79,7 +79,8 @@ def least_error(where: Domain, information: Array, slope: Array) -> Array:
     flow = BilinearForm(lambda q, r, w: dot(_times(told, _vector(q)), _vector(r)) + _div(q) * _div(r))
     load = LinearForm(lambda r, w: dot(own, _vector(r)))
     system = condense(flow.assemble(where.basis), load.assemble(where.basis), D=where.basis.get_dofs())
-    return dot(own, _vector(where.basis.interpolate(solve(*system))))
+    best = where.basis.interpolate(np.asarray(solve(*system)))
+    return dot(own, _vector(best))  # pyright: ignore[reportArgumentType]
 
 
 def _vector(field: DiscreteField) -> Array:
@@ -89,7 +90,7 @@ def _vector(field: DiscreteField) -> Array:
 
 
 def _div(field: DiscreteField) -> Array:
-    return np.asarray(field.grad[0] if field.div is None else field.div)
+    return np.asarray(field.grad)[0] if field.div is None else np.asarray(field.div)
 
 
 def _times(matrix: Array, vector: Array) -> Array:

@@ -175,7 +175,7 @@ def test_draws_whose_stresses_agree_leave_little_open_however_far_their_moduli_l
     own = nominal_stress(law, "uniaxial", strain)
     one = [np.column_stack([nominal_stress(Hyperfoam(row, a, np.zeros(2)), "uniaxial", strain) for row in np.eye(2)])
            for a in alpha]
-    mu = np.array([np.linalg.lstsq(columns, own, rcond=None)[0] for columns in one])
+    mu = np.array([np.linalg.lstsq(columns, own, rcond=None)[0] for columns in one], np.float64)
     draws = Draws(mu, alpha, np.zeros(2), conductivity_S_per_m=np.tile(30.0 * np.r_[1, skin.a], (40, 1)))
     found = spread_over(Cards(MaterialCard("synthetic", law, None, skin), draws, np.arange(40)))
     exact = np.array([nominal_stress(Hyperfoam(*both, np.zeros(2)), "shear", 0.3)
