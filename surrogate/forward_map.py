@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import gaussian_process, multipole
+from surrogate import gaussian_process, multipole, rim_effect
 from surrogate.gaussian_process import GaussianProcess
 from surrogate.loading import force, light_pressure, to_unknown
+from surrogate.rim_effect import RimEffect
 from surrogate.ring import Ring
 
 Array = NDArray[np.float64]
@@ -18,11 +19,15 @@ Array = NDArray[np.float64]
 MIN_ROWS = 14
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_FLOOR = 1e-5
+# Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
+INTERIOR = 0.65
+# The same for the field of the electrodes: further out the rim changes the pressure, which is no matter of the field.
+UNDISTURBED = 0.50
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardMap:
-    """Multipole series whose strengths are Gaussian processes of (log d, load g, |z0|^2)."""
+    """Multipole series whose strengths are Gaussian processes of (log d, load g, |z0|^2), and the effect of the rim."""
 
     ring: Ring
     # (modes,) harmonic coefficients of one electrode's field
@@ -31,9 +36,10 @@ class ForwardMap:
     sign: float
     # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
     strengths: tuple[GaussianProcess, ...]
+    rim: RimEffect
     # pressure p0 of the load g, N/mm^2
     p0: float
-    # standard deviation of what the series leaves, a reading, over the norm of the signal
+    # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
     floor: float
     # (4,) mean and standard deviation of the training touches in (x, y, log d, g), mm and N
     mean: Array
@@ -62,24 +68,50 @@ def learn(ring: Ring, touch: Array, signal_V: Array) -> ForwardMap:
     if len(touch) < MIN_ROWS:
         raise ValueError(f"{len(touch)} training rows are too few for the forward map; it needs {MIN_ROWS} or more. "
                          "Sweep more scenes.")
+    p0 = light_pressure(touch)
+    unknown = to_unknown(touch, p0)
     z = _place(ring, touch)
-    field = multipole.learn_field(ring, z, signal_V)
+    inner = _within(z, INTERIOR)
+    field, sign, processes, floor = _series(ring, z[inner], unknown[inner], touch[inner, 3], signal_V[inner])
+    series = ForwardMap(ring, field, sign, processes, rim_effect.none_of(ring), p0, floor, unknown.mean(0),
+                        np.maximum(unknown.std(0), 1e-6), _bounds(touch))
+    base, value = multipole.basis(*multipole.patterns(ring, field, z)), _strengths(series, unknown)[0]
+    size = value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
+    left = signal_V - multipole.combined(base, value)
+    return replace(series, rim=rim_effect.learn(ring, z, unknown[:, 2:], left, size, np.linalg.norm(signal_V, axis=1)))
+
+
+def _within(z: NDArray[np.complex128], reach: float) -> NDArray[np.bool_]:
+    """Which touches lie within a radius, or the innermost where these are few."""
+    radius = np.abs(z)
+    return radius <= max(reach, float(np.sort(radius)[MIN_ROWS - 1]))
+
+
+def _series(ring: Ring, z: NDArray[np.complex128], unknown: Array, force_N: Array,
+            signal_V: Array) -> tuple[Array, float, tuple[GaussianProcess, ...], float]:
+    """Field, sign, strengths and floor of the series."""
+    kept = _within(z, UNDISTURBED)
+    field = multipole.learn_field(ring, z[kept], signal_V[kept])
     found = multipole.strengths(ring, field, z, signal_V)
     first = found.value[:, 0]
     sign = float(np.sign(np.median(first)))
     if not np.all(first * sign > 0):
         raise ValueError(f"{np.sum(first * sign <= 0)} of {len(first)} training rows change the skin's conductance the "
                          "other way, and the forward map needs one sign. Use --method ridge or trainbr.")
-    p0 = light_pressure(touch)
-    unknown = to_unknown(touch, p0)
     inputs = _inputs(ring, unknown)
-    processes = [gaussian_process.fit(inputs, np.log(np.abs(first) / touch[:, 3]))]
+    processes = [gaussian_process.fit(inputs, np.log(np.abs(first) / force_N))]
     processes += [gaussian_process.fit(inputs, found.value[:, n] / first, found.variance[:, n] / first**2)
                   for n in range(1, multipole.ORDERS)]
     freedom = signal_V.shape[1] - multipole.ORDERS
-    floor = np.sqrt(np.mean(np.sum(found.residual**2, axis=1) / np.sum(signal_V**2, axis=1)) / freedom)
-    return ForwardMap(ring, field, sign, tuple(processes), p0, max(float(floor), MIN_FLOOR), unknown.mean(0),
-                      np.maximum(unknown.std(0), 1e-6), _bounds(touch))
+    left = np.sum(found.residual[kept] ** 2, axis=1) / np.sum(signal_V[kept] ** 2, axis=1)
+    floor = np.sqrt(np.mean(left) / freedom)
+    return field, sign, tuple(processes), max(float(floor), MIN_FLOOR)
+
+
+def floor_at(forward: ForwardMap, place_mm: Array) -> Array:
+    """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at places (n, 2)."""
+    z, spread = _place(forward.ring, place_mm), np.sqrt(max(forward.rim.directions.shape[2], 1))
+    return rim_effect.error_at(forward.rim, z, forward.floor * spread) / spread
 
 
 def _bounds(touch: Array) -> Array:
@@ -98,6 +130,12 @@ def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
     jacobian[..., 0] += multipole.combined(by_x, value) / forward.ring.radius_mm
     jacobian[..., 1] += multipole.combined(by_y, value) / forward.ring.radius_mm
     signal = multipole.combined(base, value)
+    near = np.flatnonzero(rim_effect.reaches(forward.rim, _place(forward.ring, unknown)))
+    if len(near):
+        parts = (part[near] for part in (base, by_x, by_y, value, slope, unknown))
+        added, added_slope = _rim_effect(forward, *parts)
+        signal[near] += added
+        jacobian[near] += added_slope
     doubt = base * (value[:, :1] * sd)[:, None, :]
     doubt[..., 0] = signal * sd[:, :1]
     return Linearised(signal, jacobian, doubt)
@@ -111,17 +149,32 @@ def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
     return out
 
 
+def _rim_effect(forward: ForwardMap, base: Array, by_x: Array, by_y: Array, value: Array, slope: Array,
+                unknown: Array) -> tuple[Array, Array]:
+    """What the rim adds to the signal, and its derivatives by (x, y, log d, g)."""
+    found = rim_effect.effect(forward.rim, _place(forward.ring, unknown), unknown[:, 2:])
+    dipole, norm = value[:, 0], np.linalg.norm(base[..., 0], axis=1)
+    by_unknown = found.slope * (dipole * norm)[:, None, None]
+    norm_slope = slope[:, 0] * norm[:, None]
+    for k, by in enumerate((by_x, by_y)):
+        by_unknown[..., k] /= forward.ring.radius_mm
+        turned = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
+        norm_slope[:, k] += dipole * turned
+    return found.value * (dipole * norm)[:, None], by_unknown + found.value[..., None] * norm_slope[:, None]
+
+
 def _place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
     return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
 
 
 def _inputs(ring: Ring, unknown: Array) -> Array:
-    return np.column_stack([unknown[:, 2:], np.abs(_place(ring, unknown)) ** 2])
+    return np.column_stack([unknown[:, 2:], np.minimum(np.abs(_place(ring, unknown)), INTERIOR) ** 2])
 
 
 def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
     """Derivatives by (x, y, log d, g) from those by (log d, g, |z0|^2), last axis."""
     radial = 2 * unknown[..., :2] / ring.radius_mm**2
+    radial = radial * (np.hypot(unknown[..., :1], unknown[..., 1:2]) < INTERIOR * ring.radius_mm)
     return np.concatenate([by_input[..., 2:] * radial, by_input[..., :2]], axis=-1)
 
 

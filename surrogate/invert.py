@@ -13,21 +13,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.forward_map import ForwardMap, linearise
+from surrogate.forward_map import INTERIOR, ForwardMap, floor_at, linearise
 from surrogate.levenberg import Minimum, inverse, minimise
 from surrogate.loading import to_touch, touch_slope
 from surrogate.locate import Located, locate, on_disc
 from surrogate.multipole import combined
 from surrogate.punches import Posterior, make_table, moments, posterior, resolved, starts
+from surrogate.rim_starts import rim_starts
 
 Array = NDArray[np.float64]
 
-# Bands of diameters that each give one start.
-BANDS = 4
+# Bands of loads that each give one start.
+BANDS = 5
 # Steps of every start, and of the best start of each frame after that.
-SHORT, LONG = 8, 100
+SHORT, LONG = 12, 100
+# Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
+NOISY = 2.0
 # How far beyond the training touches a solution may go, in log d and log F.
-MARGIN = 0.2
+MARGIN = 0.1
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,10 @@ class Inversion:
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
-    sd = np.sqrt(noise_V**2 + forward.floor**2 * np.sum(signal**2, axis=1))
-    located = locate(forward, signal, sd)
+    energy = np.sum(signal**2, axis=1)
+    located = locate(forward, signal, np.sqrt(noise_V**2 + forward.floor**2 * energy))
+    floor = floor_at(forward, located.place_mm) * np.sqrt(energy)
+    sd = np.hypot(noise_V, floor)
     punches = posterior(forward, make_table(forward), located)
     frames = np.repeat(np.arange(len(signal)), BANDS)
 
@@ -59,9 +64,10 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
         return minimise(lambda s, which: _residuals(forward, signal[frame[which]], sd[frame[which]], s), state, steps,
                         lambda s: _within(forward, s))
 
-    short = descend(_starts(forward, located, punches), frames, SHORT)
+    short = descend(_starts(forward, signal, located, punches), frames, SHORT)
     best = np.argmin(short.cost.reshape(-1, BANDS), axis=1) + BANDS * np.arange(len(signal))
-    return _broadened(_inversion(forward, descend(short.state[best], np.arange(len(signal)), LONG), punches))
+    return _broadened(_inversion(forward, descend(short.state[best], np.arange(len(signal)), LONG), punches,
+                                 noise_V > NOISY * floor))
 
 
 def _broadened(found: Inversion) -> Inversion:
@@ -74,7 +80,7 @@ def _broadened(found: Inversion) -> Inversion:
     return replace(found, touch=touch, covariance=spread)
 
 
-def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior) -> Inversion:
+def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDArray[np.bool_]) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
     misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1])
@@ -85,15 +91,20 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior) -> Inversi
     covariance = slope @ scaled @ slope.transpose(0, 2, 1) * np.maximum(misfit, 1.0)[:, None, None]
     extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
     inside = np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
-    return Inversion(touch, covariance, misfit, inside, resolved(punches), punches)
+    in_table = noisy & (extent[:, 0] <= INTERIOR * forward.ring.radius_mm)
+    return Inversion(touch, covariance, misfit, inside, resolved(punches) & in_table, punches)
 
 
-def _starts(forward: ForwardMap, located: Located, punches: Posterior) -> Array:
-    """(n BANDS, 7) states at the located places, with the most probable punch of each band of diameters."""
+def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
+    """(n BANDS, 7) states with the most probable punch of each band of loads at the located places; of each band the
+    touch that the map foresees most alike where that place is near the rim."""
     chosen = starts(punches, BANDS)
     unknown = np.empty((len(chosen), BANDS, 4))
     unknown[..., :2] = located.place_mm[:, None]
     unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
+    near = np.hypot(*located.place_mm.T) > INTERIOR * forward.ring.radius_mm
+    if len(forward.rim.radius) and np.any(near):
+        unknown[near] = rim_starts(forward, signal[near], BANDS)
     scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd
     return np.column_stack([scaled, np.zeros((len(scaled), len(forward.strengths)))])
 

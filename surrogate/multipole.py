@@ -4,7 +4,8 @@ The potential of electrode e under unit current is Re f(z exp(-i angle_e)) with 
 over the radius, real q_m by the ring's mirror symmetry (q_m = 1 for point electrodes; width and shunting lower it). A
 change of sheet conductance that is axisymmetric about z0 answers each angular order n of a field apart, so a reading
 that drives the field F and reads the field G changes by dV = sum_n p_n Re[F^(n)(z0) conj(G^(n)(z0))]; p_n depend on
-the touch alone, up to the reflection of its own field at the rim, which depends on |z0|.
+the touch alone, up to the reflection of its own field at the rim, which depends on |z0|. Close to the rim the series
+does not suffice, and `surrogate.rim_effect` adds what it leaves.
 """
 
 from __future__ import annotations
@@ -22,8 +23,11 @@ Complex = NDArray[np.complex128]
 
 # Angular orders of the series.
 ORDERS = 3
-# Spread of q_m about 1 that is believed before any data.
-PRIOR_SD = 0.3
+# Spread of q_m about the foreseen ones that is believed before any data.
+PRIOR_SD = 0.1
+# How many times less than the foreseen field a learned one must leave of the signals: a series that lacks something
+# else bends the field to make up for it, and is then wrong elsewhere.
+WORTH = 3.0
 # Rows that the field is learned from, at most; each gives all its readings, so few suffice.
 MAX_ROWS = 200
 
@@ -74,19 +78,29 @@ def strengths(ring: Ring, q: Array, z: Complex, signal_V: Array) -> Strengths:
     return _strengths(basis(*patterns(ring, q, z)), signal_V)
 
 
-def learn_field(ring: Ring, z: Complex, signal_V: Array, iterations: int = 20) -> Array:
-    """q (modes,) with q_1 = 1 that leaves least of the unit-norm signals, strengths eliminated (Kaufman 1975)."""
+def learn_field(ring: Ring, z: Complex, signal_V: Array) -> Array:
+    """q (modes,) with q_1 = 1: those foreseen, or those that leave least of the signals where they leave far less."""
+    foreseen, learned = strengths(ring, ring.modes, z, signal_V), _learned(ring, z, signal_V)
+    better = strengths(ring, learned, z, signal_V)
+    gain = np.linalg.norm(foreseen.residual, axis=1) / np.linalg.norm(better.residual, axis=1)
+    return learned if np.median(gain) > WORTH else ring.modes
+
+
+def _learned(ring: Ring, z: Complex, signal_V: Array, iterations: int = 20) -> Array:
+    """q that leaves least of the unit-norm signals, strengths eliminated (Kaufman 1975); modes that do not reach these
+    places are those foreseen."""
     kept = np.linspace(0, len(z) - 1, min(len(z), MAX_ROWS)).round().astype(int)
     z, unit = z[kept], signal_V[kept] / np.linalg.norm(signal_V[kept], axis=1, keepdims=True)
-    q = np.ones(modes_needed(float(np.abs(z).max())))
+    q = ring.modes
+    learned = min(modes_needed(float(np.abs(z).max())), len(q))
     current = strengths(ring, q, z, unit)
     for _ in range(iterations):
-        step = _step(ring, q, z, current)
+        step = _step(ring, q, z, current, learned)
         trial, trial_q = current, q
         for shorten in (1.0, 0.3, 0.1, 0.01):
-            trial_q = q + np.r_[0.0, shorten * step]
+            trial_q = q + shorten * step
             trial = strengths(ring, trial_q, z, unit)
-            if _objective(trial_q, trial, current) < _objective(q, current, current):
+            if _objective(ring, trial_q, trial, current) < _objective(ring, q, current, current):
                 break
         else:
             return q
@@ -97,24 +111,29 @@ def learn_field(ring: Ring, z: Complex, signal_V: Array, iterations: int = 20) -
     return q
 
 
-def _objective(q: Array, fit: Strengths, scale: Strengths) -> float:
-    return float(np.sum(fit.residual**2) + np.mean(scale.residual**2) / PRIOR_SD**2 * np.sum((q - 1) ** 2))
+def _objective(ring: Ring, q: Array, fit: Strengths, scale: Strengths) -> float:
+    prior = np.mean(scale.residual**2) / PRIOR_SD**2
+    return float(np.sum(fit.residual**2) + prior * np.sum((q - ring.modes) ** 2))
 
 
-def _step(ring: Ring, q: Array, z: Complex, fit: Strengths) -> Array:
-    """Gauss-Newton step of q_2 ... on the residual with the strengths projected out, under the prior."""
+def _step(ring: Ring, q: Array, z: Complex, fit: Strengths, learned: int) -> Array:
+    """Gauss-Newton step of q_2 ... of the learned modes on the residual with the strengths projected out, under the
+    prior."""
     drive, read = patterns(ring, q, z)
     onto, _ = np.linalg.qr(basis(drive, read))
     columns = []
-    for m in range(1, len(q)):
+    for m in range(1, learned):
         d_drive, d_read = patterns(ring, np.eye(len(q))[m], z)
         change = basis(d_drive, read) + basis(drive, d_read)
         moved = combined(change, fit.value)
         columns.append((moved - np.einsum("nkp,njp,nj->nk", onto, onto, moved, optimize=True)).ravel())
     jacobian = np.array(columns)
     prior = np.mean(fit.residual**2) / PRIOR_SD**2 + np.finfo(float).tiny
-    normal = jacobian @ jacobian.T + prior * np.eye(len(q) - 1)
-    return np.asarray(np.linalg.solve(normal, jacobian @ fit.residual.ravel() - prior * (q[1:] - 1)), np.float64)
+    normal = jacobian @ jacobian.T + prior * np.eye(learned - 1)
+    off = (q - ring.modes)[1:learned]
+    step = np.zeros(len(q))
+    step[1:learned] = np.linalg.solve(normal, jacobian @ fit.residual.ravel() - prior * off)
+    return step
 
 
 def _strengths(design: Array, signal_V: Array) -> Strengths:

@@ -139,13 +139,12 @@ def _sd(weight: Array, values: Array) -> Array:
 
 
 def starts(found: Posterior, bands: int) -> Array:
-    """(n, bands, 2) most probable (d, g) in each of some bands of diameters."""
-    n, groups = len(found.log_weight), np.array_split(np.arange(len(found.table.d_mm)), bands)
+    """(n, bands, 2) most probable (d, g) in each of some bands of loads, which part the branches of one signal."""
+    n, groups = len(found.log_weight), np.array_split(np.arange(len(found.table.load) - 1), bands)
     out = np.empty((n, bands, 2))
     for k, group in enumerate(groups):
-        group = group if len(group) else groups[0]
-        flat = found.log_weight[:, group].reshape(n, -1)
+        flat = found.log_weight[:, :, group].reshape(n, -1)
         best = np.argmax(flat, axis=1)
-        out[:, k, 0] = found.table.d_mm[group[best // found.load.shape[2]]]
-        out[:, k, 1] = found.load[:, group].reshape(n, -1)[np.arange(n), best]
+        out[:, k, 0] = found.table.d_mm[best // len(group)]
+        out[:, k, 1] = found.load[:, :, group].reshape(n, -1)[np.arange(n), best]
     return out

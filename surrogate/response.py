@@ -1,4 +1,4 @@
-"""The mechanical response of a touch, learned: (d, F) -> peak and mean stress, contact area, depth."""
+"""The mechanical response of a touch, learned: (d, F, distance to the rim) -> peak and mean stress, area, depth."""
 
 from __future__ import annotations
 
@@ -13,35 +13,47 @@ from surrogate.loading import light_pressure, to_unknown, touch_slope
 
 Array = NDArray[np.float64]
 
+# Distances to the rim are felt as log(SOFT - radius), over the disc's radius.
+SOFT = 1.06
+
 
 @dataclass(frozen=True)
 class Response:
-    """One Gaussian process an output, of log(output / F) on (log d, load g)."""
+    """One Gaussian process an output, of log(output / F) on (log d, load g, log of the soft distance to the rim)."""
 
     processes: tuple[GaussianProcess, ...]
     # pressure p0 of the load, N/mm^2
     p0: float
+    # radius of the disc, mm
+    radius_mm: float
 
 
-def learn(touch: Array, target: Array, names: tuple[str, ...]) -> Response:
+def learn(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...]) -> Response:
     """Learn outputs (n, k) > 0 from touches (n, 4); ValueError names an output that is not positive."""
     for name, column in zip(names, target.T, strict=True):
         if not np.all(column > 0):
             raise ValueError(f"{name} is {column.min():g} in a training row; the forward method learns its logarithm. "
                              "Leave it out with --outputs, or use --method trainbr or ridge.")
     p0 = light_pressure(touch)
-    inputs = to_unknown(touch, p0)[:, 2:]
-    return Response(tuple(gaussian_process.fit(inputs, np.log(column / touch[:, 3])) for column in target.T), p0)
+    inputs = _inputs(radius_mm, touch, p0)
+    return Response(tuple(gaussian_process.fit(inputs, np.log(column / touch[:, 3])) for column in target.T), p0,
+                    radius_mm)
+
+
+def _inputs(radius_mm: float, touch: Array, p0: float) -> Array:
+    gap = np.log(SOFT - np.hypot(touch[:, 0], touch[:, 1]) / radius_mm)
+    return np.column_stack([to_unknown(touch, p0)[:, 2:], gap])
 
 
 def respond(response: Response, touch: Array, covariance: Array) -> tuple[Array, Array]:
     """Outputs (n, k) and their standard deviations at touches (n, 4) with a covariance (n, 2, 2) of (d, F)."""
     unknown, pressed = to_unknown(touch, response.p0), touch[:, 3]
     to_unknown_slope = np.linalg.inv(touch_slope(unknown, response.p0)[:, 2:, 2:])
+    inputs = _inputs(response.radius_mm, touch, response.p0)
     value, sd = [], []
     for process in response.processes:
-        mean, by_unknown, variance = gaussian_process.predict(process, unknown[:, 2:])
-        slope = np.einsum("np,npq->nq", by_unknown, to_unknown_slope)
+        mean, by_input, variance = gaussian_process.predict(process, inputs)
+        slope = np.einsum("np,npq->nq", by_input[:, :2], to_unknown_slope)
         slope[:, 1] += 1 / pressed
         carried = np.einsum("np,npq,nq->n", slope, covariance, slope)
         value.append(pressed * np.exp(mean))

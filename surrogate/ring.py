@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.drive import protocol
-from eitsim.electrodes import middles
+from eitsim.electrodes import alike, middles
+from eitsim.rim import solve_rim
 from eitsim.scene import Scene
 from eitsim.sensor import sensor_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+# Modes of an electrode's field, and the conductivity of a usual skin that they are foreseen with, S/m.
+MODES, USUAL_S_PER_M = 120, 30.0
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class Ring:
     read: Index
     # (readings,) electrode that is 0 V
     ground: Index
+    # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
+    modes: Array
 
 
 def same_ring(one: Ring, other: Ring) -> bool:
@@ -54,7 +60,17 @@ def ring_of(scene: Scene) -> Ring:
     read, ground = _ends(asked.weights.reshape(-1, count), "measurement")
     each = asked.shape[1]
     return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), np.repeat(source, each), np.repeat(sink, each),
-                read, ground)
+                read, ground, _modes(scene))
+
+
+def _modes(scene: Scene) -> Array:
+    """q_m of one electrode of a ring of equal line electrodes by the complete electrode model; 1, those of points, for
+    others."""
+    if scene.electrodes.kind != "line" or not alike(scene.electrodes):
+        return np.ones(MODES)
+    driven = solve_rim(scene.body, scene.electrodes, USUAL_S_PER_M * scene.skin.thickness_m).driven[:MODES, 0]
+    field = driven.real * np.arange(1, MODES + 1)
+    return np.asarray(field / field[0])
 
 
 def _ends(rows: Array, what: str) -> tuple[Index, Index]:

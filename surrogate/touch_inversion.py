@@ -36,7 +36,8 @@ def learn(ring: Ring, signal_V: Array, target: Array, names: tuple[str, ...]) ->
     """Learn from signals (n, readings) and the targets (n, 8) of outputs.ALL, for the outputs of these names."""
     touch = target[:, :outputs.TOUCH]
     mechanical = [i for i in range(outputs.TOUCH, len(outputs.NAMES)) if outputs.NAMES[i] in names]
-    learned = response.learn(touch, target[:, mechanical], tuple(outputs.NAMES[i] for i in mechanical))
+    learned = response.learn(ring.radius_mm, touch, target[:, mechanical],
+                             tuple(outputs.NAMES[i] for i in mechanical))
     order = [*outputs.NAMES[:outputs.TOUCH], *(outputs.NAMES[i] for i in mechanical)]
     return TouchInversion(forward_map.learn(ring, touch, signal_V), learned, np.array([order.index(n) for n in names]))
 

@@ -1,0 +1,91 @@
+"""Gaussian process of many smooth quantities at once, which share the lengths of one Matern kernel (nu = 5/2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, cholesky
+from scipy.optimize import minimize
+
+Array = NDArray[np.float64]
+
+# Most rows and quantities that the lengths are searched on.
+MAX_SEARCH, MAX_QUANTITIES = 400, 8
+# Bounds of the lengths over the spread of their input, of the noise over the amplitude, and the most iterations.
+LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
+
+
+@dataclass(frozen=True)
+class Matern:
+    """y(x) = k(x, nodes) weights, k = (1 + t + t^2/3) exp(-t), t = sqrt(5) |x/l - x'/l|."""
+
+    # (k, q) training inputs over the lengths
+    nodes: Array
+    # (q,) lengths, unit of each input
+    lengths: Array
+    # (k, outputs)
+    weights: Array
+
+
+def fit(x: Array, y: Array) -> tuple[Matern, Array]:
+    """Fit y (n, outputs) on x (n, q), and the errors (n, outputs) that each row has by the others (Rasmussen and
+    Williams 2006, eq. 5.12)."""
+    rows = np.random.default_rng(0).permutation(len(x))[:MAX_SEARCH]
+    lengths, ratio = _hyperparameters(x[rows], y[rows, :MAX_QUANTITIES])
+    nodes = x / lengths
+    factor = cholesky(_kernel(_root(nodes, nodes)) + ratio**2 * np.eye(len(x)), lower=True)
+    inverse = cho_solve((factor, True), np.eye(len(x)))
+    weights = inverse @ y
+    return Matern(nodes, lengths, weights), weights / np.diag(inverse)[:, None]
+
+
+def predict(process: Matern, x: Array) -> tuple[Array, Array]:
+    """Mean (n, outputs) and its gradient (n, outputs, q) at x (n, q)."""
+    x = x / process.lengths
+    root = _root(x, process.nodes)
+    decay = np.exp(-root)
+    mean = ((1 + root + root**2 / 3) * decay) @ process.weights
+    pull = -5 / 3 * (1 + root) * decay
+    gradient = np.empty((*mean.shape, x.shape[1]))
+    along = pull @ process.weights
+    for j, length in enumerate(process.lengths):
+        gradient[..., j] = (along * x[:, j, None] - pull @ (process.weights * process.nodes[:, j, None])) / length
+    return mean, gradient
+
+
+def _root(a: Array, b: Array) -> Array:
+    squared = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T
+    return np.sqrt(5 * np.maximum(squared, 0.0))
+
+
+def _kernel(root: Array) -> Array:
+    return (1 + root + root**2 / 3) * np.exp(-root)
+
+
+def _hyperparameters(x: Array, y: Array) -> tuple[Array, float]:
+    """Most likely lengths and noise ratio."""
+    span = np.maximum(np.std(x, axis=0), 1e-9)
+    q = x.shape[1]
+    bounds = [tuple(np.log(LENGTH_BOUNDS))] * q + [tuple(np.log(NOISE_BOUNDS))]
+    start = np.r_[np.zeros(q), np.log(1e-2)]
+    found = minimize(_negative_log_likelihood, start, (x / span, y), jac=True, method="L-BFGS-B", bounds=bounds,
+                     options={"maxiter": ITERATIONS})
+    return span * np.exp(found.x[:q]), float(np.exp(found.x[q]))
+
+
+def _negative_log_likelihood(log: Array, x: Array, y: Array) -> tuple[float, Array]:
+    """sum over the quantities of n/2 log(y'C^-1 y) + log|C|/2, amplitudes eliminated, and its gradient."""
+    lengths, ratio = np.exp(log[:-1]), np.exp(log[-1])
+    n, quantities = y.shape
+    root = _root(x / lengths, x / lengths)
+    factor = cholesky(_kernel(root) + ratio**2 * np.eye(n), lower=True)
+    inverse = cho_solve((factor, True), np.eye(n))
+    weights = inverse @ y
+    quadratic = np.maximum(np.sum(y * weights, axis=0), np.finfo(float).tiny)
+    value = 0.5 * n * np.log(quadratic).sum() + quantities * np.log(np.diag(factor)).sum()
+    outer = quantities * inverse - n * (weights / quadratic) @ weights.T
+    slope = outer * (5 / 3) * (1 + root) * np.exp(-root)
+    by_length = [0.5 * np.sum(slope * (x[:, j, None] - x[:, j]) ** 2) / lengths[j] ** 2 for j in range(len(lengths))]
+    return float(value), np.array([*by_length, ratio**2 * np.trace(outer)])

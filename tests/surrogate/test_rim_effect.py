@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from surrogate import forward_map, matern, multipole, rim_effect
+from surrogate.loading import to_unknown
+from surrogate.ring import Ring
+from surrogate.symmetry import fold, symmetry_of
+
+Array = NDArray[np.float64]
+Synthetic = Callable[..., tuple[Array, Array]]
+
+
+def test_every_map_of_the_ring_carries_touches_and_readings_alike(ring: Ring) -> None:
+    """Turned and mirrored places of one dipole have the readings that the maps foretell."""
+    symmetry = symmetry_of(ring)
+    assert (len(symmetry.turn), int(symmetry.mirrored.sum())) == (32, 16)
+    z = np.array([0.5 + 0.2j])
+    images = symmetry.turn * np.where(symmetry.mirrored, z.conj(), z)
+    here, there = (multipole.basis(*multipole.patterns(ring, ring.modes, at, 1))[..., 0] for at in (z, images))
+    assert np.allclose(symmetry.readings @ here[0], there, atol=1e-10 * np.abs(there).max())
+    assert not np.allclose(here[0], there[1], atol=0.1 * np.abs(there).max())
+
+
+def test_places_fold_into_one_half_sector(ring: Ring) -> None:
+    rng = np.random.default_rng(0)
+    z = np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200))
+    place, _ = fold(symmetry_of(ring), z)
+    assert np.allclose(np.abs(place), np.abs(z))
+    assert np.all((np.angle(place) > -1e-9) & (np.angle(place) < np.pi / 16 + 1e-9))
+
+
+def test_a_process_of_two_quantities_has_its_gradient_and_own_errors() -> None:
+    x = np.random.default_rng(1).random((120, 2))
+    process, error = matern.fit(x, np.column_stack([np.sin(3 * x[:, 0]), x[:, 1] ** 2]))
+    at = np.array([[0.4, 0.6], [0.2, 0.3]])
+    mean, gradient = matern.predict(process, at)
+    assert np.allclose(mean, np.column_stack([np.sin(3 * at[:, 0]), at[:, 1] ** 2]), atol=2e-3)
+    for j, h in enumerate(1e-6 * np.eye(2)):
+        change = (matern.predict(process, at + h)[0] - matern.predict(process, at - h)[0]) / 2e-6
+        assert np.allclose(gradient[..., j], change, atol=1e-6)
+    assert np.all(np.abs(np.median(error, axis=0)) < 1e-2)
+
+
+@pytest.fixture(scope="module")
+def whole(ring: Ring, synthetic: Synthetic) -> forward_map.ForwardMap:
+    return forward_map.learn(ring, *synthetic(300, 0, (), 85.0))
+
+
+def test_the_rim_effect_improves_the_map_near_the_rim(whole: forward_map.ForwardMap, ring: Ring,
+                                                      synthetic: Synthetic) -> None:
+    touch, signal = synthetic(100, 1, (), 85.0)
+    near = np.hypot(touch[:, 0], touch[:, 1]) > 70
+    unknown = to_unknown(touch, whole.p0)[near]
+    series = replace(whole, rim=rim_effect.none_of(ring))
+    left = [np.median(np.linalg.norm(forward_map.linearise(one, unknown).signal_V - signal[near], axis=1)
+                      / np.linalg.norm(signal[near], axis=1)) for one in (series, whole)]
+    print("relative error of series, and with the effect of the rim:", left)
+    assert left[1] < left[0] / 4
+
+
+def test_its_jacobian_equals_finite_differences(whole: forward_map.ForwardMap) -> None:
+    touch = np.array([[60.0, 40.0, 12.0, 0.7], [-40.0, 72.0, 16.0, 1.5], [-30.0, -48.0, 14.0, 0.4]])
+    unknown = to_unknown(touch, whole.p0)
+    jacobian = forward_map.linearise(whole, unknown).jacobian
+    for q, h in enumerate(np.diag(1e-5 * whole.sd)):
+        ends = [forward_map.linearise(whole, unknown + s * h).signal_V for s in (1, -1)]
+        change = (ends[0] - ends[1]) / (2 * h[q])
+        assert np.allclose(jacobian[..., q], change, atol=1e-4 * np.abs(change).max())
