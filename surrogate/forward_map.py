@@ -20,9 +20,7 @@ MIN_ROWS = 14
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_FLOOR = 1e-5
 # Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
-INTERIOR = 0.65
-# The same for the field of the electrodes: further out the rim changes the pressure, which is no matter of the field.
-UNDISTURBED = 0.50
+INTERIOR = 0.50
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +88,7 @@ def _within(z: NDArray[np.complex128], reach: float) -> NDArray[np.bool_]:
 def _series(ring: Ring, z: NDArray[np.complex128], unknown: Array, force_N: Array,
             signal_V: Array) -> tuple[Array, float, tuple[GaussianProcess, ...], float]:
     """Field, sign, strengths and floor of the series."""
-    kept = _within(z, UNDISTURBED)
-    field = multipole.learn_field(ring, z[kept], signal_V[kept])
+    field = multipole.learn_field(ring, z, signal_V)
     found = multipole.strengths(ring, field, z, signal_V)
     first = found.value[:, 0]
     sign = float(np.sign(np.median(first)))
@@ -103,8 +100,7 @@ def _series(ring: Ring, z: NDArray[np.complex128], unknown: Array, force_N: Arra
     processes += [gaussian_process.fit(inputs, found.value[:, n] / first, found.variance[:, n] / first**2)
                   for n in range(1, multipole.ORDERS)]
     freedom = signal_V.shape[1] - multipole.ORDERS
-    left = np.sum(found.residual[kept] ** 2, axis=1) / np.sum(signal_V[kept] ** 2, axis=1)
-    floor = np.sqrt(np.mean(left) / freedom)
+    floor = np.sqrt(np.mean(np.sum(found.residual**2, axis=1) / np.sum(signal_V**2, axis=1)) / freedom)
     return field, sign, tuple(processes), max(float(floor), MIN_FLOOR)
 
 
