@@ -30,12 +30,16 @@ ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model th
 
 @app.command()
 def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of the model.")],
-          method: Annotated[str, typer.Option(help="trainbr (the paper's networks), forward (learned forward map, "
-                                                   "inverted) or ridge.")] = "forward",
+          method: Annotated[str, typer.Option(help="trainbr (the paper's networks), network (the same made robust), "
+                                                   "forward (learned forward map, inverted), mlp, ridge or gp "
+                                                   "(Gaussian processes).")] = "forward",
           outputs: Annotated[str, typer.Option(help="all, or names separated by commas: x0, y0, d, F, sigma_max, "
                                                     "sigma_ave, A_c, delta_max.")] = "all",
           seed: Annotated[int, typer.Option(help="Seed of the split and of the networks.")] = 0,
-          epochs: Annotated[int | None, typer.Option(help="Most steps of trainbr; 1000 where left out.")] = None,
+          epochs: Annotated[int | None, typer.Option(help="Most steps of trainbr and network (300 where left out) or "
+                                                           "steps of mlp (2000).")] = None,
+          workers: Annotated[int | None, typer.Option(min=1, help="Processes that share the networks; where left out, "
+                                                                  "one a core from 1,000 rows on.")] = None,
           noise_db: Annotated[str, typer.Option(help="Noise levels that the stored scores hold beside no noise, in dB "
                                                      "below the RMS of the baseline voltages.")] = "100,80,60",
           as_json: JsonOption = False) -> None:
@@ -54,7 +58,8 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     check_method(method)
     names, levels = chosen(outputs), _levels(noise_db)
     samples = read_samples(folder)
-    model = fit(samples, method, names, seed, epochs=epochs, each=_shown(names))
+    workers = workers or (_cores() if len(samples) >= 1000 else 1)
+    model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names))
     store.save(model, out)
     result = scored(model, samples, levels)
     store.save_evaluation(out, result.scores, result.predictions)
@@ -127,6 +132,20 @@ def predict(model_folder: ModelFolder,
 
 
 @app.command()
+def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="TorchScript file to write.")]) -> None:
+    """Write a network as TorchScript: differences to the untouched frame in V to outputs in their units.
+
+    Example: surrogate export network --out network.pt
+    """
+    from surrogate import export as script
+    from surrogate import store
+
+    check_out(out)
+    script.write(store.load(model_folder), out)
+    print(f"network: {out}")
+
+
+@app.command()
 def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
     """Write a PDF of a model: predictions against targets, scores, training record.
 
@@ -137,6 +156,10 @@ def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PD
     check_out(out)
     write(model_folder, out)
     print(f"report: {out}")
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 app.command()(limit)

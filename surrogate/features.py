@@ -29,6 +29,9 @@ def learn_directions(signal_V: Array, components: int) -> Directions:
     direction = signal_V / size[:, None]
     mean = direction.mean(0)
     _, singular, axes = np.linalg.svd(direction - mean, full_matrices=False)
+    if singular[0] <= 1e-12 * np.sqrt(len(signal_V)):
+        raise ValueError(f"{len(signal_V)} training rows hold one signal, up to its size; there is nothing to learn "
+                         "from. Sweep different touches.")
     kept = min(components, int(np.sum(singular > 1e-10 * singular[0])))
     sd = singular[:kept] / np.sqrt(len(signal_V))
     log = np.log(size)
@@ -50,3 +53,24 @@ def feature_slopes(directions: Directions, signal_V: Array) -> Array:
     unit = signal_V / size
     across = directions.axes - (unit @ directions.axes.T)[..., None] * unit[:, None, :]
     return np.concatenate([across, unit[:, None, :] / directions.log_sd], axis=1) / size[..., None]
+
+
+def sound_components(signal_V: Array, most: int) -> int:
+    """How many directions, at most so many, stand out of white noise in signals (n, readings).
+
+    Signals of pairs that drive and read take half of all directions (reciprocity), so the lower half of their variances
+    is noise; a direction counts where its variance is above twice that. Without noise all of them count.
+    """
+    direction = signal_V / np.linalg.norm(signal_V, axis=1)[:, None]
+    variance = np.linalg.svd(direction - direction.mean(0), compute_uv=False) ** 2
+    noise = np.median(variance[len(variance) // 2:])
+    return max(1, min(most, int(np.sum(variance > 2 * noise))))
+
+
+def carried(directions: Directions, signal_V: Array, slope: Array, noise_V: float) -> Array:
+    """(n, outputs) variance that white noise on the readings makes of outputs with slopes (n, outputs, k + 1) by the
+    features."""
+    if noise_V == 0:
+        return np.zeros(slope.shape[:2])
+    by_signal = slope @ feature_slopes(directions, signal_V)
+    return noise_V**2 * np.sum(by_signal**2, axis=2)

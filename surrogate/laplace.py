@@ -1,60 +1,94 @@
-"""The Laplace approximation of a regularised network: effective parameters, evidence, variance of the output.
+"""The Laplace approximation of a regularised network: effective parameters, evidence, draws of the weights.
 
-H = beta J'J + alpha I is half the Hessian of beta E_D + alpha E_W; whichever of the N x N and p x p matrices is smaller
-is factorised.
+H = beta J'J + alpha I is half the Hessian of beta E_D + alpha E_W. J J' has the eigenvalues of J'J other than 0, so the
+smaller of the two is formed, once for each set of weights, and serves every alpha, beta and damping.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
+from scipy.linalg import blas, cho_solve, cholesky, lapack, solve_triangular
 from torch import Tensor
 
 from surrogate import network
+
+Array = NDArray[np.float64]
 
 # Part of its mean diagonal that a matrix may lose to rounding.
 ROUNDING = 1e-14
 
 
-def effective_parameters(w: Tensor, x: Tensor, alpha: float, beta: float) -> tuple[float, float]:
-    """gamma, and N - gamma without cancellation where N < p."""
-    trace = float(torch.cholesky_inverse(_normal_factor(w, x, alpha, beta)).diagonal().sum())
+@dataclass(frozen=True)
+class Curvature:
+    """The smaller of J J' and J'J at some weights."""
+
+    # (m, m) its lower triangle
+    gram: Array
+    # numbers of rows n and of weights p; J J' is held where n < p
+    rows: int
+    count: int
+
+    @property
+    def dual(self) -> bool:
+        return self.rows < self.count
+
+
+def curvature(w: Tensor, x: Tensor) -> Curvature:
+    """J J' or J'J of weights (p,) on inputs (n, q)."""
     if len(x) < len(w):
-        return len(x) - alpha * trace, alpha * trace
-    gamma = len(w) - alpha * trace
-    return gamma, len(x) - gamma
+        return Curvature(np.asfortranarray(network.kernel(w, x, x).numpy()), len(x), len(w))
+    gram = blas.dsyrk(1.0, network.jacobian(w, x).numpy().T, lower=1)  # pyright: ignore[reportAttributeAccessIssue]
+    return Curvature(gram, len(x), len(w))
 
 
-def log_evidence(w: Tensor, x: Tensor, alpha: float, beta: float, cost: float) -> float:
+def factor(of: Curvature, beta: float, shift: float) -> Array:
+    """Lower Cholesky factor of beta gram + shift I, the shift at least what rounding may take from the matrix."""
+    matrix = beta * of.gram
+    diagonal = np.einsum("ii->i", matrix)
+    diagonal += max(shift, ROUNDING * float(diagonal.mean()))
+    return cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
+
+
+def solve(lower: Array, right: Tensor) -> Tensor:
+    """(L L')^-1 right."""
+    return torch.from_numpy(cho_solve((lower, True), right.numpy(), check_finite=False))
+
+
+def effective_parameters(of: Curvature, alpha: float, beta: float) -> tuple[float, float]:
+    """gamma = p - alpha tr H^-1, and N - gamma without cancellation where N < p; the trace is |L^-1|^2."""
+    lower = factor(of, beta, alpha)
+    inverse, _ = lapack.dtrtri(lower, lower=1, overwrite_c=1)  # pyright: ignore[reportAttributeAccessIssue]
+    lost = alpha * float(np.vdot(inverse, inverse))
+    if of.dual:
+        return of.rows - lost, lost
+    gamma = of.count - lost
+    return gamma, of.rows - gamma
+
+
+def log_evidence(of: Curvature, alpha: float, beta: float, cost: float) -> float:
     """log of the evidence at weights of this cost, without the constant -N/2 log pi (MacKay 1992, section 4)."""
-    n, p = len(x), len(w)
-    diagonal = _normal_factor(w, x, alpha, beta).diagonal()
-    log_det = 2 * float(diagonal.log().sum()) + max(p - n, 0) * math.log(alpha)
+    n, p = of.rows, of.count
+    log_det = 2 * float(np.log(factor(of, beta, alpha).diagonal()).sum()) + max(p - n, 0) * math.log(alpha)
     return -cost - 0.5 * log_det + 0.5 * p * math.log(alpha) + 0.5 * n * math.log(beta)
 
 
-def _normal_factor(w: Tensor, x: Tensor, alpha: float, beta: float) -> Tensor:
-    """Cholesky factor of beta J J' + alpha I where N < p, else of beta J'J + alpha I."""
-    if len(x) < len(w):
-        return factor(beta * network.kernel(w, x, x), alpha)
-    j = network.jacobian(w, x)
-    return factor(beta * j.T @ j, alpha)
+def draws(w: Tensor, x: Tensor, alpha: float, beta: float, count: int, generator: torch.Generator) -> Tensor:
+    """(count, p) departures from the weights, normal with covariance (2H)^-1.
 
-
-def factor(matrix: Tensor, shift: float) -> Tensor:
-    """Lower Cholesky factor of a matrix plus shift I, the shift at least what rounding may take from the matrix."""
-    least = ROUNDING * float(matrix.diagonal().mean())
-    return torch.linalg.cholesky(matrix + max(shift, least) * torch.eye(len(matrix), dtype=matrix.dtype))
-
-
-def output_variance(w: Tensor, x: Tensor, alpha: float, beta: float, at: Tensor) -> Tensor:
-    """(m,) Laplace variance of the output at inputs (m, q) for training inputs x (n, q): j'(2H)^-1 j + 1 / (2 beta)."""
-    lower = _normal_factor(w, x, alpha, beta)
-    if len(x) < len(w):
-        half = torch.linalg.solve_triangular(lower, network.kernel(w, x, at), upper=False)
-        spread = (network.self_kernel(w, at) - beta * (half**2).sum(0)) / alpha
-    else:
-        half = torch.linalg.solve_triangular(lower, network.jacobian(w, at).T, upper=False)
-        spread = (half**2).sum(0)
-    return 0.5 * spread.clamp(min=0.0) + 0.5 / beta
+    Where J J' is held, by Matheron's rule: a draw of the prior, less what rows with a draw of the noise tell of it.
+    """
+    of = curvature(w, x)
+    lower = factor(of, beta, alpha)
+    normal = torch.randn(count, of.count, generator=generator, dtype=torch.float64) / math.sqrt(2)
+    if not of.dual:
+        return torch.from_numpy(solve_triangular(lower, normal.numpy().T, lower=True, trans=1)).T.contiguous()
+    prior = normal / math.sqrt(alpha)
+    noise = torch.randn(count, of.rows, generator=generator, dtype=torch.float64) / math.sqrt(2 * beta)
+    seen = torch.stack([network.times_jacobian(w, x, one) for one in prior]) + noise
+    told = beta * solve(lower, seen.T.contiguous()).T
+    return prior - torch.stack([network.times_transpose(w, x, one) for one in told])

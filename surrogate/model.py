@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,12 +17,14 @@ from surrogate.metrics import Array
 from surrogate.ring import Ring
 
 if TYPE_CHECKING:
+    from surrogate.feature_network import FeatureNetworks
+    from surrogate.feature_process import Processes
+    from surrogate.mlp import Mlp
     from surrogate.ridge import Ridge
     from surrogate.touch_inversion import TouchInversion
-    from surrogate.trainbr import Networks
+    from surrogate.trainbr import Trainbr
 
-METHODS = ("trainbr", "forward", "ridge")
-NOT_BUILT = ("mlp",)
+METHODS = ("trainbr", "network", "forward", "mlp", "ridge", "gp")
 # Draws of noise for each validation row when intervals are calibrated under noise.
 NOISE_DRAWS = 4
 
@@ -67,7 +70,7 @@ class Model:
     ring: Ring
     # names of the outputs, in the order of outputs.NAMES
     names: tuple[str, ...]
-    learner: Networks | TouchInversion | Ridge
+    learner: Trainbr | FeatureNetworks | TouchInversion | Mlp | Ridge | Processes
     calibration: Calibration
     rows: Rows
     trained: Range
@@ -86,26 +89,34 @@ class Model:
 
 
 def check_method(method: str) -> None:
-    """ValueError for a method that is unknown or not built, listing those that are."""
-    built = ", ".join(METHODS)
-    if method in NOT_BUILT:
-        raise ValueError(f"method '{method}' is not built yet; built: {built}.")
+    """ValueError for an unknown method, listing the known."""
     if method not in METHODS:
-        raise ValueError(f"method '{method}' is unknown; known: {built} (and {', '.join(NOT_BUILT)}, not built yet).")
+        raise ValueError(f"method '{method}' is unknown; known: {', '.join(METHODS)}.")
+
+
+def learner_class(method: str) -> type[Any]:
+    """The class of a method's learner, imported when it is asked for, as some need torch; ValueError for another."""
+    check_method(method)
+    match method:
+        case "trainbr":
+            from surrogate.trainbr import Trainbr as Learner
+        case "network":
+            from surrogate.feature_network import FeatureNetworks as Learner
+        case "forward":
+            from surrogate.touch_inversion import TouchInversion as Learner
+        case "mlp":
+            from surrogate.mlp import Mlp as Learner
+        case "ridge":
+            from surrogate.ridge import Ridge as Learner
+        case _:
+            from surrogate.feature_process import Processes as Learner
+    return Learner
 
 
 def estimate(model: Model, signal_V: Array, noise_V: float = 0.0) -> Estimate:
     """Outputs of signals (n, readings) in V under white noise of standard deviation noise_V, before calibration."""
-    match model.method:
-        case "trainbr":
-            from surrogate import trainbr as learner
-        case "forward":
-            from surrogate import touch_inversion as learner
-        case "ridge":
-            from surrogate import ridge as learner
-        case other:
-            raise ValueError(f"method '{other}' is unknown; known: {', '.join(METHODS)}.")
-    return learner.estimate(model.learner, signal_V, noise_V)  # pyright: ignore[reportArgumentType]
+    learner = sys.modules[learner_class(model.method).__module__]
+    return learner.estimate(model.learner, signal_V, noise_V)
 
 
 def interval_scale(model: Model, noise_V: float = 0.0) -> Array:

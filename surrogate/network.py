@@ -51,6 +51,12 @@ def initial_weights(inputs: int, units: int, generator: torch.Generator) -> Tens
     return torch.cat([inner.flatten(), gain * spread * torch.sign(inner[:, 0]), outer])
 
 
+def turned(w: Tensor, axes: Tensor) -> Tensor:
+    """The network on inputs x axes, for axes (q, r): input weights W axes, the others as they are."""
+    net = layers(w, len(axes))
+    return torch.cat([(net.inner @ axes).flatten(), w[net.inner.numel():]])
+
+
 def output(w: Tensor, x: Tensor) -> Tensor:
     """(n,) outputs for inputs (n, q)."""
     net = layers(w, x.shape[1])

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from matcal.card import write_json
 from matcal.errors import TestFileError
 from surrogate import outputs
-from surrogate.model import METHODS, Calibration, Model, Range, Rows
+from surrogate.model import METHODS, Calibration, Model, Range, Rows, learner_class
 from surrogate.ring import Ring
 
-SCHEMA = 2
+SCHEMA = 3
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 Arrays = Mapping[str, NDArray[Any]]
@@ -79,20 +79,10 @@ def _assemble(text: dict[str, Any], arrays: Arrays) -> Model:
     own = ("schema", "method", "outputs", "seed", "fit_s")
     names = tuple(outputs.of(output["name"]).name for output in text["outputs"])
     return Model(text["method"], _rebuilt(Ring, "ring", arrays), names,
-                 _rebuilt(_learner_class(text["method"]), "learner", arrays),
+                 _rebuilt(learner_class(text["method"]), "learner", arrays),
                  _rebuilt(Calibration, "calibration", arrays), _rebuilt(Rows, "rows", arrays),
                  _rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
                  {key: value for key, value in text.items() if key not in own})
-
-
-def _learner_class(method: str) -> type[Any]:
-    if method == "trainbr":
-        from surrogate.trainbr import Networks as Learner
-    elif method == "forward":
-        from surrogate.touch_inversion import TouchInversion as Learner
-    else:
-        from surrogate.ridge import Ridge as Learner
-    return Learner
 
 
 def _flat(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:

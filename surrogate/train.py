@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import importlib.metadata
-import time
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,27 +16,34 @@ from surrogate.model import Calibration, Model, Range, Rows, check_method, estim
 from surrogate.samples import Samples, content_hash, take
 from surrogate.split import PARTS, split
 
+if TYPE_CHECKING:
+    from surrogate.networks import Networks
+
+# Methods whose training takes steps.
+ITERATED = ("trainbr", "network", "mlp")
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES, seed: int = 0, *,
-          epochs: int | None = None, each: Progress = iter) -> Model:
+          epochs: int | None = None, workers: int = 1, each: Progress = iter) -> Model:
     """Train `method` for the outputs of these names; of the touches 70 % train, 15 % calibrate, 15 % test,
     by the seed.
 
-    `epochs` bounds the steps of trainbr; `each` may show progress over its networks. ValueError for an unknown method,
-    too few rows, or data that the method cannot learn.
+    `epochs` bounds the steps of those ITERATED; `workers` processes share the outputs of trainbr and network; `each`
+    may show progress over them. ValueError for an unknown method, too few rows, or data that the method cannot learn.
     """
     check_method(method)
-    if epochs is not None and method != "trainbr":
-        raise ValueError(f"epochs are steps of trainbr; {method} has none. Leave them out.")
+    if epochs is not None and method not in ITERATED:
+        raise ValueError(f"epochs are steps of {', '.join(ITERATED)}; {method} has none. Leave them out.")
+    if epochs is not None and epochs < 1:
+        raise ValueError(f"epochs must be 1 or more, got {epochs}.")
     part = split(samples.touch, seed)
     chosen = [outputs.NAMES.index(name) for name in names]
     training, validation = take(samples, part == "train"), take(samples, part == "val")
     _check_signals(training)
-    begun = time.process_time()
-    learner, record = _learn(training, method, names, chosen, seed, epochs, each)
-    fit_s = time.process_time() - begun
+    begun = _cpu_s()
+    learner, record = _learn(training, method, names, chosen, seed, epochs, workers, each)
+    fit_s = _cpu_s() - begun
     target = training.target[:, chosen]
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
     model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.target[:, chosen]),
@@ -46,34 +53,64 @@ def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES,
     return replace(model, trained=replace(span, misfit=worst))
 
 
+def _cpu_s() -> float:
+    """CPU time of this process and of its ended workers, s."""
+    return sum(os.times()[:4])
+
+
 def _check_signals(samples: Samples) -> None:
+    bad = ~(np.isfinite(samples.signal_V).all(axis=1) & np.isfinite(samples.target).all(axis=1))
+    if np.any(bad):
+        raise ValueError(f"scene {samples.scene[np.argmax(bad)]} holds a number that is not finite; a row that is ok "
+                         "has numbers alone. Sweep that part again.")
     if silent := [int(s) for s, row in zip(samples.scene, samples.signal_V, strict=True) if not np.any(row)]:
         raise ValueError(f"scene {silent[0]} has no signal: every dv is 0. Mend the skin or the force of the sweep.")
 
 
 def _learn(training: Samples, method: str, names: tuple[str, ...], chosen: list[int], seed: int, epochs: int | None,
-           each: Progress) -> tuple[Any, dict[str, Any]]:
+           workers: int, each: Progress) -> tuple[Any, dict[str, Any]]:
     """The learner, and how its training went as JSON."""
+    signal, target = training.signal_V, training.target[:, chosen]
     match method:
         case "trainbr":
             from surrogate import evidence, trainbr
 
             options = evidence.Options() if epochs is None else evidence.Options(epochs=epochs)
-            networks = trainbr.learn(training.signal_V, training.target[:, chosen], seed, options, each)
-            keys = ("gamma", "alpha", "beta", "epochs", "stop", "log_evidence", "collapses", "collapsed")
-            return networks, {name: {key: getattr(net, key) for key in keys} | {"parameters": len(net.weights)}
-                              for name, net in zip(names, networks.networks, strict=True)}
+            found = trainbr.learn(signal, target, seed, options, workers, each)
+            return found, _trainings(names, found.networks)
+        case "network":
+            from surrogate import feature_network
+
+            options = feature_network.ROBUST if epochs is None else replace(feature_network.ROBUST, epochs=epochs)
+            found = feature_network.learn(signal, target, seed, options, workers, each)
+            return found, _trainings(names, found.networks)
         case "forward":
             from surrogate import touch_inversion
 
-            inversion = touch_inversion.learn(training.ring, training.signal_V, training.target, names)
+            inversion = touch_inversion.learn(training.ring, signal, training.target, names)
             return inversion, {"modes": len(inversion.forward.field), "signal_floor": inversion.forward.floor}
-        case _:
+        case "mlp":
+            from surrogate import mlp
+
+            found = mlp.learn(signal, target, seed, epochs or mlp.STEPS)
+            return found, {"components": len(found.directions.axes), "units": mlp.UNITS, "steps": epochs or mlp.STEPS}
+        case "ridge":
             from surrogate import ridge
 
-            lines = ridge.learn(training.signal_V, training.target[:, chosen])
+            lines = ridge.learn(signal, target)
             return lines, {name: {"components": len(line.directions.axes), "products": len(line.mean)}
                            for name, line in zip(names, lines.lines, strict=True)}
+        case _:
+            from surrogate import feature_process
+
+            found = feature_process.learn(signal, target)
+            return found, {"components": len(found.directions.axes), "rows_kept": len(found.processes[0].nodes)}
+
+
+def _trainings(names: tuple[str, ...], found: Networks) -> dict[str, Any]:
+    keys = ("gamma", "alpha", "beta", "epochs", "stop", "log_evidence", "collapses", "collapsed")
+    return {name: {key: getattr(training, key) for key in keys} | {"parameters": found.weights.shape[1]}
+            for name, training in zip(names, found.trainings, strict=True)}
 
 
 def _codes(part: NDArray[np.str_]) -> NDArray[np.int64]:

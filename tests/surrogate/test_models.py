@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from eitsim import dataset
 from matcal.errors import TestFileError
-from surrogate import outputs, store
+from surrogate import export, outputs, store
 from surrogate.evaluate import evaluate, parts_of
 from surrogate.model import METHODS, Model, estimate, interval_scale
 from surrogate.ring import ring_of_design
@@ -19,11 +20,12 @@ from surrogate.split import split
 from surrogate.train import train
 
 NAMES = ("x0", "F", "delta_max")
+EPOCHS = {"trainbr": 60, "network": 30, "mlp": 300}
 
 
 @pytest.fixture(scope="module")
 def models(samples: Samples) -> dict[str, Model]:
-    return {method: train(samples, method, NAMES, 1, epochs=60 if method == "trainbr" else None) for method in METHODS}
+    return {method: train(samples, method, NAMES, 1, epochs=EPOCHS.get(method)) for method in METHODS}
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -42,7 +44,7 @@ def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Sam
 
 @pytest.mark.parametrize("method", METHODS)
 def test_one_seed_gives_one_model(models: dict[str, Model], samples: Samples, method: str) -> None:
-    again = train(samples, method, NAMES, 1, epochs=60 if method == "trainbr" else None)
+    again = train(samples, method, NAMES, 1, epochs=EPOCHS.get(method))
     rows = samples.signal_V[::5]
     assert np.array_equal(estimate(again, rows).value, estimate(models[method], rows).value)
 
@@ -55,6 +57,9 @@ def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples
     assert rmse["forward"]["F"] < 0.02
     assert rmse["forward"]["delta_max"] < 0.05
     assert rmse["ridge"]["x0"] < 1.0
+    assert rmse["network"]["x0"] < 2.0
+    assert rmse["mlp"]["x0"] < 5.0
+    assert rmse["gp"]["x0"] < 1.0
     assert rmse["trainbr"]["x0"] < 10.0
     assert scores["trainbr"]["outputs"]["x0"]["test"]["r2"] > 0.9
 
@@ -144,11 +149,9 @@ def test_a_ring_reads_pairs_of_electrodes() -> None:
 
 
 def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
-    with pytest.raises(ValueError, match="'mlp' is not built yet; built: trainbr, forward, ridge"):
-        train(samples, "mlp")
-    with pytest.raises(ValueError, match="'svm' is unknown; known: trainbr, forward, ridge"):
+    with pytest.raises(ValueError, match="'svm' is unknown; known: trainbr, network, forward, mlp, ridge, gp"):
         train(samples, "svm")
-    with pytest.raises(ValueError, match="epochs are steps of trainbr; ridge has none"):
+    with pytest.raises(ValueError, match="epochs are steps of trainbr, network, mlp; ridge has none"):
         train(samples, "ridge", epochs=5)
     with pytest.raises(ValueError, match="8 ok rows are too few"):
         train(take(samples, np.arange(8)), "ridge")
@@ -188,3 +191,57 @@ def test_nothing_stored_is_pickled(models: dict[str, Model], tmp_path: Path) -> 
         store.save(model, tmp_path / method)
         with np.load(tmp_path / method / "arrays.npz", allow_pickle=False) as stored:
             assert all(stored[name].dtype != object for name in stored.files)
+
+
+@pytest.mark.parametrize("method", ["trainbr", "network", "mlp"])
+def test_an_exported_network_gives_what_estimate_gives(models: dict[str, Model], samples: Samples, tmp_path: Path,
+                                                       method: str) -> None:
+    path, told = tmp_path / "net.pt", {"outputs.txt": ""}
+    export.write(models[method], path)
+    module = torch.jit.load(str(path), _extra_files=told)
+    found = module(torch.from_numpy(samples.signal_V[:50].copy())).numpy()
+    assert np.allclose(found, estimate(models[method], samples.signal_V[:50]).value, rtol=1e-9, atol=1e-9)
+    assert told["outputs.txt"] == b"x0 (mm), F (N), delta_max (mm)"
+
+
+def test_only_networks_are_exported(models: dict[str, Model], tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"method 'ridge' is no network\. Export a model of trainbr, network or mlp"):
+        export.write(models["ridge"], tmp_path / "net.pt")
+    assert not (tmp_path / "net.pt").exists()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_constant_reading_and_repeated_rows_are_learned_around(samples: Samples, method: str) -> None:
+    rows = np.repeat(np.arange(0, 200, 5), 2)
+    few = take(samples, rows)
+    signal = few.signal_V.copy()
+    if method != "forward":
+        signal[:, 3] = 1e-3
+    few = replace(few, signal_V=signal)
+    found = estimate(train(few, method, ("x0", "F"), 0, epochs=EPOCHS.get(method)), signal)
+    assert np.isfinite(found.value).all()
+    assert np.isfinite(found.sd).all()
+    assert np.allclose(found.value[::2], found.value[1::2], rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["network", "mlp", "gp", "trainbr"])
+def test_what_is_not_finite_or_does_not_vary_is_told(samples: Samples, method: str) -> None:
+    holed = replace(samples, signal_V=samples.signal_V.copy())
+    holed.signal_V[:, 7] = np.nan
+    with pytest.raises(ValueError, match=r"scene \d+ holds a number that is not finite"):
+        train(holed, method)
+    alike = take(samples, np.repeat(4, 60))
+    with pytest.raises(ValueError, match="60 ok rows of 1 different touches are too few"):
+        train(alike, method)
+    alike = replace(alike, touch=np.arange(60))
+    with pytest.raises(ValueError, match=r"42 training rows hold one signal|in every training row"):
+        train(alike, method)
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_networks_of_one(samples: Samples, models: dict[str, Model]) -> None:
+    shared = train(samples, "trainbr", NAMES, 1, epochs=60, workers=2)
+    one = models["trainbr"]
+    assert np.array_equal(estimate(shared, samples.signal_V).value, estimate(one, samples.signal_V).value)
+    assert shared.record == one.record
+    assert shared.fit_s > 0

@@ -66,7 +66,7 @@ def write_frames(path: Path, frames: Array, header: list[str] | None = None) -> 
 
 def test_training_leaves_a_model_its_scores_and_its_predictions(forward: Path) -> None:
     model, scores = (json.loads((forward / name).read_text()) for name in ("model.json", "evaluation.json"))
-    assert (model["schema"], model["method"], model["seed"]) == (2, "forward", 1)
+    assert (model["schema"], model["method"], model["seed"]) == (3, "forward", 1)
     assert model["dataset"]["split"] == {"train": 140, "val": 30, "test": 30}
     assert len(model["dataset"]["sha256"]) == 64
     assert {"touchcal", "numpy", "torch"} <= set(model["versions"])
@@ -114,7 +114,7 @@ def test_several_sets_are_compared(call: Call, forward: Path, few: Path, make_da
     assert rows[1]["rmse_over_first"] == pytest.approx(rows[1]["rmse"] / rows[0]["rmse"])
 
 
-@pytest.mark.parametrize(("method", "extra"), [("trainbr", ["--epochs", "20"]), ("ridge", [])])
+@pytest.mark.parametrize(("method", "extra"), [("trainbr", ["--epochs", "20"]), ("gp", [])])
 def test_other_methods_and_chosen_outputs(call: Call, sweep: Path, tmp_path: Path, method: str,
                                           extra: list[str]) -> None:
     status, out, _ = call("train", sweep, "--out", tmp_path / "m", "--method", method, "--outputs", "y0,F", *extra,
@@ -213,7 +213,8 @@ def test_bad_input_is_told_plainly(call: Call, forward: Path, sweep: Path, make_
              (("train", failed, "--out", out), "none of its 5 rows is ok (3 refused, 2 not_converged)"),
              (("train", holed, "--out", out), "dv_017 of scene 29 is nan"),
              (("train", small, "--out", out), "12 ok rows are too few"),
-             (("train", sweep, "--out", out, "--method", "mlp"), "not built yet; built: trainbr, forward, ridge"),
+             (("train", sweep, "--out", out, "--method", "svm"), "unknown; known: trainbr, network, forward, mlp,"),
+             (("export", forward, "--out", out), "method 'forward' is no network"),
              (("train", sweep, "--out", out, "--outputs", "depth"), "output 'depth' is unknown"),
              (("evaluate", forward, sweep, "--noise-db", "60,loud"), "--noise-db: 'loud' is not a number"),
              (("evaluate", sweep, sweep), "not a model"),
