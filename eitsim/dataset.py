@@ -177,7 +177,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
-        raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+        raise TestFileError(path, f"not JSON: {error.msg}. It was changed or cut short: restore it from a copy, or "
+                                  "sweep again into another folder.", line=error.lineno) from None
     if manifest.get("schema") not in _READABLE:
         raise TestFileError(path, f"data set schema {manifest.get('schema')!r} is none of "
                                   f"{', '.join(map(str, _READABLE))}. Sweep again.")

@@ -16,7 +16,7 @@ from eitsim.measurement_file import as_table, measurement_from
 from eitsim.sampling import FIXED, row_tables
 from eitsim.scene import Scene, scene_from, scene_keys
 from eitsim.stored_fields import StoredFields, check_one_grid, fields_from
-from matcal.errors import TestFileError
+from matcal.errors import TestFileError, unknown_key
 from matcal.toml_file import read_toml
 
 SAMPLERS = ("random", *FIXED, nested.SAMPLER)
@@ -65,7 +65,7 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     """A checked design from its tables; ValueError names the key and what it may hold."""
     known = (*_TOP, *scene_keys())
     if unknown := [key for key in raw if key not in known]:
-        raise ValueError(f"unknown key '{unknown[0]}'; known: {', '.join(known)}.")
+        raise ValueError(unknown_key(unknown[0], known))
     seed, sampler = raw.get("seed", 0), raw.get("sampler", "random")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}.")

@@ -75,6 +75,9 @@ def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Draw:
         raise ValueError(f"{where}: dist '{name}' is unknown; known: {', '.join(LAWS)}.")
     needed, allowed = LAWS[name]
     if not set(needed) <= given.keys() <= {*needed, *allowed} or not all(map(is_number, given.values())):
+        if endless := [v for v in given.values() if isinstance(v, float) and not math.isfinite(v)]:
+            raise ValueError(f"{where} holds {endless[0]}, which is no finite number. Give {' and '.join(needed)} as "
+                             "finite numbers.")
         if isinstance(raw, list):
             raise ValueError(f"{where} must be a plain value or {_FORMS}, got {raw}.")
         optional = f" and, to cut it off, {' or '.join(allowed)}" if allowed else ""

@@ -69,6 +69,8 @@ def _file(place: Path | io.BytesIO, mode: Any) -> Any:
 class FieldsOnDisk:
     """The fields of a data set, read as they are asked for."""
 
+    # folder of the data set
+    folder: Path
     # what is stored and on which grid
     stored: StoredFields
     # axes of the grid, as stored_fields.coordinates
@@ -81,13 +83,14 @@ class FieldsOnDisk:
     def read(self, name: str, scenes: Sequence[int]) -> NDArray[np.float32]:
         """Field (scenes, *shape) or (scenes, *shape, parts); NaN beside the disc and where a scene was not solved.
 
-        name: one of stored.names. ValueError for a field or scene that the set does not hold, TestFileError for a
-        damaged file.
+        name: one of stored.names. TestFileError for a field or scene that the set does not hold, and for a damaged
+        file.
         """
         if name not in self.stored.names:
-            raise ValueError(f"field '{name}' is not stored; stored: {', '.join(self.stored.names)}.")
+            raise TestFileError(self.folder, f"field '{name}' is not stored; stored: {', '.join(self.stored.names)}.")
         if unknown := [scene for scene in scenes if scene not in self.where]:
-            raise ValueError(f"scene {unknown[0]} is not in the data set, which holds {len(self.where)} of them.")
+            raise TestFileError(self.folder, f"scene {unknown[0]} is not in the data set, which holds "
+                                             f"{len(self.where)} of them.")
         out = np.empty((len(scenes), *blank(self.stored, name).shape), dtype=np.float32)
         by_file: dict[Path, list[tuple[int, int]]] = {}
         for place, scene in enumerate(scenes):
@@ -123,7 +126,7 @@ def read_fields(folder: Path | str) -> FieldsOnDisk:
         if scenes != _opened(path, lambda file, count: file["scene"][:count].tolist(), len(scenes)):
             raise _damaged(path, "it is not of the scenes of its part")
         where |= {scene: (path, row) for row, scene in enumerate(scenes)}
-    return FieldsOnDisk(stored, coordinates(stored, body), inside(stored, body), where)
+    return FieldsOnDisk(folder, stored, coordinates(stored, body), inside(stored, body), where)
 
 
 def _opened(path: Path, read: Callable[[Any, Any], Any], what: Any) -> Any:

@@ -12,6 +12,7 @@ from eitsim.draws import Draw, draw_of, is_number, of_values
 from eitsim.drive_files import MATRICES
 from eitsim.places import Places, places_of
 from eitsim.scene import Body, Punch, check_value, is_list, scene_keys
+from matcal.errors import unknown_key
 
 # What decides which readings a row holds, and so cannot vary between rows.
 SENSOR = (("electrodes", "count"), ("drive", "pattern"), ("drive", "reading"), *(("drive", key) for key in MATRICES))
@@ -123,7 +124,7 @@ def _parted(name: str, touch: int, table: Any) -> Iterator[Variable]:
     for key in sorted(table):
         where, value = f"{key} in [{name}]", table[key]
         if key not in known:
-            raise ValueError(f"unknown key '{key}' in [{name}]; known: {', '.join(known)}.")
+            raise ValueError(unknown_key(key, (*known, "place") if name == "punch" else known, name))
         if is_list(name, key, value):
             continue
         if (name, key) == ("hold", "time_s"):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from eitsim.provenance import file_identity
 from matcal.card import MaterialCard, require
 from matcal.draws import Draws, card_of, read_draws
+from matcal.errors import unknown_key
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,7 @@ def material_from(raw: Any) -> Material | None:
     if not isinstance(raw, Mapping):
         raise ValueError(f"[material] must be a table of keys, got {raw!r}.")
     if unknown := [key for key in raw if key not in known]:
-        raise ValueError(f"unknown key '{unknown[0]}' in [material]; known: {', '.join(known)}.")
+        raise ValueError(unknown_key(unknown[0], known, "material"))
     for key in ("posterior", "specimen"):
         if not isinstance(raw.get(key, True), bool):
             raise ValueError(f"{key} in [material] must be true or false, got {raw[key]!r}.")

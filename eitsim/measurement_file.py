@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eitsim.measurement import BITS, CHANNELS, REFERENCES, Measurement
-from matcal.errors import TestFileError
+from matcal.errors import TestFileError, unknown_key
 from matcal.toml_file import read_toml
 
 TABLE = "measurement"
@@ -38,7 +38,7 @@ def measurement_from(raw: Any) -> Measurement:
     if not isinstance(raw, Mapping):
         raise ValueError(f"[{TABLE}] must be a table of keys, got {raw!r}.")
     if unknown := [key for key in raw if key not in KEYS]:
-        raise ValueError(f"unknown key '{unknown[0]}' in [{TABLE}]; known: {', '.join(KEYS)}.")
+        raise ValueError(unknown_key(unknown[0], KEYS, TABLE))
     for key, value in raw.items():
         _check_value(key, value)
     _check_noise(raw)

@@ -11,7 +11,7 @@ from typing import Any
 from eitsim.drive import Drive
 from eitsim.drive_files import MATRICES, with_matrices
 from eitsim.electrodes import IMPEDANCES, Electrodes, check, unread
-from matcal.errors import TestFileError
+from matcal.errors import TestFileError, unknown_key
 from matcal.toml_file import read_toml
 
 PROFILES = ("flat", "sphere", "cone")
@@ -213,7 +213,7 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
     """A checked scene from the tables of a scene file, units as their keys say; ValueError names the key."""
     known = (*_KEYS, "card")
     if unknown := [key for key in raw if key not in known]:
-        raise ValueError(f"unknown key '{unknown[0]}'; known: {', '.join(known)}.")
+        raise ValueError(unknown_key(unknown[0], known))
     parts: dict[str, Any] = {}
     for table in _KEYS:
         if table in raw and table != "punch":
@@ -234,7 +234,7 @@ def _table(table: str, raw: Any) -> Any:
     keys, values = _KEYS[table], {}
     for key, value in raw.items():
         if key not in keys:
-            raise ValueError(f"unknown key '{key}' in [{table}]; known: {', '.join(keys)}.")
+            raise ValueError(unknown_key(key, keys, table))
         name, per = keys[key]
         where = f"{key} in [{table}]"
         values[name] = (_rows(where, value) if table == "drive" and key in MATRICES else

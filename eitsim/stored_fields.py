@@ -14,6 +14,7 @@ from eitsim.scene import Body, Punch, Scene
 from eitsim.skin import added_metric, driving_strain, touched_conductance
 from eitsim.skin_fields import contact_pressure, surface_displacement
 from matcal.conductivity import Conductivity, conductivity
+from matcal.errors import unknown_key
 
 Array = NDArray[np.float64]
 Touches = tuple[tuple[Punch, Touch], ...]
@@ -104,7 +105,7 @@ def fields_from(raw: Any) -> StoredFields:
     if not isinstance(raw, Mapping):
         raise ValueError(f"[{TABLE}] must be a table of keys, got {raw!r}.")
     if unknown := [key for key in raw if key not in known]:
-        raise ValueError(f"unknown key '{unknown[0]}' in [{TABLE}]; known: {', '.join(known)}.")
+        raise ValueError(unknown_key(unknown[0], known, TABLE))
     names = raw.get("names")
     if not isinstance(names, list | tuple) or not names or any(
             not isinstance(name, str) or name not in QUANTITIES for name in names):

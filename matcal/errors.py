@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
+
+
+def unknown_key(key: str, known: Iterable[str], table: str = "") -> str:
+    """Sentence on a key that is none of `known`, with the one that it may be a slip of; table: where it stands."""
+    names = list(known)
+    near = get_close_matches(key, names, 1)
+    meant = f" Did you mean '{near[0]}'?" if near else ""
+    return f"unknown key '{key}'{f' in [{table}]' if table else ''}; known: {', '.join(names)}.{meant}"
 
 
 class TestFileError(ValueError):

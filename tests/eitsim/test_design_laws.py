@@ -150,6 +150,9 @@ def test_any_key_is_drawn_by_words() -> None:
     ({"force_N": [True, False]}, r"force_N in \[punch\]"), ({"force_N": {"choice": [1, "two"]}}, r"force_N.*'two'"),
     ({"profile": {"choice": ["flat", "spher"]}}, r"profile in \[punch\].*'spher'.*sphere"),
     ({"profile": [0, 1]}, r"profile in \[punch\]"), ({"size": [1, 2]}, "unknown key 'size'"),
+    ({"palce": {}}, "unknown key 'palce' .*Did you mean 'place'"),
+    ({"diametr_mm": 9}, r"in \[punch\].*Did you mean 'diameter_mm'"),
+    ({"force_N": [float("nan"), 1]}, r"force_N in \[punch\] holds nan.*Give lo and hi as finite numbers"),
     ({"diameter_mm": "wide"}, r"diameter_mm in \[punch\] must be a finite number")])
 def test_mistakes_name_the_key(table: dict, named: str) -> None:
     with pytest.raises(ValueError, match=named):

@@ -57,9 +57,9 @@ def test_every_row_has_the_fields_of_its_touch(card: Path, tmp_path: Path) -> No
     assert (apart[solved] < 7 + 5).all()
     backwards = stored.read("strain", [5, 0, 3])
     assert np.array_equal(backwards, strain[[5, 0, 3]], equal_nan=True)
-    with pytest.raises(ValueError, match="not stored; stored: strain, pressure"):
+    with pytest.raises(TestFileError, match="not stored; stored: strain, pressure"):
         stored.read("displacement", [0])
-    with pytest.raises(ValueError, match="scene 6 is not in the data set"):
+    with pytest.raises(TestFileError, match="scene 6 is not in the data set"):
         stored.read("strain", [6])
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from eitsim import dataset
+from matcal.errors import TestFileError
 
 README = Path(__file__).parents[2] / "README.md"
 ROWS = 40
@@ -45,3 +46,10 @@ def test_the_readmes_line_reads_the_set(library: str, beside: None) -> None:
 def test_duckdb_reads_the_set(beside: None) -> None:
     duckdb = pytest.importorskip("duckdb")
     assert len(duckdb.sql(line_of("DuckDB")).fetchall()) == ROWS
+
+
+def test_a_manifest_cut_short_says_how_to_mend_it(beside: None) -> None:
+    path = Path("sweep") / dataset.MANIFEST
+    path.write_text(path.read_text()[:-9])
+    with pytest.raises(TestFileError, match=r"design\.json, line .* not JSON.*restore it from a copy"):
+        dataset.read_manifest(Path("sweep"))
