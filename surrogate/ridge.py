@@ -12,7 +12,7 @@ from surrogate.features import Directions, feature_slopes, features, learn_direc
 
 Array = NDArray[np.float64]
 
-COMPONENTS = (4, 6, 8, 11, 15, 20)
+COMPONENTS = (4, 6, 8, 11, 15, 20, 27, 36)
 PENALTIES = np.logspace(-8, 3, 34)
 
 
