@@ -20,7 +20,7 @@ MIN_ROWS = 14
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_FLOOR = 1e-5
 # Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
-INTERIOR = 0.50
+INTERIOR = 0.40
 
 
 @dataclass(frozen=True, eq=False)

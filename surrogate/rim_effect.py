@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Radii over the disc's: rows from FROM on teach the effect, which sets in there and is whole from FULL on.
-FROM, FULL = 0.42, 0.50
+FROM, FULL = 0.33, 0.40
 # Fewest rows that teach it, and most of them that are kept as nodes, their images across the half-sector not counted.
 MIN_ROWS, MAX_ROWS = 60, 2400
 # How far across the borders of the half-sector images of rows are kept as nodes, over the disc's radius.

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate import forward_map, levenberg, punches
-from surrogate.forward_map import ForwardMap, log_strengths
+from surrogate.forward_map import INTERIOR, ForwardMap, log_strengths
 from surrogate.loading import to_unknown
 from surrogate.locate import Located, locate
 from surrogate.ring import Ring
@@ -64,7 +64,8 @@ def test_a_sharp_posterior_is_left_to_its_peak(learned: ForwardMap) -> None:
 
 
 def test_strengths_are_located_within_their_covariance(learned: ForwardMap, synthetic: Synthetic) -> None:
-    touch, signal = synthetic(200, 1)
+    """Where the series stands alone; further out what the rim adds counts as strength."""
+    touch, signal = synthetic(200, 1, (), 100 * INTERIOR)
     noise = 2e-5
     found = locate(learned, signal + noise * np.random.default_rng(0).normal(size=signal.shape), np.full(200, noise))
     truth = log_strengths(learned, to_unknown(touch, learned.p0))
