@@ -66,7 +66,8 @@ def _kernel(root: Array) -> Array:
 
 def _hyperparameters(x: Array, y: Array) -> tuple[Array, float]:
     """Most likely lengths and noise ratio."""
-    span = np.maximum(np.std(x, axis=0), 1e-9)
+    span = np.std(x, axis=0)
+    span = np.where(span > 1e-9 * np.maximum(np.abs(x).max(axis=0), 1.0), span, 1.0)
     q = x.shape[1]
     bounds = [tuple(np.log(LENGTH_BOUNDS))] * q + [tuple(np.log(NOISE_BOUNDS))]
     start = np.r_[np.zeros(q), np.log(1e-2)]
