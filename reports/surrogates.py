@@ -22,7 +22,11 @@ METHODS = {
                "and takes α and β from the evidence.",
     "forward": "A learned map from a touch to its signal, inverted by least squares for every frame; the mechanical "
                "outputs follow from the touch that was found.",
+    "network": "One network with one hidden layer an output, on the direction and the logarithmic size of the signal, "
+               "trained by Levenberg–Marquardt with Bayesian regularisation after a warm-up, anew where it collapses.",
     "ridge": "Ridge regression on quadratic features of the signal's direction and size.",
+    "mlp": "A network of two hidden layers on the signal's direction and size, trained by gradient descent.",
+    "gp": "A Gaussian process of each output on the signal's direction and size.",
 }
 NO_NOISE = "No noise was added for these scores: the stored evaluation holds no noise level."
 

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from eitsim.frames import Frames
 from matcal.errors import TestFileError
+from surrogate import rim_effect
 from surrogate.model import Model
 from surrogate.ring import Ring
+from surrogate.touch_inversion import TouchInversion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -79,7 +81,10 @@ def without(model: Model, dead: Mask) -> Model:
     calibration = replace(model.calibration, signal_V=model.calibration.signal_V[rows][:, kept],
                           target=model.calibration.target[rows])
     ring = _kept(model.ring, kept)
-    learner = replace(model.learner, forward=replace(model.learner.forward, ring=ring))  # pyright: ignore
+    assert isinstance(model.learner, TouchInversion)
+    forward = model.learner.forward
+    learner = replace(model.learner, forward=replace(forward, ring=ring,
+                                                     rim=rim_effect.without(forward.rim, model.ring, kept)))
     weakest = model.trained.weakest_V * float(np.sqrt(np.mean(kept)))
     return replace(model, ring=ring, learner=learner, calibration=calibration, baseline_V=model.baseline_V[kept],
                    trained=replace(model.trained, weakest_V=weakest))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from surrogate import matern
 from surrogate.matern import Matern
 from surrogate.ring import Ring
-from surrogate.symmetry import Symmetry, fold, symmetry_of
+from surrogate.symmetry import Symmetry, filled_from, fold, symmetry_of
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -40,6 +40,8 @@ class RimEffect:
     # (bins,) radius over the disc's, and the RMS error of the signal by the other rows, over its norm
     radius: Array
     error: Array
+    # (all readings of the ring, readings) all of them by those that frames have
+    fill: Array
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ def none_of(ring: Ring) -> RimEffect:
     """No effect anywhere."""
     identity = Symmetry(np.ones(1, complex), np.zeros(1, bool), np.eye(len(ring.read))[None])
     process = Matern(np.zeros((0, 4)), np.ones(4), np.zeros((0, 0)))
-    return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, np.zeros(0), np.zeros(0))
+    return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, np.zeros(0), np.zeros(0),
+                     np.eye(len(ring.read)))
 
 
 def learn(ring: Ring, z: Complex, punch: Array, residual: Array, size: Array, norm: Array) -> RimEffect:
@@ -77,7 +80,7 @@ def learn(ring: Ring, z: Complex, punch: Array, residual: Array, size: Array, no
     own = left_out[:len(near)] @ axes + folded[:len(near)] - folded[:len(near)] @ axes.T @ axes
     radius, error = _by_radius(np.abs(z[near]), np.linalg.norm(own, axis=1) * np.abs(size[near]) / norm[near])
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
-    return RimEffect(symmetry, back @ axes.T, process, radius, error)
+    return RimEffect(symmetry, back @ axes.T, process, radius, error, np.eye(len(ring.read)))
 
 
 def effect(rim: RimEffect, z: Complex, punch: Array) -> Effect:
@@ -95,6 +98,11 @@ def effect(rim: RimEffect, z: Complex, punch: Array) -> Effect:
     slope[..., 1] += mean * (by_radius * unit.imag)[:, None]
     directions = rim.directions[chosen]
     return Effect((directions @ (share[:, None] * mean)[..., None])[..., 0], directions @ slope)
+
+
+def without(rim: RimEffect, ring: Ring, kept: NDArray[np.bool_]) -> RimEffect:
+    """The effect on the readings of a ring that are kept."""
+    return replace(rim, directions=rim.directions[:, kept], fill=filled_from(ring, kept))
 
 
 def reaches(rim: RimEffect, z: Complex) -> NDArray[np.bool_]:

@@ -22,7 +22,7 @@ def rim_starts(forward: ForwardMap, signal: Array, bands: int) -> Array:
     """
     unknown, foreseen = _foreseen(forward)
     symmetry = forward.rim.symmetry
-    images = np.einsum("mij,nj->nmi", symmetry.readings, signal, optimize=True)
+    images = np.einsum("mij,nj->nmi", symmetry.readings, signal @ forward.rim.fill.T, optimize=True)
     groups = np.array_split(np.argsort(unknown[:, 3], kind="stable"), bands)
     out = np.empty((len(signal), bands, 4))
     for k, group in enumerate(groups):
@@ -37,7 +37,7 @@ def rim_starts(forward: ForwardMap, signal: Array, bands: int) -> Array:
 
 @lru_cache(maxsize=8)
 def _foreseen(forward: ForwardMap) -> tuple[Array, Array]:
-    """Touches (m, 4) as (x, y, log d, g) and their signals (m, readings), readings of one entry made equal."""
+    """Touches (m, 4) as (x, y, log d, g) and their signals (m, all readings of the ring)."""
     (_, d_lo, f_lo), (reach, d_hi, f_hi) = forward.bounds
     least = INTERIOR * forward.ring.radius_mm
     log_d = np.log(np.linspace(d_lo, d_hi, DIAMETERS))
@@ -48,4 +48,4 @@ def _foreseen(forward: ForwardMap) -> tuple[Array, Array]:
     radius, angle, log_d, load = (grid.ravel() for grid in np.meshgrid(np.linspace(least, reach, RADII), angles, log_d,
                                                                        loads, indexing="ij"))
     unknown = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), log_d, load])
-    return unknown, linearise(forward, unknown).signal_V
+    return unknown, linearise(forward, unknown).signal_V @ forward.rim.fill.T

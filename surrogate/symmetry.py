@@ -64,6 +64,13 @@ def _entries(ring: Ring, to: NDArray[np.intp]) -> Array:
     return (both + both.transpose(0, 2, 1)).reshape(len(drive), -1) / 2
 
 
+def filled_from(ring: Ring, kept: NDArray[np.bool_]) -> Array:
+    """(readings, kept) all readings of a ring by those kept, least in norm where these do not tell: two readings of one
+    transfer impedance are equal."""
+    entries = _entries(ring, np.arange(len(ring.angle_rad)))
+    return entries @ np.linalg.pinv(entries[kept])
+
+
 def fold(symmetry: Symmetry, z: Complex) -> tuple[Complex, NDArray[np.intp]]:
     """Places z (n,) in the half-sector, and the map (n,) that carries each there."""
     images = symmetry.turn * np.where(symmetry.mirrored, z[:, None].conj(), z[:, None])

@@ -68,7 +68,7 @@ def test_rows_added_to_a_table_of_scenes_change_no_load_path(tmp_path: Path, mon
 
 
 @pytest.mark.parametrize(("change", "named"), [
-    ({"seed": 5}, "its seed is 0, here 5"), ({"fields": fields_from({"names": ["strain"]})}, "its fields is None"),
+    ({"seed": 5}, "its seed is 0, here 5"), ({"fields": fields_from({"names": ["strain"]})}, "its fields is not given"),
     ({"tables": {"punch": [{"diameter_mm": {"rows": [12, 14]}, "force_N": {"rows": [0.2, 0.4]}}]}},
      "rows or columns that stood in it are changed")])
 def test_what_differs_of_a_table_of_scenes_is_named(change: dict[str, Any], named: str, tmp_path: Path) -> None:

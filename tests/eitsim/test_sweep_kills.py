@@ -158,7 +158,8 @@ def test_a_sweep_stops_cleanly_when_asked(place: Path, number: signal.Signals, s
     _, told = process.communicate(timeout=60)
     assert not heard
     assert process.returncode == status
-    assert re.fullmatch(rf"eitsim: stopped by {number.name}; \d+ of 100000 scenes are in set. The same command goes on "
+    assert re.fullmatch(r"eitsim: 128 of the first 128 scenes will be refused.*\n"
+                        rf"eitsim: stopped by {number.name}; \d+ of 100000 scenes are in set. The same command goes on "
                         r"from there.\n", told)
     assert not psutil.wait_procs(hands, timeout=30)[1]
     assert not list((place / "set").glob("*.tmp"))
