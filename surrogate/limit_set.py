@@ -121,7 +121,7 @@ def _gradients(samples: Samples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
     some = take(samples, np.linspace(0, len(samples) - 1, min(len(samples), _ROWS)).round().astype(int))
     names, touch = outputs.NAMES[outputs.TOUCH:], some.target[:, :outputs.TOUCH]
-    learned = response.learn(touch, some.target[:, outputs.TOUCH:], names)
+    learned = response.learn(some.ring.radius_mm, touch, some.target[:, outputs.TOUCH:], names)
 
     def value(punch: Array) -> Array:
         touches = np.column_stack([0 * punch, punch])

@@ -20,7 +20,8 @@ from surrogate.metrics import rms
 
 def covariance_at(found: Derivatives, spread: MaterialSpread, noise_db: float) -> Array:
     """(..., 4, 4) Cramer-Rao covariance of (x, y, d, F), mm and N, under noise in dB below the RMS of the baseline."""
-    return np.linalg.inv(information(slopes_of(found, spread), below(noise_db, rms(found.baseline_V))))
+    noise_V = below(noise_db, rms(found.baseline_V))
+    return np.asarray(np.linalg.inv(information(slopes_of(found, spread), noise_V)), np.float64)
 
 
 def limits_of(found: Derivatives, spread: MaterialSpread, noise_db: float, material: str) -> list[dict[str, Any]]:
