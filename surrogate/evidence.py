@@ -32,7 +32,8 @@ class Options:
 
     # hidden units
     units: int = 20
-    # most accepted steps; eight networks of 208 inputs on 2,800 rows then take less than 20 minutes on two cores
+    # most accepted steps; eight networks of 208 inputs on 2,800 rows then take some 16 minutes on two cores, reckoned
+    # from 100 steps of two of them
     epochs: int = 300
     # damping: start, factor after an accepted and after a refused step, and the value that ends the training
     mu: float = 0.005
