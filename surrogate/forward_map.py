@@ -21,11 +21,14 @@ MIN_ROWS = 14
 MIN_FLOOR = 1e-5
 # Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
 INTERIOR = 0.40
+# Inputs of the strengths that the touch gives: log d, g, |z0|^2.
+TOUCH_INPUTS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardMap:
-    """Multipole series whose strengths are Gaussian processes of (log d, load g, |z0|^2), and the effect of the rim."""
+    """Multipole series whose strengths are Gaussian processes of (log d, load g, |z0|^2, material), and the effect of
+    the rim; the material is some standard normal states of the card, none where one card serves all rows."""
 
     ring: Ring
     # (modes,) harmonic coefficients of one electrode's field
@@ -45,6 +48,16 @@ class ForwardMap:
     # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
     bounds: Array
 
+    @property
+    def materials(self) -> int:
+        """States of the material."""
+        return len(self.strengths[0].centre) - TOUCH_INPUTS
+
+    @property
+    def doubts(self) -> int:
+        """Standard normal unknowns beside the touch: one a strength, then those of the material."""
+        return len(self.strengths) + self.materials
+
 
 @dataclass(frozen=True)
 class Linearised:
@@ -54,12 +67,14 @@ class Linearised:
     signal_V: Array
     # (n, readings, 4) derivative, V per unit of each
     jacobian: Array
-    # (n, readings, orders) derivative along each strength times that strength's standard deviation, V
+    # (n, readings, doubts) derivative along each strength times that strength's standard deviation, then along each
+    # state of the material, V
     doubt: Array
 
 
-def learn(ring: Ring, touch: Array, signal_V: Array) -> ForwardMap:
-    """Learn the map from touches (n, 4) in mm and N and their signals (n, readings) in V.
+def learn(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None) -> ForwardMap:
+    """Learn the map from touches (n, 4) in mm and N, their signals (n, readings) in V, and standard normal states of
+    their materials (n, k).
 
     ValueError where there are too few rows or the touches do not share one sign of conductance change.
     """
@@ -68,12 +83,14 @@ def learn(ring: Ring, touch: Array, signal_V: Array) -> ForwardMap:
                          "Sweep more scenes.")
     p0 = light_pressure(touch)
     unknown = to_unknown(touch, p0)
+    material = np.zeros((len(touch), 0)) if material is None else material
     z = _place(ring, touch)
     inner = _within(z, INTERIOR)
-    field, sign, processes, floor = _series(ring, z[inner], unknown[inner], touch[inner, 3], signal_V[inner])
+    field, sign, processes, floor = _series(ring, z[inner], _inputs(ring, unknown[inner], material[inner]),
+                                              touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, sign, processes, rim_effect.none_of(ring), p0, floor, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch))
-    base, value = multipole.basis(*multipole.patterns(ring, field, z)), _strengths(series, unknown)[0]
+    base, value = multipole.basis(*multipole.patterns(ring, field, z)), _strengths(series, unknown, material)[0]
     size = value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
     left = signal_V - multipole.combined(base, value)
     return replace(series, rim=rim_effect.learn(ring, z, unknown[:, 2:], left, size, np.linalg.norm(signal_V, axis=1)))
@@ -85,7 +102,7 @@ def _within(z: NDArray[np.complex128], reach: float) -> NDArray[np.bool_]:
     return radius <= max(reach, float(np.sort(radius)[MIN_ROWS - 1]))
 
 
-def _series(ring: Ring, z: NDArray[np.complex128], unknown: Array, force_N: Array,
+def _series(ring: Ring, z: NDArray[np.complex128], inputs: Array, force_N: Array,
             signal_V: Array) -> tuple[Array, float, tuple[GaussianProcess, ...], float]:
     """Field, sign, strengths and floor of the series."""
     field = multipole.learn_field(ring, z, signal_V)
@@ -95,7 +112,6 @@ def _series(ring: Ring, z: NDArray[np.complex128], unknown: Array, force_N: Arra
     if not np.all(first * sign > 0):
         raise ValueError(f"{np.sum(first * sign <= 0)} of {len(first)} training rows change the skin's conductance the "
                          "other way, and the forward map needs one sign. Use --method ridge or trainbr.")
-    inputs = _inputs(ring, unknown)
     processes = [gaussian_process.fit(inputs, np.log(np.abs(first) / force_N))]
     processes += [gaussian_process.fit(inputs, found.value[:, n] / first, found.variance[:, n] / first**2)
                   for n in range(1, multipole.ORDERS)]
@@ -121,7 +137,7 @@ def _bounds(touch: Array) -> Array:
 def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
     """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, g)."""
     base, by_x, by_y = multipole.basis_and_slopes(forward.ring, forward.field, _place(forward.ring, unknown))
-    value, slope, sd = _strengths(forward, unknown)
+    value, slope, sd, by_card = _strengths(forward, unknown)
     jacobian = base @ slope
     jacobian[..., 0] += multipole.combined(by_x, value) / forward.ring.radius_mm
     jacobian[..., 1] += multipole.combined(by_y, value) / forward.ring.radius_mm
@@ -132,14 +148,24 @@ def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
         added, added_slope = _rim_effect(forward, *parts)
         signal[near] += added
         jacobian[near] += added_slope
-    doubt = base * (value[:, :1] * sd)[:, None, :]
-    doubt[..., 0] = signal * sd[:, :1]
-    return Linearised(signal, jacobian, doubt)
+    along = np.concatenate([sd[:, :, None] * np.eye(sd.shape[1]), by_card], axis=2)
+    return Linearised(signal, jacobian, _along(base, signal, value[:, :1], along))
+
+
+def _along(base: Array, signal: Array, dipole: Array, change: Array) -> Array:
+    """(n, readings, k) what changes (n, orders, k) of log p_1 and of the ratios make of a signal (n, readings)."""
+    return signal[..., None] * change[:, :1] + base[..., 1:] @ (dipole[..., None] * change[:, 1:])
+
+
+def by_material(forward: ForwardMap, unknown: Array) -> Array:
+    """(n, orders, k) derivatives of log |p_1| and of the ratios p_n / p_1 by the states of the material, at touches
+    (n, 4) given as (x, y, log d, g)."""
+    return _strengths(forward, unknown)[3]
 
 
 def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders) log |p_1 / V| and the ratios p_n / p_1 of touches (n, 4) given as (x, y, log d, g)."""
-    inputs = _inputs(forward.ring, unknown)
+    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
     out = np.column_stack([gaussian_process.mean(process, inputs)[0] for process in forward.strengths])
     out[:, 0] += np.log(force(unknown[:, 2], unknown[:, 3], forward.p0))
     return out
@@ -163,24 +189,27 @@ def _place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
     return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
 
 
-def _inputs(ring: Ring, unknown: Array) -> Array:
-    return np.column_stack([unknown[:, 2:], np.minimum(np.abs(_place(ring, unknown)), INTERIOR) ** 2])
+def _inputs(ring: Ring, unknown: Array, material: Array) -> Array:
+    return np.column_stack([unknown[:, 2:], np.minimum(np.abs(_place(ring, unknown)), INTERIOR) ** 2, material])
 
 
 def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
-    """Derivatives by (x, y, log d, g) from those by (log d, g, |z0|^2), last axis."""
+    """Derivatives by (x, y, log d, g) from those by (log d, g, |z0|^2, ...), last axis."""
     radial = 2 * unknown[..., :2] / ring.radius_mm**2
     radial = radial * (np.hypot(unknown[..., :1], unknown[..., 1:2]) < INTERIOR * ring.radius_mm)
-    return np.concatenate([by_input[..., 2:] * radial, by_input[..., :2]], axis=-1)
+    return np.concatenate([by_input[..., 2:3] * radial, by_input[..., :2]], axis=-1)
 
 
-def _strengths(forward: ForwardMap, unknown: Array) -> tuple[Array, Array, Array]:
-    """Strengths (n, orders), their slopes (n, orders, 4), and the standard deviations of log p_1 and of the ratios.
+def _strengths(forward: ForwardMap, unknown: Array,
+               material: Array | None = None) -> tuple[Array, Array, Array, Array]:
+    """Strengths (n, orders), their slopes (n, orders, 4), the standard deviations of log p_1 and of the ratios, and
+    the derivatives (n, orders, k) of these by the material, the mean one where none is given.
 
     The scatter of log p_1 about its process (noise) is doubt; that of the ratios is mostly what least squares on one
     row leaves undetermined, which the floor stands for already.
     """
-    inputs = _inputs(forward.ring, unknown)
+    held = np.zeros((len(unknown), forward.materials)) if material is None else material
+    inputs = _inputs(forward.ring, unknown, held)
     found = [gaussian_process.predict(process, inputs) for process in forward.strengths]
     first = forward.sign * force(unknown[:, 2], unknown[:, 3], forward.p0) * np.exp(found[0][0])
     ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _, _ in found[1:]])
@@ -194,4 +223,5 @@ def _strengths(forward: ForwardMap, unknown: Array) -> tuple[Array, Array, Array
     slope = _by_unknown(forward.ring, unknown[:, None], by_input)
     variance = np.column_stack([v for _, _, v in found])
     variance[:, 0] += forward.strengths[0].noise[0]
-    return value, slope, np.sqrt(variance)
+    gradients = np.stack([gradient[:, TOUCH_INPUTS:] for _, gradient, _ in found], axis=1)
+    return value, slope, np.sqrt(variance), gradients

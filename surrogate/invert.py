@@ -96,8 +96,8 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDA
 
 
 def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
-    """(n BANDS, 7) states with the most probable punch of each band of loads at the located places; of each band the
-    touch that the map foresees most alike where that place is near the rim."""
+    """(n BANDS, 4 + doubts) states with the most probable punch of each band of loads at the located places; of each
+    band the touch that the map foresees most alike where that place is near the rim."""
     chosen = starts(punches, BANDS)
     unknown = np.empty((len(chosen), BANDS, 4))
     unknown[..., :2] = located.place_mm[:, None]
@@ -106,11 +106,12 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     if len(forward.rim.radius) and np.any(near):
         unknown[near] = rim_starts(forward, signal[near], BANDS)
     scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd
-    return np.column_stack([scaled, np.zeros((len(scaled), len(forward.strengths)))])
+    return np.column_stack([scaled, np.zeros((len(scaled), forward.doubts))])
 
 
 def _residuals(forward: ForwardMap, signal: Array, sd: Array, state: Array) -> tuple[Array, Array]:
-    """Residuals (n, readings + 7) and Jacobian (n, readings + 7, 7): readings over their sd, then prior and doubts."""
+    """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + doubts: readings over their sd, then prior
+    and doubts."""
     here = linearise(forward, _unknown(forward, state))
     misfit = (here.signal_V + combined(here.doubt, state[:, 4:]) - signal) / sd[:, None]
     jacobian = np.concatenate([here.jacobian * forward.sd, here.doubt], axis=2) / sd[:, None, None]
