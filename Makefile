@@ -1,12 +1,15 @@
 # make demo   raw test files to report PDFs        make test        all tests but the slow ones
 # make lint   ruff and pyright                     make test-slow   the slow ones
-.PHONY: demo test test-slow lint bench clean install
+# make bench  every benchmark, for hours           make bench QUICK=1   a few cases of each, within half an hour
+# make docs   the API from its docstrings, reports/out/api
+.PHONY: demo test test-slow lint bench docs clean install
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
 BIN := .venv/bin
 SCENES ?= 200
 WORKERS ?= 2
+QUICK ?=
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
@@ -37,7 +40,10 @@ lint: install
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 bench: install
-	for file in benchmarks/*.py; do $(BIN)/python $$file || exit 1; done
+	QUICK=$(QUICK) PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python benchmarks/whole.py
+
+docs: install
+	$(BIN)/pdoc --docformat markdown -o reports/out/api matcal eitsim surrogate reports
 
 clean:
 	rm -rf .venv reports/out

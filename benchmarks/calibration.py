@@ -13,7 +13,7 @@ from pathlib import Path
 
 import lmfit
 import numpy as np
-import pandas as pd
+from conditions import quick, shown, written
 from materials import TABLE_1
 
 from matcal.curves import Curve, weigh
@@ -25,7 +25,7 @@ from matcal.varpro import least_moduli
 
 HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"
-REPEATS = 5
+REPEATS = quick(5, 2)
 
 
 def curves() -> tuple[Curve, ...]:
@@ -64,34 +64,41 @@ def by_lmfit(data: tuple[Curve, ...], start: Hyperfoam, tolerance: float) -> Hyp
                               ftol=tolerance).params)
 
 
-def row(method: str, setting: str, run: Callable[[], Hyperfoam], data: tuple[Curve, ...], truth: float) -> dict:
+def distance(law: Hyperfoam, best: Hyperfoam, data: tuple[Curve, ...]) -> float:
+    """RMS of the stress by which a law misses the best fit's, over the RMS of the best fit's, in the mode where it
+    misses more: the error that a search leaves, beside that of noisy data."""
+    fitted = [(modelled(law, curve), modelled(best, curve)) for curve in data]
+    return max(float(np.linalg.norm(own - aim) / np.linalg.norm(aim)) for own, aim in fitted)
+
+
+def row(method: str, setting: str, run: Callable[[], Hyperfoam], data: tuple[Curve, ...], truth: float,
+        best: Hyperfoam) -> dict:
     seconds = []
     for _ in range(REPEATS):
         begun = time.process_time()
         law = run()
         seconds.append(time.process_time() - begun)
-    return {"method": method, "setting": setting, "relative_rms_uniaxial": relative_rms(law, data[0]),
+    return {"method": method, "setting": setting,
+            "distance_from_best": distance(law, best, data), "relative_rms_uniaxial": relative_rms(law, data[0]),
             "relative_rms_shear": relative_rms(law, data[1]), "mu_0_error": law.mu_0_Pa / truth - 1,
             "cpu_s": float(np.median(seconds))}
 
 
 def main() -> None:
     data = curves()
+    best = by_variable_projection(data, 60, 1e-13)
     truth = 1e3 * json.loads((RAW / "truth.json").read_text())["longterm"]["mu_0_kPa"]
     rows = [row("variable projection", f"{n} starts, tolerance {t:g}",
-                lambda n=n, t=t: by_variable_projection(data, n, t), data, truth)
+                lambda n=n, t=t: by_variable_projection(data, n, t), data, truth, best)
             for n in (1, 3, 8, 20) for t in (1e-2, 1e-4, 1e-9)]
     rows.append(row("variable projection", "default, each mode alone and one more term too", lambda: as_users_do(data),
-                    data, truth))
+                    data, truth, best))
     starts = {"alpha 1, 4, 8": Hyperfoam([5e3, 5e3, 5e3], [1.0, 4.0, 8.0], [0, 0, 0]),
               "alpha -2, 2, 6": Hyperfoam([5e3, 5e3, 5e3], [-2.0, 2.0, 6.0], [0, 0, 0]),
               "Table 1": TABLE_1}
     rows += [row("lmfit leastsq", f"from {name}, tolerance {t:g}", lambda s=start, t=t: by_lmfit(data, s, t), data,
-                 truth) for name, start in starts.items() for t in (1e-4, 1.5e-8)]
-    table = pd.DataFrame(rows)
-    (HERE / "results").mkdir(exist_ok=True)
-    table.to_csv(HERE / "results" / "calibration.csv", index=False, float_format="%.6g")
-    print(table.to_string(index=False))
+                 truth, best) for name, start in starts.items() for t in (1e-4, 1.5e-8)]
+    shown(written(rows, "calibration", 6))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from condensed import condensed
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 from electrics_random import BODY, DRIVE, ELECTRODES, FINEST, SKIN, distance, reference_mesh, signal_on
 from materials import SKIN_LAW, TABLE_1
 
@@ -36,13 +36,13 @@ from eitsim.scene import Punch
 from eitsim.skin import sheet_conductance, untouched_conductance
 from eitsim.template import rim_angles, ring_mesh, template
 
-CENTRAL = (Punch(), Punch(0.05, 0.01, 0.010, 2.0), Punch(0.06, -0.02, 0.018, 0.5))
-NEAR_RIM = (Punch(-0.05, 0.065),)
+CENTRAL = (Punch(), Punch(0.05, 0.01, 0.010, 2.0), Punch(0.06, -0.02, 0.018, 0.5))[:quick(3, 1)]
+NEAR_RIM = (Punch(-0.05, 0.065),)[:quick(1, 0)]
 Z_OHM_M = ELECTRODES.contact_impedance_Ohm_m
 FIXED_LEVELS, TEMPLATE_LEVELS, HALVINGS, FINEST_TEMPLATE = (2, 4, 8), (1, 2, 4), (0, 1, 2), 6
 # A condensed update takes the conductance to change out to where it last does by this part.
 CHANGED = 1e-4
-REPEATS = 3
+REPEATS = quick(3, 1)
 
 
 @dataclass(frozen=True)
@@ -181,12 +181,10 @@ def sensor() -> dict[str, object]:
 
 
 def main() -> None:
-    RESULTS.mkdir(exist_ok=True)
     places = [*((punch, "inside") for punch in CENTRAL), *((punch, "near the rim") for punch in NEAR_RIM)]
     table = pd.DataFrame([*(row for punch, place in places for row in rows(punch, place)), sensor()])
     table = table.astype({"elements": "Int64", "unknowns": "Int64"})
-    table.assign(**conditions()).to_csv(RESULTS / "electrics.csv", index=False, float_format="%.4g")
-    print(table.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    shown(written(table, "electrics"))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
@@ -33,13 +34,12 @@ from eitsim.scene import Accuracy, Body, Punch, Scene, Skin
 from eitsim.skin import touched_conductance, untouched_conductance
 from eitsim.template import centred_radii, inside_rim, ring_mesh
 
-RESULTS = Path(__file__).parent / "results" / "electrics_random.csv"
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
-SCENES, SEED = 200, 5
+SCENES, SEED = quick(200, 3), 5
 # part of [accuracy] signal that is the electrics'
 SHARE = 0.2
 COLUMNS = ("scene", "d_mm", "F_N", "gap_mm", "rim", "method", "unknowns", "cpu_ms", "estimate", "dv_error",
-           "reference_unknowns", "reference_error")
+           "reference_unknowns", "reference_error", *CONDITIONS)
 
 
 @dataclass(frozen=True)
@@ -197,16 +197,16 @@ def summary(table: pd.DataFrame) -> str:
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--scenes", type=int, default=SCENES)
-    options.add_argument("--out", type=Path, default=RESULTS)
+    options.add_argument("--out", type=Path, default=RESULTS / "electrics_random.csv")
     given = options.parse_args()
     done = set(pd.read_csv(given.out)["scene"]) if given.out.exists() else set()
-    given.out.parent.mkdir(exist_ok=True)
+    given.out.parent.mkdir(exist_ok=True, parents=True)
     with given.out.open("a", newline="") as file:
         writer = csv.writer(file)
         if not done:
             writer.writerow(COLUMNS)
         for k in set(range(given.scenes)) - done:
-            for row in rows(k):
+            for row in (one | conditions() for one in rows(k)):
                 writer.writerow([f"{row[key]:.4g}" if isinstance(row[key], float) else row[key] for key in COLUMNS])
             file.flush()
     print(summary(pd.read_csv(given.out)))

@@ -16,8 +16,7 @@ import itertools
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, written
 from electrics import BODY, ELECTRODES, fixed_mesh, rings
 from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
@@ -27,9 +26,10 @@ from eitsim.elimination import Elimination, residual, solve
 
 COUNT = ELECTRODES.count
 CENTRE = np.eye(COUNT) - 1 / COUNT
-CONTRASTS, CONTACTS_OHM_M = (1e-9, 1e-6, 1.0, 1e6, 1e9), (1e-9, 1e-6, 1.0, 1e6)
-CUTS = (1e-3, 1e-6, 1e-9, 1e-12, 1e-18, 1e-100)
-ANISOTROPIES = (1e4, 1e6, 1e8)
+CONTRASTS = quick((1e-9, 1e-6, 1.0, 1e6, 1e9), (1e-9, 1.0, 1e9))
+CONTACTS_OHM_M = quick((1e-9, 1e-6, 1.0, 1e6), (1e-9, 1e6))
+CUTS = quick((1e-3, 1e-6, 1e-9, 1e-12, 1e-18, 1e-100), (1e-9,))
+ANISOTROPIES = quick((1e4, 1e6, 1e8), (1e8,))
 SHEET_S = 1e-3
 REFINEMENTS = (0, 1, 2)
 # Refinements in extended precision until the last changes less than 5e-16, and what the last of them may change where
@@ -138,8 +138,7 @@ def main() -> None:
             table += rows(mesh, "cut", np.where(cut, SHEET_S * contrast, SHEET_S), contrast, 1.0)
         for ratio in ANISOTROPIES:
             table += rows(mesh, "turned tensors", turned(mesh, ratio), ratio, 1.0)
-    frame = pd.DataFrame(table)
-    frame.assign(**conditions()).to_csv(RESULTS / "electrics_stiff.csv", index=False, float_format="%.3g")
+    frame = written(table, "electrics_stiff", 3)
     print(frame[frame["outcome"] != "solved"].to_string(index=False))
     wide = frame.pivot_table(index=["elements", "of", "contrast", "z_Ohm_m", "condition"],
                              columns=["method", "refinements"], values="digits_lost")

@@ -9,8 +9,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 
 from eitsim.electrics import solve
 from eitsim.electrodes import Electrodes, present
@@ -72,9 +71,8 @@ def measured(name: str, electrodes: Electrodes) -> dict[str, object]:
 
 def main() -> None:
     solve(BODY, Skin(), Electrodes(count=5), Drive(), ((PUNCH, pressed()),), LAW, method="mesh", signal=0.1)
-    frame = pd.DataFrame([measured(name, electrodes) for name, electrodes in CASES.items()])
-    frame.assign(**conditions()).to_csv(RESULTS / "electrodes.csv", index=False, float_format="%.3g")
-    print(frame.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    rows = [measured(name, electrodes) for name, electrodes in [*CASES.items()][:quick(None, 4)]]
+    shown(written(rows, "electrodes", 3))
 
 
 if __name__ == "__main__":

@@ -6,17 +6,15 @@ one as `make bench` does.
 
 from __future__ import annotations
 
-import csv
 import itertools
-from pathlib import Path
 
+from conditions import quick, shown, written
 from materials import TABLE_1
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.scene import Body, Punch
 
-RESULTS = Path(__file__).parent / "results" / "friction.csv"
-DIAMETERS_MM, FORCES_N = (10, 14, 18), (0.1, 0.5, 1.0, 2.0, 3.0)
+DIAMETERS_MM, FORCES_N = (10, 14, 18), quick((0.1, 0.5, 1.0, 2.0, 3.0), (1.0,))
 FRICTIONS = (("none", 0.0), ("stick", 0.0))
 
 
@@ -35,10 +33,7 @@ def main() -> None:
     solve_touch(TABLE_1, Body(), Punch())
     cases = itertools.product(DIAMETERS_MM, FORCES_N, FRICTIONS)
     rows = [row(diameter, force, *friction) for diameter, force, friction in cases]
-    with RESULTS.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]))
-        table.writeheader()
-        table.writerows(rows)
+    shown(written(rows, "friction"))
 
 
 if __name__ == "__main__":

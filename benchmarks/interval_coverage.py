@@ -23,6 +23,7 @@ from types import ModuleType
 
 import numpy as np
 import pandas as pd
+from conditions import RESULTS, quick, shown, written
 
 from matcal.calibrate import Calibration, Choices, calibrate
 from matcal.derived import derived_of, stress_of
@@ -180,7 +181,7 @@ def _noise(n: int, correlation: float, rng: np.random.Generator) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("replicas", nargs="?", type=int, default=100)
+    parser.add_argument("replicas", nargs="?", type=int, default=quick(100, 3))
     parser.add_argument("cases", nargs="*", default=list(CASES))
     parser.add_argument("--posterior", action="store_true")
     asked = parser.parse_args()
@@ -188,14 +189,13 @@ def main() -> None:
         parser.error(f"unknown case {', '.join(sorted(unknown))}; known: {', '.join(CASES)}")
     rows = run(tuple(asked.cases), asked.replicas, asked.posterior)
     table = summary(rows)
-    out = HERE / "results" / "coverage.csv"
+    out = RESULTS / "coverage.csv"
     if out.exists():  # keep the other cases and the other method
         old = pd.read_csv(out)
         fresh = set(zip(table["case"], table["method"], strict=True))
         kept = old[[(c, m) not in fresh for c, m in zip(old["case"], old["method"], strict=True)]]
         table = pd.concat([kept, table], ignore_index=True)
-    table.to_csv(out, index=False, float_format="%.4g")
-    print(table.to_string(index=False, float_format="%.3g"))
+    shown(written(table, "coverage"))
     print(f"{rows.groupby(['case', 'seed'])['cpu_s'].first().sum():.0f} CPU s")
 
 

@@ -16,8 +16,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 
 from eitsim.axisymmetric import solve_touch
 from eitsim.contact_slopes import by_contact
@@ -36,7 +35,7 @@ from matcal.hyperfoam import Hyperfoam
 FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 SHEET_S = untouched_conductance(LAW, Skin())
-PUNCHES = (Punch(), Punch(0.03, -0.02, 0.014, 0.5), Punch(0.06, 0.01, 0.018, 2.0))
+PUNCHES = (Punch(), Punch(0.03, -0.02, 0.014, 0.5), Punch(0.06, 0.01, 0.018, 2.0))[:quick(3, 2)]
 NEAR_RIM = Punch(0.083, 0.0, 0.014, 1.0)
 PATCHES = Electrodes(kind="patch")
 EVERY = Measurement(noise_V=1e-4, gain=0.01, offset_V=1e-3, drift=0.01, drift_channel=0.01, drift_V=1e-3,
@@ -89,11 +88,8 @@ def main() -> None:
     found = [row for punch, touch in pairs for row in contact_rows(punch, touch, Electrodes())]
     found += contact_rows(PUNCHES[1], touches[1], PATCHES)
     found.append(measure_row(touches[1]))
-    found += [fields_row(punch, touch, grid) for punch, touch in (pairs[1], pairs[3]) for grid in GRIDS]
-    RESULTS.mkdir(exist_ok=True)
-    table = pd.DataFrame([row | conditions() for row in found])
-    table.to_csv(RESULTS / "measured.csv", index=False, float_format="%.4g")
-    print(table.drop(columns=list(conditions())).to_string(index=False))
+    found += [fields_row(punch, touch, grid) for punch, touch in (pairs[1], pairs[-1]) for grid in GRIDS]
+    shown(written(found, "measured"))
 
 
 if __name__ == "__main__":

@@ -11,10 +11,9 @@ import multiprocessing
 import resource
 import time
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
+from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
@@ -23,11 +22,10 @@ from eitsim.mesh import default_element_m
 from eitsim.results import Touch
 from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
 
-RESULTS = Path(__file__).parent / "results"
-CASES = ((0.010, 2.0), (0.014, 1.0), (0.018, 0.5), (0.014, 0.1))
+CASES = ((0.014, 1.0), (0.010, 2.0), (0.018, 0.5), (0.014, 0.1))[:quick(4, 1)]
 # element size over the default one; the last is the reference
 SIZES = (4.0, 2.0, 1.0, 0.5, 0.25)
-REPEATS = 3
+REPEATS = quick(3, 1)
 
 
 def solved(punch: Punch, size: float, repeats: int) -> tuple[Touch, float, float]:
@@ -80,10 +78,7 @@ def rows(diameter_m: float, force_N: float) -> list[dict[str, object]]:
 
 
 def main() -> None:
-    table = pd.DataFrame([row for case in CASES for row in rows(*case)])
-    RESULTS.mkdir(exist_ok=True)
-    table.to_csv(RESULTS / "mechanics.csv", index=False, float_format="%.4g")
-    print(table.to_string(index=False))
+    shown(written([row for case in CASES for row in rows(*case)], "mechanics"))
 
 
 if __name__ == "__main__":

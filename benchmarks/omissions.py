@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from conditions import RESULTS, quick, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import force_unit, pressings, solve_touch, touch_of, under_force
@@ -39,9 +40,8 @@ from eitsim.together import LEAST_GAP, solved_together
 from matcal.errors import NotConverged
 from matcal.prony import Prony
 
-RESULTS = Path(__file__).parent / "results"
 SERIES = Prony(np.array([0.15, 0.1, 0.1]), np.array([0.29, 5.0, 60.0]))
-BODY, SCENES, SEED = Body(), 100, 11
+BODY, SCENES, SEED = Body(), quick(100, 2), 11
 LEAST_N, MOST = 0.01, 0.4
 # What a hold at a depth leaves out is stepped through, from the touch to this time in as many steps per decade: four
 # instead of one changed the force by 1e-7, the change of strain by 1 % of it.
@@ -283,12 +283,9 @@ def main() -> None:
     options.add_argument("--only", choices=OMISSIONS, action="append")
     given = options.parse_args()
     rows = pd.DataFrame([r for name in given.only or OMISSIONS for r in rows_of(name, given.scenes)])
-    RESULTS.mkdir(exist_ok=True)
     if given.only:
         rows = with_rows_of_before(rows, RESULTS / "omissions.csv")
-    rows.to_csv(RESULTS / "omissions.csv", index=False, float_format="%.4g")
-    table = summary(rows)
-    table.to_csv(RESULTS / "omissions_summary.csv", index=False, float_format="%.3g")
+    table = written(summary(written(rows, "omissions")), "omissions_summary", 3)
     print(table.T.to_string())
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 from scipy.io import loadmat, savemat
 from scipy.spatial import Delaunay
 
@@ -31,7 +31,7 @@ from eitsim.scene import Drive
 
 RADIUS_M, ELECTRODES, CONTACT_OHM_M = 0.1, 16, 1.0
 # Circles of the mesh's points: about 19,000 and 75,000 triangles.
-CIRCLES = (55, 109)
+CIRCLES = (55, 109)[:quick(2, 1)]
 # Conductances of each mesh, the first of which counts apart.
 CASES = 4
 PEERS = Path(__file__).parent / "peers"
@@ -146,9 +146,7 @@ def main() -> None:
     table = pd.DataFrame(rows)
     own = table[table["method"] == "eitsim"].set_index("triangles")["cpu_s"]
     table.insert(5, "times_ours", table["cpu_s"] / table["triangles"].map(own))
-    RESULTS.mkdir(exist_ok=True)
-    table.assign(**conditions()).to_csv(RESULTS / "peers_electrics.csv", index=False, float_format="%.4g")
-    print(table.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    shown(written(table, "peers_electrics"))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, written
 from materials import TABLE_1
 from peers import calculix
 
@@ -37,7 +37,7 @@ from matcal.errors import NotConverged
 BODY = Body()
 FLAT, SPHERE = Punch(diameter_m=0.014, force_N=1.0), Punch(diameter_m=0.014, force_N=0.5, profile="sphere")
 TOUCHES = {"flat, d = 14 mm, 1 N": (FLAT, 0.25), "sphere, d = 14 mm, 0.5 N": (SPHERE, 0.5)}
-SIZES, REPEATS = (4.0, 2.0, 1.0, 0.5), 3
+SIZES, REPEATS = quick((4.0, 2.0, 1.0, 0.5), (4.0, 2.0, 1.0)), quick(3, 1)
 # A whole path: twelve even forces, N, up to three, on meshes down to this size.
 PATH_N = np.linspace(0.25, 3.0, 12)
 FINEST_PATH = 1.0
@@ -48,7 +48,7 @@ CALCULIX = (("CAX4", 4.0, NODES, 1e4, 12.0), ("CAX4", 2.0, NODES, 1e4, 12.0), ("
 # Largest steps of CalculiX, tried in turn until one reaches the force; whether it does is a matter of luck.
 STEPS = (0.1, 0.093, 0.05)
 # CPU seconds that a run of a peer may take.
-LIMIT_S = 90
+LIMIT_S = quick(90, 40)
 COLUMNS = ["touch", "method", "setting", "element_um", "depth_mm", "depth_error", "normal_strain_error_L2",
            "plane_strain_error_L2", "cpu_s", "outcome"]
 # Size over the default and penalty at a node, mN/mm, beta and steps to the depth.
@@ -123,7 +123,7 @@ def by_calculix(punch: Punch, reference: Touch) -> Iterator[dict[str, object]]:
         print("CalculiX: not installed" if punch.profile == "flat" else "CalculiX: the flat punch only")
         return
     version = subprocess.run(["ccx", "-v"], capture_output=True, text=True, check=False).stdout.split()[-1]
-    for element, size, pairing, penalty, beyond in CALCULIX:
+    for element, size, pairing, penalty, beyond in CALCULIX[:quick(None, 1)]:
         settings = calculix.Settings(element, element_m(punch, size), pairing, penalty, beyond)
         run, found = calculix_attempts(punch, reference, settings)
         far = "hyperfoam everywhere" if np.isinf(beyond) else f"linear elastic beyond {beyond:g} mm"
@@ -152,7 +152,7 @@ def by_felupe(punch: Punch, reference: Touch) -> Iterator[dict[str, object]]:
     if punch.profile != "sphere":
         print("FElupe: the sphere only, it has no filleted punch")
         return
-    for size, penalty, beta, steps in FELUPE:
+    for size, penalty, beta, steps in FELUPE[:quick(None, 2)]:
         yield felupe_row(python, punch, reference, size, penalty, beta, steps)
 
 
@@ -182,15 +182,13 @@ def felupe_row(python: str, punch: Punch, reference: Touch, size: float, penalty
 def main() -> None:
     solve_touch(TABLE_1, BODY, FLAT, element_m=element_m(FLAT, 8.0))  # compiles the kernels
     rows: list[dict[str, object]] = []
-    RESULTS.mkdir(exist_ok=True)
     for name, (punch, finest) in TOUCHES.items():
         reference = solve_touch(TABLE_1, BODY, punch, element_m=element_m(punch, finest))
         for row in itertools.chain(ours(punch, reference, [size for size in SIZES if size > finest]),
                                    by_calculix(punch, reference), by_felupe(punch, reference)):
-            rows.append({"touch": name, **row, **conditions()})
+            rows.append({"touch": name, **row})
             print({key: row[key] for key in ("method", "setting", "cpu_s", "outcome") if key in row}, flush=True)
-            table = pd.DataFrame(rows).reindex(columns=COLUMNS + list(conditions()))
-            table.to_csv(RESULTS / "peers_mechanics.csv", index=False, float_format="%.4g")
+            written(pd.DataFrame(rows).reindex(columns=COLUMNS), "peers_mechanics")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.plan import near_rim
@@ -25,7 +26,6 @@ from eitsim.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.hyperfoam import Hyperfoam
 
-RESULTS = Path(__file__).parent / "results" / "random_scenes.csv"
 SCENES, SEED = 2000, 20
 # least force, N, of Table 1, and largest over mu_0 pi d^2
 LEAST_N, LARGEST = 1e-3, 1.3
@@ -42,7 +42,7 @@ LAWS = {
                            np.array([-0.3144148891266444, 0.012992111254543137, 0.34039911163573067]), np.zeros(3)),
 }
 COLUMNS = ("scene", "card", "friction", "where", "d_mm", "F_N", "x_mm", "y_mm", "outcome", "message", "depth_mm",
-           "depth_error", "sigma_max_error", "signal_error", "fraction_non_elliptic", "cpu_s", "peak_MB")
+           "depth_error", "sigma_max_error", "signal_error", "fraction_non_elliptic", "cpu_s", "peak_MB", *CONDITIONS)
 
 
 def scene_of(k: int) -> tuple[str, Scene]:
@@ -92,7 +92,7 @@ def solve_missing(path: Path, last: int, where: str, friction: str, seconds: flo
                 continue
             if time.perf_counter() - begun > seconds:
                 return
-            row = solved(k, name, scene)
+            row = solved(k, name, scene) | conditions()
             writer.writerow({key: f"{cell:.6g}" if isinstance(cell, float) else cell for key, cell in row.items()})
             file.flush()
 
@@ -122,13 +122,13 @@ def summary(table: pd.DataFrame) -> str:
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--last", type=int, default=SCENES)
+    options.add_argument("--last", type=int, default=quick(SCENES, 24))
     options.add_argument("--where", choices=("all", "interior", "rim"), default="all")
     options.add_argument("--friction", choices=("all", *FRICTIONS), default="all")
     options.add_argument("--seconds", type=float, default=float("inf"))
-    options.add_argument("--out", type=Path, default=RESULTS)
+    options.add_argument("--out", type=Path, default=RESULTS / "random_scenes.csv")
     given = options.parse_args()
-    given.out.parent.mkdir(exist_ok=True)
+    given.out.parent.mkdir(exist_ok=True, parents=True)
     solve_missing(given.out, given.last, given.where, given.friction, given.seconds)
     print(summary(table_of(given.out)))
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from conditions import quick, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
@@ -24,11 +24,10 @@ from eitsim.results import Touch
 from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
 from eitsim.skin import principal_conductances, stretches, untouched_conductance
 
-RESULTS = Path(__file__).parent / "results"
-TOUCHES = ((0.010, 0.3), (0.014, 1.0), (0.018, 3.0))
-PLACES_M = (0.0, 0.02, 0.04, 0.055, 0.07)
+TOUCHES = quick(((0.010, 0.3), (0.014, 1.0), (0.018, 3.0)), ((0.014, 1.0),))
+PLACES_M = quick((0.0, 0.02, 0.04, 0.055, 0.07), (0.0, 0.055))
 NOISES_DB = (None, 80, 60)
-DRAWS = 50
+DRAWS = quick(50, 10)
 BEARING = np.array([0.8, 0.6])
 
 
@@ -73,8 +72,7 @@ def main() -> None:
                                  "r_mm": distance_m * 1e3, "signal_dB_below": below, **figures.median().to_dict(),
                                  "displacement_90_m": figures["displacement_m"].quantile(0.9), "set_up_cpu_s": made_s,
                                  "frame_cpu_s": frame_s})
-    table = pd.DataFrame(rows)
-    table.to_csv(RESULTS / "reconstruction.csv", index=False, float_format="%.4g")
+    table = written(rows, "reconstruction")
     print(table.groupby(["prior", "noise_dB"], dropna=False)[
         ["amplitude_response", "position_error_m", "displacement_m", "displacement_90_m", "resolution",
          "shape_deformation", "ringing"]].median().to_string(float_format="%.4g"))

@@ -13,10 +13,10 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 from scipy.interpolate import RegularGridInterpolator
 
@@ -31,15 +31,14 @@ from eitsim.results import RimField, Touch
 from eitsim.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
 from eitsim.skin import changes, driving_strain, stretches
 
-RESULTS = Path(__file__).parent / "results"
-CASES = ((0.014, 3.0), (0.014, 1.0), (0.008, 0.3), (0.02, 2.0))
-HANDED_OVER = ((0.014, 1.0), (0.014, 3.0))
-GAPS_M = (0.0005, 0.002, 0.005, 0.01, 0.02, 0.03, 0.04)
+CASES = quick(((0.014, 3.0), (0.014, 1.0), (0.008, 0.3), (0.02, 2.0)), ((0.014, 1.0),))
+HANDED_OVER = quick(((0.014, 1.0), (0.014, 3.0)), ((0.014, 1.0),))
+GAPS_M = quick((0.0005, 0.002, 0.005, 0.01, 0.02, 0.03, 0.04), (0.005, 0.02))
 # touches whose solution is compared with a finer one: diameter, force, gap; m, N, m
-COMPARED = ((0.014, 1.0, 0.005), (0.018, 0.5, 0.002))
+COMPARED = quick(((0.014, 1.0, 0.005), (0.018, 0.5, 0.002)), ((0.014, 1.0, 0.005),))
 FINER = Fineness(2.0, 9, 18)
 # 14 mm, 1 N: distances of the punch's centre from the rim, m, and the solution on the whole disc
-SERIES_M = (0.04, 0.025, 0.015, 0.01)
+SERIES_M = quick((0.04, 0.025, 0.015, 0.01), (0.04,))
 WHOLE_DISC = replace(FINER, beyond=np.inf)
 
 
@@ -153,9 +152,7 @@ def main() -> None:
     rows = [row for case in CASES for row in effect(*case)]
     rows += [row for d, force in HANDED_OVER for row in effect(d, force, [hand_over_m(d)], "hand-over")]
     rows += [row for case in COMPARED for row in error(*case)] + [row for centre in SERIES_M for row in series(centre)]
-    table = pd.DataFrame(rows)
-    RESULTS.mkdir(exist_ok=True)
-    table.to_csv(RESULTS / "rim.csv", index=False, float_format="%.4g")
+    shown(written(rows, "rim"))
 
 
 if __name__ == "__main__":

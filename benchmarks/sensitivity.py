@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.drive import read_out
@@ -80,8 +80,8 @@ def rows_of(punch: Punch, by_contact: dict[str, np.ndarray]) -> list[dict[str, o
 def main() -> None:
     solved(TOUCHES[0], 1)
     by_contact = {f"z_{k}_Ohm_m": untouched_by_contact(k) for k in range(Scene().electrodes.count)}
-    table = pd.DataFrame([row for punch in TOUCHES for row in rows_of(punch, by_contact)]).assign(**conditions())
-    table.to_csv(RESULTS / "sensitivity.csv", index=False, float_format="%.3g")
+    table = pd.DataFrame([row for punch in TOUCHES[:quick(None, 1)] for row in rows_of(punch, by_contact)])
+    written(table, "sensitivity", 3)
     errors = ["error", "error_of_signal", "error_without_mesh"]
     print(table.groupby(["halvings", "what"], sort=False)[errors].max().to_string(float_format="%.2g"))
     print(table.groupby(["halvings", "off_centre_mm"])["cpu_s"].mean())

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from itertools import product
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
@@ -28,7 +27,7 @@ from eitsim.skin import touched_conductance, untouched_conductance
 from eitsim.triangulation import triangulation
 
 BODY, ELECTRODES, DRIVE = Body(), Electrodes(), Drive()
-GAPS_MM, STRAINS = (5, 10, 20, 30, 45, 60), ("normal", "principal")
+GAPS_MM, STRAINS = quick((5, 10, 20, 30, 45, 60), (5, 30)), ("normal", "principal")[:quick(2, 1)]
 REFERENCE_LEVEL = 4
 Touches = tuple[tuple[Punch, Touch], ...]
 
@@ -75,9 +74,7 @@ def main() -> None:
     for gap_mm, strain in product(GAPS_MM, STRAINS):
         half = (Punch().diameter_m + gap_mm / 1e3) / 2
         table += rows(((Punch(-half, 0.01), touch), (Punch(half, 0.01), touch)), gap_mm, strain)
-    frame = pd.DataFrame(table).assign(**conditions())
-    frame.to_csv(RESULTS / "several_touches.csv", index=False)
-    print(frame.drop(columns=list(conditions())).to_string(index=False))
+    shown(written(table, "several_touches"))
 
 
 if __name__ == "__main__":

@@ -12,8 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import solve_touch
@@ -46,11 +45,8 @@ def row(punch: Punch, touch: Touch, strain: str) -> dict[str, object]:
 def main() -> None:
     for punch in (PUNCHES[0], NEAR_RIM[0]):
         rows(punch, STRAINS[0])  # compiles
-    found = [one | conditions() for punch in PUNCHES + NEAR_RIM for strain in STRAINS for one in rows(punch, strain)]
-    RESULTS.mkdir(exist_ok=True)
-    table = pd.DataFrame(found)
-    table.to_csv(RESULTS / "signal_size.csv", index=False, float_format="%.4g")
-    print(table.drop(columns=list(conditions())).to_string(index=False))
+    punches = quick(PUNCHES + NEAR_RIM, (PUNCHES[0], NEAR_RIM[0]))
+    shown(written([one for punch in punches for strain in STRAINS for one in rows(punch, strain)], "signal_size"))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
+from conditions import shown, written
 from materials import TABLE_1
 from scipy.optimize import brentq
 
@@ -19,8 +18,6 @@ from eitsim.scene import Body, Punch
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 from matcal.stability import stability
-
-RESULTS = Path(__file__).parent / "results"
 
 
 def scan() -> Iterator[dict[str, object]]:
@@ -63,10 +60,7 @@ def touches() -> Iterator[dict[str, object]]:
 
 def main() -> None:
     solve_touch(TABLE_1, Body(), Punch())  # compiles the kernels
-    table = pd.DataFrame([*scan(), *touches()])
-    RESULTS.mkdir(exist_ok=True)
-    table.to_csv(RESULTS / "stiff.csv", index=False, float_format="%.3g")
-    print(table.to_string(index=False))
+    shown(written([*scan(), *touches()], "stiff", 3))
 
 
 if __name__ == "__main__":

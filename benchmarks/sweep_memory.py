@@ -13,8 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 
 from eitsim.dataset import FIXED, read_dataset, voltage_columns, write_manifest, write_part
 from eitsim.design import design_from
@@ -25,8 +24,8 @@ from matcal.hyperfoam import Hyperfoam
 
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 CARD = MaterialCard("Table 1", TABLE_1, conductivity=Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
-AT = (1000, 5000, 10000, 20000)
-ROWS = 1280
+AT = quick((1000, 5000, 10000, 20000), (250, 500))
+ROWS = quick(1280, 256)
 
 
 def resident_MB() -> float:
@@ -42,9 +41,9 @@ def memory(folder: Path) -> None:
     for step in sweep(design, folder / "card.json", folder / "set", workers=2, reuse=False):
         if isinstance(step, Progress) and wanted and step.done >= wanted[0]:
             rows.append({"scenes": wanted.pop(0), "parent_MB": resident_MB(),
-                         "parent_cpu_s": time.process_time() - cpu} | conditions())
+                         "parent_cpu_s": time.process_time() - cpu})
             print(rows[-1], flush=True)
-            pd.DataFrame(rows).to_csv(RESULTS / "sweep_memory.csv", index=False, float_format="%.4g")
+            written(rows, "sweep_memory")
 
 
 def parts(folder: Path, size: int) -> dict[str, object]:
@@ -63,15 +62,13 @@ def parts(folder: Path, size: int) -> dict[str, object]:
     taken = sum(path.stat().st_size for path in folder.glob("*.parquet"))
     return {"rows_per_part": size, "write_cpu_ms_per_row": 1e3 * wrote / ROWS, "write_wall_ms_per_row":
             1e3 * waited / ROWS, "read_cpu_ms_per_row": 1e3 * (time.process_time() - cpu) / ROWS,
-            "bytes_per_row": taken / ROWS} | conditions()
+            "bytes_per_row": taken / ROWS}
 
 
 def main() -> None:
-    RESULTS.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as place:
         sizes = [parts(Path(place) / str(size), size) for size in (8, 16, 64, 256)]
-        pd.DataFrame(sizes).to_csv(RESULTS / "sweep_parts.csv", index=False, float_format="%.4g")
-        print(pd.DataFrame(sizes).iloc[:, :5].to_string(index=False), flush=True)
+        shown(written(sizes, "sweep_parts"))
         memory(Path(place))
 
 

@@ -8,9 +8,10 @@ scenes (benchmarks/schedule.py); writes results/sweeps.csv, results/sweeps_stage
 `python benchmarks/sweeps.py run DIR CARD`: the paper's sweep, examples/paper.toml, into DIR and results/sweeps_run.csv.
 
 `python benchmarks/sweeps.py check DIR CARD`: rows of a data set, 40 from the table far from the rim and 8 near it,
-solved afresh with exact=True; writes results/sweeps_check.csv. Errors are of the signal, relative in the 2-norm:
-row_error is what the row states beyond what both leave out alike, fresh_error what solving left in the fresh one, and
-times_smaller their ratio. Run by `make bench`, which pins threads.
+solved afresh, as planned and with exact=True; writes results/sweeps_check.csv and, what a row costs and misses either
+way, results/sweeps_ways.csv (sweeps_check_drawn.csv and sweeps_ways_drawn.csv where cards are drawn from a posterior).
+Errors are of the signal, relative in the 2-norm: row_error is what the row states beyond what both leave out alike,
+fresh_error what solving left in the fresh one, and times_smaller their ratio. Run by `make bench`, which pins threads.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ import os
 import pickle
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, written
 from materials import SKIN_LAW, TABLE_1
 from schedule import schedule
 
@@ -59,7 +60,9 @@ KINDS: dict[str, tuple[Mapping[str, Any], bool | None, int, int]] = {
     "holds of 60 s": ({"punch": PUNCH | INTERIOR, "hold": {"time_s": 60.0}}, None, 8, 1),
     "two touches": ({"punch": [PUNCH | {"x_mm": [-38.0, -15.0], "y_mm": [-30.0, 30.0]},
                                PUNCH | {"x_mm": [15.0, 38.0], "y_mm": [-30.0, 30.0]}]}, False, 16, 1)}
-SCENES, CORES = 1_000_000, (1, 2, 100, 1000)
+# of these rows a quick run takes one in so many, and of these kinds
+FEWER, QUICK_KINDS = quick(1, 8), quick((*KINDS,), ("table, interior", "afresh, interior", "two touches"))
+SCENES, CORES = quick(1_000_000, 10_000), (1, 2, 100, 1000)
 CHECKED = {"table": 40, "table near the rim": 8}
 
 
@@ -71,7 +74,7 @@ def default_card() -> MaterialCard:
 def measured(kind: str, card: Path, folder: Path) -> tuple[dict[str, Any], Accounted]:
     """Row of results/sweeps.csv of one kind, and its account."""
     raw, reuse, rows, workers = KINDS[kind]
-    design = design_from({"seed": 11, "hold": {"moduli": "instantaneous"}} | dict(raw), rows)
+    design = design_from({"seed": 11, "hold": {"moduli": "instantaneous"}} | dict(raw), max(rows // FEWER, 4))
     seen = [time.process_time() for step in sweep(design, card, folder, reuse=reuse, workers=workers)
             if isinstance(step, Progress) and step.stage == "rows"]
     account, table = account_of(folder), read_dataset(folder).table
@@ -129,7 +132,7 @@ def schedules(cpu_s: np.ndarray, run: Mapping[str, float]) -> list[dict[str, Any
             found = schedule(drawn, cores, parent_s, run["start_s"])
             out.append({"scenes": SCENES, "cores": cores, "row_cpu_s": float(factor * cpu_s.mean()),
                         "parent_ms_per_part": 1e3 * parent_s, "parent_rows_per_s": size / parent_s,
-                        "data_GB": SCENES * run["bytes_per_row"] / 1e9} | asdict(found) | conditions())
+                        "data_GB": SCENES * run["bytes_per_row"] / 1e9} | asdict(found))
     return out
 
 
@@ -152,15 +155,15 @@ def measure(given: argparse.Namespace) -> None:
         rows.append(workers_row())
         if any(KINDS[kind][1] for kind in costs):
             rows.append(table_row(card))
-    write(rows, "sweeps.csv")
-    write(told, "sweeps_stages.csv")
+    written(rows, "sweeps")
+    written(told, "sweeps_stages")
     for two in (row for row in rows if row.get("workers") == 2):
         drawn = "table, whole disc" if two["what"].startswith("table") and "table, whole disc" in costs else two["what"]
         run = {"start_s": next(row["wall_s"] for row in rows if row["what"] == "start of a worker"),
                **{key: two[key] for key in (
                    "parent_ms_per_part", "writing_ms_per_part", "bytes_per_row", "rows_per_part")}}
         planned += [{"rows_as": drawn} | row for row in schedules(costs[drawn], run)]
-    write(planned, "sweeps_schedule.csv")
+    written(planned, "sweeps_schedule")
 
 
 def run_paper(given: argparse.Namespace) -> None:
@@ -174,8 +177,8 @@ def run_paper(given: argparse.Namespace) -> None:
              "signal_error_p95": account.errors.p95, "share_above_wanted": account.errors.share_above}
     runs = [{"what": "run", "wall_s": run.table_wall_s + run.rows_wall_s, "table_wall_s": run.table_wall_s,
              "count": run.rows, "workers": run.workers, "busy": run.efficiency} | whole for run in account.runs]
-    write([*runs, *({"what": stage.name, "count": stage.count, "cpu_s": stage.cpu_s} for stage in account.stages)],
-          "sweeps_run.csv")
+    written([*runs, *({"what": stage.name, "count": stage.count, "cpu_s": stage.cpu_s} for stage in account.stages)],
+            "sweeps_run")
 
 
 def check(given: argparse.Namespace) -> None:
@@ -192,35 +195,45 @@ def check(given: argparse.Namespace) -> None:
             row = {str(name): value for name, value in chosen.iloc[at].items()}
             found.append(against_fresh(row, design, card_at(cards, card_number(design, int(row["scene"])))))
             print(pd.Series(found[-1]).to_string(), flush=True)
-            write(found, "sweeps_check.csv")
+            written(found, f"sweeps_check{'' if material is None else '_drawn'}")
+    written(ways(pd.DataFrame(found), account_of(given.folder)), f"sweeps_ways{'' if material is None else '_drawn'}")
+
+
+def ways(checked: pd.DataFrame, account: Accounted) -> Iterator[dict[str, Any]]:
+    """What a row costs and misses of its finer solution, from the tables of the set and solved afresh."""
+    once = sum(stage.cpu_s for stage in account.stages if stage.name.startswith("table:"))
+    for method, rows in checked.groupby("method", sort=False):
+        for way, error, cost, first in (("from the tables", "signal_deviation", "row_cpu_s", once / account.rows),
+                                        ("solved afresh", "plain_deviation", "plain_cpu_s", 0.0)):
+            yield {"place": "near the rim" if str(method).endswith("rim") else "far from the rim", "way": way,
+                   "rows": len(rows), "dv_error": rows[error].median(), "dv_error_p95": rows[error].quantile(0.95),
+                   "cpu_s": rows[cost].median(), "tables_cpu_s_per_row": first, "table_rows": account.rows}
 
 
 def against_fresh(row: Mapping[str, Any], design: Design, card: MaterialCard) -> dict[str, Any]:
     """One row and its scene solved afresh."""
     fresh = simulate(scene_at(design, int(row["scene"])), card, exact=True)
+    plain = simulate(scene_at(design, int(row["scene"])), card)
     told: dict[str, Any] = {"scene": int(row["scene"]), "method": row["mechanics_method"], "x_mm": row["x_mm"],
                             "y_mm": row["y_mm"], "d_mm": row["d_mm"], "F_N": row["F_N"], "outcome": fresh.outcome,
-                            "cpu_s": fresh.cost["cpu_s"]}
-    if fresh.readings is None:
+                            "cpu_s": fresh.cost["cpu_s"], "row_cpu_s": row["cpu_s"], "plain_cpu_s": plain.cost["cpu_s"]}
+    if fresh.readings is None or plain.readings is None:
         return told
     signal, depth = fresh.readings.signal_V.ravel(), max(t.depth_m for t in fresh.touches) * 1e3
     own = np.array([value for name, value in row.items() if name.startswith("dv_")], dtype=float)
     row_error = row["signal_error"] - fresh.plan.error_bound
-    return told | {"signal_deviation": np.linalg.norm(own - signal) / np.linalg.norm(signal),
+    missed = [np.linalg.norm(found - signal) / np.linalg.norm(signal)
+              for found in (own, plain.readings.signal_V.ravel())]
+    return told | {"signal_deviation": missed[0], "plain_deviation": missed[1],
                    "depth_deviation": abs(row["delta_max_mm"] / depth - 1), "row_error": row_error,
                    "row_stated": row["signal_error"], "fresh_error": fresh.numerical_error["signal"],
                    "times_smaller": row_error / fresh.numerical_error["signal"]}
 
 
-def write(rows: list[dict[str, Any]], name: str) -> None:
-    RESULTS.mkdir(exist_ok=True)
-    pd.DataFrame([row | conditions() for row in rows]).to_csv(RESULTS / name, index=False, float_format="%.4g")
-
-
 def main() -> None:
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     options.add_argument("--card", type=Path)
-    options.add_argument("--kinds", nargs="+", choices=[*KINDS], default=[*KINDS], metavar="KIND")
+    options.add_argument("--kinds", nargs="+", choices=[*KINDS], default=QUICK_KINDS, metavar="KIND")
     commands = options.add_subparsers()
     for name, does in (("run", run_paper), ("check", check)):
         command = commands.add_parser(name)

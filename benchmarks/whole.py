@@ -1,0 +1,75 @@
+"""Every benchmark in turn, each in a process of its own, and what each took; `make bench`, or `make bench QUICK=1`.
+
+Those that read a card, a data set or a model get those of a short chain made first from data_raw (synthetic). A
+benchmark that fails is told at the end and does not stop the others. Writes results/whole.csv, in quick mode
+results/quick/whole.csv; names of benchmarks as arguments run those alone.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from conditions import quick, shown, written
+
+HERE = Path(__file__).parent
+RAW = HERE.parent / "data_raw"
+# what each benchmark is given, of the short chain's files
+GIVEN = {"limits": ("card.json",), "streaming": ("model", "sweep"), "surrogates": ("sweep", "ridge"),
+         "surrogate_noise": ("sweep",)}
+CHAIN = (
+    ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
+     f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",
+     "--posterior", "--seed", "1", "--out", "card.json"),
+    ("eitsim", "sweep", HERE.parent / "examples" / "design.toml", "--card", "card.json", "--scenes",
+     quick("400", "80"), "--out", "sweep"),
+    ("surrogate", "train", "sweep", "--out", "model", "--method", "ridge", "--seed", "1"))
+
+
+def names() -> list[str]:
+    """Benchmarks that can be run, this one apart."""
+    return [path.stem for path in sorted(HERE.glob("*.py"))
+            if path.stem != Path(__file__).stem and '__name__ == "__main__"' in path.read_text(encoding="utf-8")]
+
+
+def timed(name: str, command: Sequence[str | Path], folder: Path) -> dict[str, object]:
+    """What a command took, and how it ended."""
+    begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(command, cwd=folder, check=False)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {"benchmark": name, "outcome": "ok" if done.returncode == 0 else f"status {done.returncode}",
+            "wall_s": time.perf_counter() - begun,
+            "cpu_s": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime}
+
+
+def runs(asked: Sequence[str], folder: Path) -> Iterator[dict[str, object]]:
+    """One row a command."""
+    if set(asked) & set(GIVEN):
+        for command in CHAIN:
+            yield timed(f"chain: {command[0]}", [sys.executable, "-m", *command], folder)
+    for name in asked:
+        print(f"== {name}", flush=True)
+        given = [folder / one if (folder / one).exists() else one for one in GIVEN.get(name, ())]
+        yield timed(name, [sys.executable, HERE / f"{name}.py", *given], folder)
+
+
+def main() -> None:
+    found = []
+    if unknown := set(sys.argv[1:]) - set(names()):
+        raise SystemExit(f"no benchmark {', '.join(sorted(unknown))}; known: {', '.join(names())}.")
+    with tempfile.TemporaryDirectory() as place:
+        for row in runs(sys.argv[1:] or names(), Path(place)):
+            found.append(row)
+            table = written(found, "whole")
+    shown(table)
+    if failed := [str(row["benchmark"]) for row in found if row["outcome"] != "ok"]:
+        raise SystemExit(f"failed: {', '.join(failed)}")
+
+
+if __name__ == "__main__":
+    main()
