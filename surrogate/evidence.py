@@ -14,7 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from surrogate import network
@@ -48,11 +50,9 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Trained:
-    """A trained network and how it came about."""
+class Training:
+    """How the training of one network went."""
 
-    # (p,) weights
-    weights: Tensor
     alpha: float
     beta: float
     # effective number of parameters
@@ -63,12 +63,12 @@ class Trained:
     stop: str
     # log evidence up to the same constant for every network of one size on one data set
     log_evidence: float
-    # starts that collapsed, this one included
+    # starts that collapsed, the last one included
     collapses: int
-    # whether this one did: it then says little more than the mean of the targets
+    # whether the last one did: the network then says little more than the mean of the targets
     collapsed: bool
-    # (epochs, 3) of E_D, E_W and gamma after each step
-    history: Tensor
+    # (epochs, 5) of E_D, E_W, gamma, alpha and beta after each step
+    history: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ class _State:
         return self.beta * self.squared_error + self.alpha * self.squared_weights
 
 
-def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None) -> Trained:
-    """Train on inputs (n, q) in [-1, 1] and targets (n,) in [-1, 1].
+def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None) -> tuple[Tensor, Training]:
+    """Weights (p,) of a network trained on inputs (n, q) and targets (n,), both in [-1, 1], and how it went.
 
     A start that collapses, its evidence driving every weight to zero, is followed by others where the options allow
     them; where all collapse the last is returned, marked.
@@ -101,10 +101,15 @@ def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None) -> Tr
     options = options or Options()
     generator = torch.Generator().manual_seed(seed)
     axes = _directions(x)
-    trained = _train_once(x @ axes, y, _start(axes, options, generator), options, 0)
-    while trained.collapsed and trained.collapses <= options.restarts:
-        trained = _train_once(x @ axes, y, _start(axes, options, generator), options, trained.collapses)
-    return replace(trained, weights=network.turned(trained.weights, axes.T))
+    turned = x @ axes
+    collapses = 0
+    while True:
+        start = network.initial_weights(x.shape[1], options.units, generator)
+        first = _first_state(turned, y, start, network.turned(start, axes), warm=options.warm_up > 0)
+        weights, training = _train_once(turned, y, first, options, collapses)
+        collapses = training.collapses
+        if not training.collapsed or collapses > options.restarts:
+            return network.turned(weights, axes.T), training
 
 
 def _directions(x: Tensor) -> Tensor:
@@ -114,18 +119,13 @@ def _directions(x: Tensor) -> Tensor:
     return axes[kept].T.contiguous()
 
 
-def _start(axes: Tensor, options: Options, generator: torch.Generator) -> Tensor:
-    return network.turned(network.initial_weights(len(axes), options.units, generator), axes)
-
-
-def _train_once(x: Tensor, y: Tensor, weights: Tensor, options: Options, collapses: int) -> Trained:
+def _train_once(x: Tensor, y: Tensor, first: _State, options: Options, collapses: int) -> tuple[Tensor, Training]:
     """One start, after so many that collapsed."""
-    start = _first_state(x, y, weights, warm=options.warm_up > 0)
-    state, gamma, stop, history = _descend(x, y, start, options)
+    state, gamma, stop, history = _descend(x, y, first, options)
     collapsed = state.squared_error >= COLLAPSED * float(((y - y.mean()) ** 2).sum())
     evidence = log_evidence(curvature(state.weights, x), state.alpha, state.beta, state.cost)
-    return Trained(state.weights, state.alpha, state.beta, gamma, len(history), stop, evidence, collapses + collapsed,
-                   collapsed, torch.tensor(history, dtype=torch.float64).reshape(-1, 3))
+    return state.weights, Training(state.alpha, state.beta, gamma, len(history), stop, evidence, collapses + collapsed,
+                                   collapsed, np.array(history).reshape(-1, 5))
 
 
 def _descend(x: Tensor, y: Tensor, state: _State, options: Options) -> tuple[_State, float, str, list[list[float]]]:
@@ -143,20 +143,21 @@ def _descend(x: Tensor, y: Tensor, state: _State, options: Options) -> tuple[_St
         if len(history) >= options.warm_up:
             gamma, left = effective_parameters(curved, trial.alpha, trial.beta)
             state = replace(trial, alpha=gamma / (2 * trial.squared_weights), beta=left / (2 * trial.squared_error))
-        history.append([state.squared_error, state.squared_weights, gamma])
+        history.append([state.squared_error, state.squared_weights, gamma, state.alpha, state.beta])
         if gamma < 1e-3:
             return state, gamma, "collapsed", history
     return state, gamma, "epochs", history
 
 
-def _first_state(x: Tensor, y: Tensor, start: Tensor, warm: bool) -> _State:
-    """gamma = p at first, where the data allow it, else beta = 1; a warm start fits the data almost freely."""
-    error = network.output(start, x) - y
+def _first_state(x: Tensor, y: Tensor, start: Tensor, turned: Tensor, warm: bool) -> _State:
+    """Turned weights with gamma = p at first, p and E_W those of the start as drawn, and beta = 1 where that leaves no
+    rows; a warm start fits the data almost freely."""
+    error = network.output(turned, x) - y
     if warm:
-        return _State(start, WARM_ALPHA, 1.0, error)
+        return _State(turned, WARM_ALPHA, 1.0, error)
     left = len(y) - len(start)
     beta = left / (2 * float(error @ error)) if left > 0 else 1.0
-    return _State(start, len(start) / (2 * float(start @ start)), beta, error)
+    return _State(turned, len(start) / (2 * float(start @ start)), beta, error)
 
 
 def _accepted(x: Tensor, y: Tensor, state: _State, step_at: Callable[[float], Tensor], mu: float,

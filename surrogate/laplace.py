@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.linalg import blas, cho_solve, cholesky, lapack, solve_triangular
+from scipy.linalg import cho_solve, cholesky, lapack, solve_triangular
 from torch import Tensor
 
 from surrogate import network
@@ -42,8 +42,7 @@ def curvature(w: Tensor, x: Tensor) -> Curvature:
     """J J' or J'J of weights (p,) on inputs (n, q)."""
     if len(x) < len(w):
         return Curvature(np.asfortranarray(network.kernel(w, x, x).numpy()), len(x), len(w))
-    gram = blas.dsyrk(1.0, network.jacobian(w, x).numpy().T, lower=1)  # pyright: ignore[reportAttributeAccessIssue]
-    return Curvature(gram, len(x), len(w))
+    return Curvature(network.normal(w, x), len(x), len(w))
 
 
 def factor(of: Curvature, beta: float, shift: float) -> Array:

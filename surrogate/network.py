@@ -8,8 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
+
+from surrogate.normal_matrix import normal_matrix
 
 torch.set_num_threads(1)
 
@@ -41,13 +45,13 @@ def layers(w: Tensor, inputs: int) -> Layers:
 
 
 def initial_weights(inputs: int, units: int, generator: torch.Generator) -> Tensor:
-    """Nguyen-Widrow start for inputs in [-1, 1]: units of gain 0.7 h^(1/q), their active regions spread over the inputs
-    (Nguyen and Widrow 1990); output weights uniform in [-0.5, 0.5]."""
-    gain = 0.7 * units ** (1.0 / inputs)
+    """Nguyen-Widrow start for inputs in [-1, 1], as trainbr's networks have it: units of gain 1.4 h^(1/q), active where
+    |w x + b| < 2, spread over the inputs (Nguyen and Widrow 1990); output weights uniform in [-1, 1]."""
+    gain = 2 * 0.7 * units ** (1.0 / inputs)
     inner = 2 * torch.rand(units, inputs, generator=generator, dtype=torch.float64) - 1
     inner *= gain / inner.norm(dim=1, keepdim=True)
     spread = torch.linspace(-1, 1, units, dtype=torch.float64) if units > 1 else torch.zeros(1, dtype=torch.float64)
-    outer = torch.rand(units + 1, generator=generator, dtype=torch.float64) - 0.5
+    outer = 2 * torch.rand(units + 1, generator=generator, dtype=torch.float64) - 1
     return torch.cat([inner.flatten(), gain * spread * torch.sign(inner[:, 0]), outer])
 
 
@@ -86,6 +90,12 @@ def self_kernel(w: Tensor, x: Tensor) -> Tensor:
     """(n,) squared norm of each row of J(x)."""
     hidden, slope = _hidden(w, x)
     return (slope**2).sum(1) * (1 + (x**2).sum(1)) + (hidden**2).sum(1) + 1
+
+
+def normal(w: Tensor, x: Tensor) -> NDArray[np.float64]:
+    """(p, p) lower triangle of J'J, without forming J."""
+    hidden, slope = _hidden(w, x)
+    return normal_matrix(x.numpy(), hidden.numpy(), slope.numpy())
 
 
 def times_jacobian(w: Tensor, x: Tensor, direction: Tensor) -> Tensor:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from surrogate import evidence, laplace
-from surrogate.evidence import Options
+from surrogate.evidence import Options, Training
 from surrogate.scaling import MinMax, min_max, scaled, unscaled
 
 Array = NDArray[np.float64]
@@ -24,25 +24,6 @@ Array = NDArray[np.float64]
 DRAWS = 32
 # Rows predicted together, to bound the memory.
 BATCH = 256
-
-
-@dataclass(frozen=True)
-class Training:
-    """How the training of one network went."""
-
-    alpha: float
-    beta: float
-    # effective number of parameters
-    gamma: float
-    # steps used, and why the training ended
-    epochs: int
-    stop: str
-    log_evidence: float
-    # starts that collapsed; `collapsed` says whether the last one did too
-    collapses: int
-    collapsed: bool
-    # (epochs, 3) of E_D, E_W and gamma after each step
-    history: Array
 
 
 @dataclass(frozen=True)
@@ -105,10 +86,10 @@ def _train(x: Array, seed: int, options: Options, y: Array) -> tuple[Array, NDAr
     """Weights, their draws and the record of one network."""
     with threadpool_limits(1):
         inputs = torch.from_numpy(x)
-        t = evidence.train(inputs, torch.from_numpy(y), seed, options)
-        draws = laplace.draws(t.weights, inputs, t.alpha, t.beta, DRAWS, torch.Generator().manual_seed(seed))
-    return t.weights.numpy(), draws.numpy().astype(np.float32), Training(
-        t.alpha, t.beta, t.gamma, t.epochs, t.stop, t.log_evidence, t.collapses, t.collapsed, t.history.numpy())
+        weights, training = evidence.train(inputs, torch.from_numpy(y), seed, options)
+        generator = torch.Generator().manual_seed(seed)
+        draws = laplace.draws(weights, inputs, training.alpha, training.beta, DRAWS, generator)
+    return weights.numpy(), draws.numpy().astype(np.float32), training
 
 
 def predict(networks: Networks, x: Array) -> Prediction:

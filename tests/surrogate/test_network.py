@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 
@@ -37,6 +38,7 @@ def test_products_never_need_the_jacobian(case: tuple[torch.Tensor, torch.Tensor
     j = network.jacobian(w, x)
     assert torch.allclose(network.kernel(w, x, x), j @ j.T, rtol=1e-12)
     assert torch.allclose(network.self_kernel(w, x), (j**2).sum(1), rtol=1e-12)
+    assert np.allclose(np.tril(network.normal(w, x)), np.tril((j.T @ j).numpy()), rtol=1e-12)
     direction, rows = torch.linspace(-1, 2, len(w)).double(), torch.linspace(-3, 1, len(x)).double()
     assert torch.allclose(network.times_jacobian(w, x, direction), j @ direction, rtol=1e-11)
     assert torch.allclose(network.times_transpose(w, x, rows), j.T @ rows, rtol=1e-11)
