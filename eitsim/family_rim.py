@@ -6,9 +6,9 @@ import time
 from dataclasses import replace
 from functools import partial
 
-from eitsim.change import signal_difference
 from eitsim.family import Family, table_of
 from eitsim.near_rim import corrected
+from eitsim.nominal_signal import signal_difference
 from eitsim.path import Deviation
 from eitsim.rim_cells import cells_of, middles_of, told_by
 from eitsim.rim_table import near_rim_from
@@ -57,5 +57,5 @@ def _deviation(table: Table, place: tuple[float, float, float]) -> tuple[Deviati
         return None, time.process_time() - started
     if stored is None or stored.rim is None or fresh.rim is None:
         return None, time.process_time() - started
-    signal = signal_difference(alone, stored.rim, fresh.rim, table.shape.strain)
+    signal = signal_difference(body, punch, alone, stored.rim, fresh.rim, table.shape.strain)
     return Deviation(abs(stored.depth_m / fresh.depth_m - 1), signal, 0.0), time.process_time() - started

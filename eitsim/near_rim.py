@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from eitsim import friction, loading
 from eitsim.axisymmetric import at_depth, force_unit, pressings, solve_touch, under_force
-from eitsim.change import Change, signal_difference, told, unchanged
+from eitsim.change import Change, told, unchanged
 from eitsim.circles import Outline
 from eitsim.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
 from eitsim.clipped_solution import fraction_non_elliptic, reaction, solve
 from eitsim.clipped_surface import contact_ratios, deformation, displacement, field, samples
 from eitsim.mesh import default_element_m, tensor_grid
+from eitsim.nominal_signal import signal_difference
 from eitsim.pressing import Equilibrium, Pressing, interpolation
 from eitsim.punch import top_facets
 from eitsim.results import Touch
@@ -172,13 +173,14 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: s
     rough = _change_of(before, body)
     after = _found(law, body, punch, fine, before)
     change = _change_of(after, body)
-    out = told(touch, rough, replace(change, residuals=rough.residuals + change.residuals), punch, strain)
+    out = told(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch,
+               strain)
     way = _WAY if punch.friction == "stick" else 0.0
     volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
                        math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, cpu_s=touch.cpu_s + time.process_time() - started,
-                   signal_error=out.signal_error + way * signal_difference(touch, unchanged(change.field), change.field,
-                                                                           strain))
+                   signal_error=out.signal_error + (way and way * signal_difference(
+                       body, punch, touch, unchanged(change.field), change.field, strain)))
 
 
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness = FINE) -> Change:

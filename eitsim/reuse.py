@@ -188,8 +188,10 @@ def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch |
     if touch is None or not near_rim(scene, punch):
         return touch
     near = near_rim_from(table, touch, scene.body, punch)
-    off = None if near is None or near.rim is None else near.rim.told
-    return near if off is not None and off[1] <= _RIM_SHARE * scene.accuracy.signal else None
+    if near is None or near.rim is None or near.rim.told is None:
+        return None
+    own = near.signal_error - touch.signal_error
+    return near if near.rim.told[1] <= max(_RIM_SHARE * scene.accuracy.signal, own) else None
 
 
 def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:

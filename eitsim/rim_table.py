@@ -123,8 +123,17 @@ def deviation_at(rim: RimTable, gap: float, depth: float) -> tuple[float, float]
 
 
 def within(rim: RimTable, signal: float) -> RimTable:
-    """The table with the cells alone whose signals are no farther off."""
-    return replace(rim, told=np.where(rim.told[..., 1:] <= signal, rim.told, np.inf))
+    """The table with the cells alone whose signals are no farther off, or no farther than changes solved afresh are
+    themselves off by their own mesh, as they tell: there solving afresh gains nothing."""
+    kept = rim.told[..., 1] <= np.maximum(signal, _own_errors(rim))
+    return replace(rim, told=np.where(kept[..., None], rim.told, np.inf))
+
+
+def _own_errors(rim: RimTable) -> Array:
+    """(gaps - 1, depths) signal errors of the cells' changes by their own mesh, means over the diameters and nodes."""
+    at = np.maximum(rim.numbers[..., -1].mean(axis=0), 0.0)
+    beside = (at[1:] + at[:-1]) / 2
+    return (beside + np.column_stack([beside[:, :1], beside[:, :-1]])) / 2
 
 
 def _lagrange(nodes: Array, at: float) -> Array:

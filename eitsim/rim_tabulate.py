@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
-from eitsim.change import Change, signal_difference
+from eitsim.change import Change
 from eitsim.near_rim import COARSE, LEAST_GAP, corrected, rim_change
+from eitsim.nominal_signal import signal_difference
 from eitsim.path import Deviation
 from eitsim.results import Touch
 from eitsim.rim_cells import cells_of, middles_of, told_by
@@ -244,5 +245,6 @@ def _apart(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviatio
     touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
     assert stored is not None
     assert touch is not None
-    signal = signal_difference(touch, stored.change.field, fresh.change.field, table.shape.strain)
+    punch = replace(punch, x_m=body.radius_m - diameter / 2 - gap)
+    signal = signal_difference(body, punch, touch, stored.change.field, fresh.change.field, table.shape.strain)
     return Deviation(abs(stored.change.depth_m - fresh.change.depth_m) / (depth + fresh.change.depth_m), signal, 0.0)

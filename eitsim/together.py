@@ -113,7 +113,8 @@ def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punche
     found = _settled(_frames(law, body, punches, fine), rough)
     spent, out = (time.process_time() - started) / 2, []
     for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
-        one = told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), punch, strain)
+        one = told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch,
+                   strain)
         out.append(replace(one, depth_error=one.depth_error + found.moved, signal_error=one.signal_error + found.moved,
                            cpu_s=touch.cpu_s + spent))
     return out[0], out[1]

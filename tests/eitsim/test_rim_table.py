@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.change import signal_difference
 from eitsim.design import design_from
 from eitsim.near_rim import solve_near_rim
+from eitsim.nominal_signal import signal_difference
 from eitsim.path import Deviation
 from eitsim.results import Touch
 from eitsim.reuse import decision, fine_enough_for, rim_repays, scene_shape, served
@@ -73,7 +73,7 @@ def test_touches_near_the_rim_are_recovered(table) -> None:
     depth, signal = quick.rim.told
     assert 0 < missed < table.error.depth + depth
     assert missed < added / 4
-    assert signal_difference(fresh, quick.rim, fresh.rim, "normal") < 2 * signal < 0.02
+    assert signal_difference(Body(), punch, fresh, quick.rim, fresh.rim, "normal") < 2 * signal < 0.02
     assert quick.contact_area_m2 == pytest.approx(fresh.contact_area_m2, rel=0.02)
 
 
@@ -150,7 +150,7 @@ def bare(told: np.ndarray, depths: tuple[float, ...] = (0.1, 0.2, 0.4)) -> RimTa
     """A table that holds nothing but what it is off, at gaps 0, 0.1, 0.3 and 0.6."""
     none = np.zeros(0)
     return RimTable(np.array([1.4]), np.array([0.0, 0.1, 0.3, 0.6]), np.array(depths), none, none,
-                    none.astype(np.float32), none, told, 0.0)
+                    none.astype(np.float32), np.zeros((1, 4, len(depths), 7)), told, 0.0)
 
 
 def test_the_error_is_that_of_the_gap_and_depth() -> None:
@@ -160,6 +160,14 @@ def test_the_error_is_that_of_the_gap_and_depth() -> None:
         assert deviation_at(rim, gap, depth) == tuple(told[cell].tolist())
     assert [deviation_at(rim, *place) for place in ((0.5, 0.15), (0.7, 0.05), (0.2, 0.41))] == [None, None, None]
     assert rim.error == Deviation(7e-3, 14e-3, 0.0)
+
+
+def test_cells_are_kept_where_solving_afresh_is_no_nearer() -> None:
+    rim = bare(np.full((3, 3, 2), 20e-3))
+    rim.numbers[:, :2, 1:, 6] = 22e-3
+    kept = np.isfinite(within(rim, 15e-3).told[..., 1])
+    assert kept.tolist() == [[False, False, True], [False, False, False], [False, False, False]]
+    assert np.isfinite(within(rim, 20e-3).told).all()
 
 
 def test_cells_take_the_largest_error_of_the_checked_ones_next_to_them() -> None:
