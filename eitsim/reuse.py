@@ -163,17 +163,21 @@ def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
 
 
 def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
-    """The table with the cells of gap and depth alone in which what the rim changes is no farther off, and how many of
-    them are not."""
+    """The table with the cells of gap and depth alone in which what the rim changes is near enough, and in words how
+    many of them are not."""
     assert table.rim is not None
     kept = within(table.rim, allowed)
     before, after = (np.isfinite(rim.told).all(axis=-1) for rim in (table.rim, kept))
     if not after.any():
         return replace(table, rim=None), (f"no table of what the rim changes: its signals are up to "
                                           f"{table.rim.error.signal:.1e} off, more than the {allowed:g} wanted")
-    left = f"{np.sum(~after)} of {after.size} cells of gap and depth near the rim"
-    why = f"{np.sum(before & ~after)} of them since the table is more than {allowed:g} off there"
-    return replace(table, rim=kept), "" if after.all() else f"touches in {left} are solved afresh, {why}"
+    if after.all():
+        return replace(table, rim=kept), ""
+    off, left = int(np.sum(before & ~after)), int(np.sum(~after))
+    reasons = [f"in {left - off} since no change was found there"] if left > off else []
+    reasons += [f"in {off} since the table is more than {allowed:g} off, and more than they would be"] if off else []
+    return replace(table, rim=kept), (f"touches in {left} of {after.size} cells of gap and depth near the rim are "
+                                      f"solved afresh, {' and '.join(reasons)}")
 
 
 def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
