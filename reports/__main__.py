@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -9,12 +10,12 @@ import typer
 
 from matcal.terminal import application, check_out, run
 
-app = application("Reports from the stored results of benchmarks: precision.")
+app = application("Reports: the paper walked through, and the stored results of benchmarks.")
 
 
 @app.callback()
 def reports() -> None:
-    """Reports from the stored results of benchmarks."""
+    """Reports: the paper walked through, and the stored results of benchmarks."""
 
 
 @app.command()
@@ -27,12 +28,31 @@ def precision(out: Annotated[Path, typer.Option(help="PDF to write, or the folde
     """
     from reports.precision import write
 
-    place = out / "precision.pdf" if out.is_dir() else out
+    _write(write, results, out, "precision.pdf")
+
+
+@app.command()
+def stability(out: Annotated[Path, typer.Option(help="PDF to write, or the folder to write stability.pdf in.")],
+              results: Annotated[Path, typer.Option(help="Folder of the benchmarks' tables.")]
+              = Path("benchmarks/results")) -> None:
+    """Write a PDF of stiff and extreme cases: what holds, what holds with a caution and what is lost.
+
+    Example: python -m reports stability --out stability.pdf
+    """
+    from reports.stability import write
+
+    _write(write, results, out, "stability.pdf")
+
+
+def _write(write: Callable[[Path, Path], None], results: Path, out: Path, name: str) -> None:
+    """Write a report into a PDF, or into `name` in a folder, and say where."""
+    place = out / name if out.is_dir() else out
     if place.suffix != ".pdf":
         raise ValueError(f"--out {out}: the file is a PDF; give a name that ends in .pdf, or a folder that exists.")
     check_out(place)
     write(results, place)
     print(f"report: {place}")
+
 
 
 if __name__ == "__main__":
