@@ -54,6 +54,39 @@ def _write(write: Callable[[Path, Path], None], results: Path, out: Path, name: 
     print(f"report: {place}")
 
 
+@app.command()
+def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lies there and is current is kept.")]
+          = Path("reports/out/paper"),
+          full: Annotated[bool, typer.Option("--full", help="4,000 scenes, as the paper has them; up to two "
+                                             "hours.")] = False,
+          card: Annotated[Path | None, typer.Option(help="Material card that is there, with its folder; else one is "
+                                                    "fitted to data_raw/.")] = None,
+          sweep: Annotated[Path | None, typer.Option(help="Finished sweep of examples/paper.toml that is there, else "
+                                                     "one is made.")] = None,
+          workers: Annotated[int, typer.Option(help="Processes of sweep and training.", min=1)] = 2,
+          draw_only: Annotated[bool, typer.Option("--draw-only", help="Make no stage; draw what is there, and mark "
+                                                  "what is stale or missing.")] = False) -> None:
+    """Walk through the source paper with our own data: figures 1, 3 to 19 and Table 1 beside what the paper states.
+
+    Fits the card, solves touches and a sweep, trains the networks and writes paper.pdf, its figures (SVG, PNG, CSV)
+    and its numbers. A run that was stopped goes on where it was: stages whose inputs, code and command are the same
+    are kept.
+
+    Example: python -m reports paper --out reports/out/paper
+
+    Example: python -m reports paper --full --card card.json --sweep sweep --out full
+    """
+    from reports.paper import make
+    from reports.paper import write as write_paper
+    from reports.paper_plan import FULL, QUICK, planned
+
+    check_out(out, folder=True)
+    out.mkdir(exist_ok=True)
+    run_of = planned(FULL if full else QUICK, out / "stages", card=card, sweep=sweep, workers=workers)
+    if not draw_only:
+        make(run_of, out / "stages")
+    print(f"report: {write_paper(run_of, out)}")
+
 
 if __name__ == "__main__":
     run(app, "python -m reports")
