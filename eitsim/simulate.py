@@ -23,7 +23,8 @@ from matcal.conductivity import Conductivity
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
-# Part of the wanted signal error that the electrics may use up.
+# Part of the wanted signal error, or of what the touches themselves miss where that is more, that the electrics may use
+# up.
 ELECTRICS_SHARE = 0.2
 
 
@@ -72,7 +73,7 @@ def _solved(plan: Plan, law: Hyperfoam, skin_law: Conductivity, scene: Scene, ca
             moments = _moments(law, scene, card, skin_law, exact)
             return _told(scene, plan, (moments[-1].touch,), moments[-1].readings, moments, exact)
         touches = solved_touches(law, scene, stored, together(scene, exact=exact), exact)
-        return _told(scene, plan, touches, _readings(scene, touches, skin_law, exact), (), exact)
+        return _told(scene, plan, touches, readings_of(scene, touches, skin_law, exact), (), exact)
     except _Refused as error:
         return Result("refused", plan, message=str(error))
     except NotConverged as error:
@@ -110,14 +111,16 @@ def _too_deep(touches: tuple[Touch, ...], body: Body) -> str:
     return f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
 
 
-def _readings(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
+def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
+    """Readings of solved touches, as fine as the scene asks for or as the touches are themselves; ValueError where the
+    conductivity is not positive."""
     try:
         check_positive(skin_law, scene.skin.strain, touches)
     except ValueError as error:
         raise _Refused(str(error)) from None
     return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
                  tuple(zip(scene.punches, touches, strict=True)), skin_law,
-                 signal=ELECTRICS_SHARE * scene.accuracy.signal,
+                 signal=ELECTRICS_SHARE * max(scene.accuracy.signal, *(touch.signal_error for touch in touches)),
                  method="mesh" if exact else "auto")
 
 
@@ -127,7 +130,7 @@ def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conduct
     (punch,) = scene.punches
     held = held_touch(law, require(card, "prony", "a hold"), scene, punch, exact)
     if scene.hold.keeps_deformation:
-        readings = [_readings(scene, (held[0][1],), skin_law, exact)] * len(held)
+        readings = [readings_of(scene, (held[0][1],), skin_law, exact)] * len(held)
     else:
-        readings = [_readings(scene, (touch,), skin_law, exact) for _, touch in held]
+        readings = [readings_of(scene, (touch,), skin_law, exact) for _, touch in held]
     return tuple(Moment(t, touch, reading) for (t, touch), reading in zip(held, readings, strict=True))

@@ -1,4 +1,5 @@
-"""How far signals are apart by two fields near the rim, from a nominal sensor: bearings, units, size, torn skin."""
+"""How far signals are apart by two fields near the rim, from a nominal sensor: bearings, units, size, torn skin; and
+readings no finer than the touch is known."""
 
 from __future__ import annotations
 
@@ -10,7 +11,9 @@ import pytest
 from eitsim.axisymmetric import solve_touch
 from eitsim.nominal_signal import signal_difference
 from eitsim.results import RimField, Touch
-from eitsim.scene import Body, Punch
+from eitsim.scene import Accuracy, Body, Punch, Scene
+from eitsim.simulate import ELECTRICS_SHARE, readings_of
+from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
@@ -60,3 +63,13 @@ def test_lengths_may_be_over_the_thickness(touch: Touch) -> None:
 
 def test_a_field_that_leaves_no_skin_is_infinitely_far(touch: Touch) -> None:
     assert apart(touch, 0.0, 2.5) == np.inf
+
+
+def test_readings_are_no_finer_than_the_touch_is_known(touch: Touch) -> None:
+    scene = Scene(punches=(PUNCH,), accuracy=Accuracy(signal=0.001))
+    law = Conductivity(30.0, [-2.0, 2.0, -1.0], (0.0, 0.4))
+    near = replace(touch, rim=field(0.05), signal_error=0.0)
+    fine, rough = (readings_of(scene, (replace(near, signal_error=error),), law, exact=False) for error in (0.0, 0.05))
+    assert rough.unknowns < fine.unknowns / 2
+    apart = np.linalg.norm(rough.signal_V - fine.signal_V) / np.linalg.norm(fine.signal_V)
+    assert 0 < max(apart, rough.signal_error) < ELECTRICS_SHARE * 0.05
