@@ -16,7 +16,7 @@ from reports.numerals import counted, number
 from reports.page import CONTENTS, Plate, Report, Table, write_pdf
 from reports.paper_plan import CARD, FULL, SEED, SWEEP, Run, stale, write_scenes
 from reports.paper_section import FULL_STAGES, Section, comparison, found, full_numbers
-from reports.paper_stages import content, made, read_record
+from reports.paper_stages import LOG, content, made, read_record, state
 from reports.style import house
 
 NUMBERS, STAGES = "numbers.csv", "stages.csv"
@@ -33,11 +33,15 @@ RECORDED = ("cpu_s", "wall_s", "machine", "date", "key", "results")
 def make(run: Run, work: Path, say: Callable[[str], None] = print) -> None:
     """Make the stages of a run that are not current, one after the other; ValueError, NotConverged as `made`."""
     write_scenes(work)
-    for number_of, (name, stage) in enumerate(run.stages.items(), 1):
-        fresh = made(stage)
+    for count, (name, stage) in enumerate(run.stages.items(), 1):
+        begun = f"{count} of {len(run.stages)}, {name}: "
+        if state(stage) == "current":
+            say(f"{begun}kept, made from the same")
+            continue
+        say(f"{begun}begun, its words go to {stage.folder / LOG}")
+        made(stage)
         record = read_record(stage.folder) or {}
-        say(f"{number_of} of {len(run.stages)}, {name}: "
-            + (f"{record['wall_s']:.1f} s, {record['cpu_s']:.1f} CPU s" if fresh else "kept, made from the same"))
+        say(f"{begun}{record['wall_s']:.1f} s, {record['cpu_s']:.1f} CPU s")
 
 
 def write(run: Run, folder: Path, *, png: bool = True) -> Path:
@@ -162,7 +166,7 @@ def stage_table(run: Run) -> pd.DataFrame:
 def _stage_words(run: Run, old: Mapping[str, str]) -> Table:
     table = stage_table(run)
     rows = [[str(row["stage"]), str(row["state"]), *(_known(row.get(key)) for key in ("cpu_s", "wall_s")),
-             str(row["results"] or "–")[:12]] for row in table.to_dict("records")]
+             row["results"][:12] if isinstance(row["results"], str) else "–"] for row in table.to_dict("records")]
     spent = float(table["cpu_s"].fillna(0.0).sum()) if "cpu_s" in table else 0.0
     return Table(f"The stages of this run, {number(spent)} CPU s in all, and the hash of what each wrote.",
                  ["stage", "state", "CPU (s)", "wall (s)", "results, sha256"], rows, "wlrrr")

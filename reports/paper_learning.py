@@ -48,8 +48,16 @@ def sections(run: Run) -> list[Section]:
         return [Section(figure, "the networks", "", "", "", (NETWORKS,), missing=why) for figure in ("12", *OUTPUTS)]
     predictions = pd.read_parquet(found[NETWORKS][2])
     scores = {METHODS[name]: one[1]["outputs"] for name, one in found.items()}
-    return [_structure(found[NETWORKS][0], run), *(_scored(figure, names, predictions, scores)
-                                                   for figure, names in OUTPUTS.items())]
+    model = found[NETWORKS][0]
+    return [_structure(model, run), *(_scored(figure, names, predictions, scores, _collapsed(model, names))
+                                      for figure, names in OUTPUTS.items())]
+
+
+def _collapsed(model: Mapping[str, Any], names: tuple[str, ...]) -> str:
+    """That the evidence of one of these networks collapsed, in words; empty where none did."""
+    if not any(model["training"].get(name, {}).get("collapsed") for name in names):
+        return ""
+    return " The evidence of this network collapsed in every start: it says little more than the mean."
 
 
 def _structure(model: Mapping[str, Any], run: Run) -> Section:
@@ -73,7 +81,7 @@ def _structure(model: Mapping[str, Any], run: Run) -> Section:
 
 
 def _scored(figure: str, names: tuple[str, ...], predictions: pd.DataFrame,
-            scores: Mapping[str, Mapping[str, Any]]) -> Section:
+            scores: Mapping[str, Mapping[str, Any]], collapsed: str) -> Section:
     networks, numbers = scores[METHODS[NETWORKS]], []
     for method, outputs in scores.items():
         for name in names:
@@ -83,7 +91,8 @@ def _scored(figure: str, names: tuple[str, ...], predictions: pd.DataFrame,
     title = " and ".join(parity.label(name).lower() for name in names)
     return Section(figure, f"{title}, predicted against target", _says(figure, names),
                    OPEN.get(figure, "MSE is in the unit squared, which the caption's unit is not."),
-                   _differs(figure, names, numbers, networks), (NETWORKS, FORWARD, SWEEP), plates, tuple(numbers))
+                   _differs(figure, names, numbers, networks) + collapsed, (NETWORKS, FORWARD, SWEEP), plates,
+                   tuple(numbers))
 
 
 def _numbers(name: str, parts: Mapping[str, Any], method: str) -> list[Number]:
