@@ -2,7 +2,8 @@
 # make lint   ruff and pyright                     make test-slow   the slow ones
 # make bench  every benchmark, for hours           make bench QUICK=1   a few cases of each, within half an hour
 # make docs   the API from its docstrings, reports/out/api
-.PHONY: demo test test-slow lint bench docs clean install
+# make paper  the source paper walked through, in a quarter of an hour; make paper FULL=1 with 4,000 scenes, two hours
+.PHONY: demo test test-slow lint bench docs paper clean install
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -44,6 +45,10 @@ bench: install
 
 docs: install
 	$(BIN)/pdoc --docformat markdown -o reports/out/api matcal eitsim surrogate reports
+
+paper: install
+	@mkdir -p reports/out
+	$(BIN)/python -m reports paper --out reports/out/paper$(if $(FULL),_full --full) --workers $(WORKERS)
 
 clean:
 	rm -rf .venv reports/out

@@ -12,6 +12,9 @@ from matcal.terminal import application, check_out, run
 
 app = application("Reports: the paper walked through, and the stored results of benchmarks.")
 
+# where the walk through the paper is written by default
+PAPER = Path("reports/out/paper")
+
 
 @app.callback()
 def reports() -> None:
@@ -56,7 +59,7 @@ def _write(write: Callable[[Path, Path], None], results: Path, out: Path, name: 
 
 @app.command()
 def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lies there and is current is kept.")]
-          = Path("reports/out/paper"),
+          = PAPER,
           full: Annotated[bool, typer.Option("--full", help="4,000 scenes, as the paper has them; up to two "
                                              "hours.")] = False,
           card: Annotated[Path | None, typer.Option(help="Material card that is there, with its folder; else one is "
@@ -80,6 +83,8 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
     from reports.paper import write as write_paper
     from reports.paper_plan import FULL, QUICK, planned
 
+    if out == PAPER:
+        PAPER.parent.mkdir(parents=True, exist_ok=True)
     check_out(out, folder=True)
     out.mkdir(exist_ok=True)
     run_of = planned(FULL if full else QUICK, out / "stages", card=card, sweep=sweep, workers=workers)
