@@ -40,6 +40,8 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
                                                            "steps of mlp (2000).")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help="Processes that share the networks; where left out, "
                                                                   "one a core from 1,000 rows on.")] = None,
+          calibrate: Annotated[Path | None, typer.Option(help="Data set, as of another mesh, whose rows calibrate the "
+                                                              "intervals in place of 15 % of DIR.")] = None,
           noise_db: Annotated[str, typer.Option(help="Noise levels that the stored scores hold beside no noise, in dB "
                                                      "below the RMS of the baseline voltages.")] = "100,80,60",
           as_json: JsonOption = False) -> None:
@@ -59,7 +61,8 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     names, levels = chosen(outputs), _levels(noise_db)
     samples = read_samples(folder)
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
-    model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names))
+    model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
+                calibrate=None if calibrate is None else read_samples(calibrate))
     store.save(model, out)
     result = scored(model, samples, levels)
     store.save_evaluation(out, result.scores, result.predictions)
@@ -267,6 +270,11 @@ def _print_scores(result: Mapping[str, Any]) -> None:
         _print_table(title, level["outputs"], ("test", "new", "all"))
     print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
           f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+    if result["force_sd"]:
+        told = ", ".join(f"{part} {value:.3g}" for part, value in result["force_sd"].items())
+        print(f"standard deviation of the force, N, RMS before calibration, squares add up: {told}")
+    if result["material"]:
+        print(f"material: {result['material']}")
     if result["interval_caution"]:
         print(f"caution: {result['interval_caution']}")
 

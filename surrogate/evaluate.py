@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from eitsim.measurement import below, level_db
 from surrogate import outputs
+from surrogate.estimate import Estimate
 from surrogate.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
 from surrogate.model import Model, estimate, interval_scales
 from surrogate.ring import same_ring
@@ -42,7 +43,8 @@ def check_sensor(model: Model, samples: Samples) -> None:
 def interval_caution(model: Model, samples: Samples) -> str:
     """In words, that intervals are not those of this data set, whose rows are measured otherwise than those that the
     model was calibrated on; empty where they are not, or the model is too old to tell."""
-    calibrated, here = model.record["dataset"].get("measurement"), samples.measurement
+    told = model.record.get("calibration", model.record["dataset"])
+    calibrated, here = told.get("measurement"), samples.measurement
     if calibrated is None or calibrated == here:
         return ""
     return (f"intervals were calibrated on rows {_measured(calibrated)}, and these are {_measured(here)}: they do not "
@@ -74,9 +76,10 @@ def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), ref
         raise ValueError(f"noise reference '{reference}' is unknown; known: {', '.join(NOISE_REFERENCES)}.")
     check_sensor(model, samples)
     volts = {"baseline": rms(samples.baseline_V), "signal": rms(samples.signal_V)}
-    table, predict_ms = _predictions(model, samples, 0.0)
+    table, predict_ms, force_sd = _predictions(model, samples, 0.0)
     scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
               "fit_s": model.fit_s, "predict_ms": predict_ms, "interval_caution": interval_caution(model, samples),
+              "material": material_told(model, samples), "force_sd": force_sd,
               "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
               "noise": [_at_level(model, samples, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
@@ -85,14 +88,42 @@ def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), ref
 def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
               volts: dict[str, float]) -> dict[str, Any]:
     noise = below(level_dB, volts[reference])
+    table, _, force_sd = _predictions(model, samples, noise)
     return {"noise_db": level_dB, "noise_reference": reference, "noise_V": noise,
             "db_below_baseline": level_db(noise, volts["baseline"]),
             "db_below_signal": level_db(noise, volts["signal"]),
-            "outputs": _scores(model, _predictions(model, samples, noise)[0])}
+            "outputs": _scores(model, table), "force_sd": force_sd}
 
 
-def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataFrame, float]:
-    """The table of predictions under noise, and the CPU time of one, ms."""
+def material_told(model: Model, samples: Samples) -> str:
+    """In words, whether intervals hold what is not known of the material, as far as the model remembers."""
+    cards = model.record["dataset"].get("cards")
+    if cards is None:
+        return ""
+    here = len(np.unique(samples.card))
+    if cards > 1 and model.record.get("calibration", {}).get("cards", cards) == 1:
+        return (f"the training rows have {cards} cards, but intervals are scaled to rows of one card, and may be too "
+                "narrow for others. Calibrate on a set with draws in [material].")
+    if cards > 1:
+        return f"intervals hold the spread of {cards} cards of the posterior" + (
+            "." if model.method == "forward" else ", as one of all errors: only the forward method tells it apart.")
+    return "material uncertainty is not in the intervals: the training rows have one card." + (
+        f" These rows have {here}: train on a sweep with draws in [material]." if here > 1 else "")
+
+
+def _force_sd(model: Model, found: Estimate, part: NDArray[np.str_]) -> dict[str, float] | None:
+    """RMS over the unseen rows, or all, of the parts of the force's standard deviation before calibration, N; None
+    where the model does not tell them."""
+    if found.parts is None or "F" not in model.names:
+        return None
+    rows, k = np.isin(part, UNSEEN) if np.any(np.isin(part, UNSEEN)) else part != "", model.names.index("F")
+    each = {"noise": found.parts.noise, "material": found.parts.material, "model": found.parts.model(found.sd),
+            "whole": found.sd}
+    return {name: rms(sd[rows, k]) for name, sd in each.items()}
+
+
+def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataFrame, float, dict[str, float] | None]:
+    """The table of predictions under noise, the CPU time of one, ms, and the parts of the force's sd."""
     noisy = samples.signal_V + noise * np.random.default_rng(model.seed).normal(size=samples.signal_V.shape)
     begun = time.process_time()
     found = estimate(model, noisy, noise)
@@ -102,7 +133,7 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
     part = parts_of(model, samples)
     tables = [_long(model, samples.scene, part, k, samples.target[:, column], found.value[:, k], half_width[..., k])
               for k, column in enumerate(chosen)]
-    return pd.concat(tables, ignore_index=True), predict_ms
+    return pd.concat(tables, ignore_index=True), predict_ms, _force_sd(model, found, part)
 
 
 def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int, target: Array, value: Array,

@@ -34,6 +34,18 @@ MARGIN = 0.1
 
 
 @dataclass(frozen=True)
+class Peak:
+    """Laplace's covariance of a touch (x, y, d, F), and what remains of it when less is left unknown."""
+
+    # (n, 4 + k, 4 + k) of the touch and the states of the material
+    joint: Array
+    # (n, 4, 4) were the material known
+    known: Array
+    # (n, 4, 4) were the map exact too, so that noise alone is left
+    noise: Array
+
+
+@dataclass(frozen=True)
 class Inversion:
     """Most probable touches."""
 
@@ -41,6 +53,10 @@ class Inversion:
     touch: Array
     # (n, 4, 4) covariance of the touch, widened by the misfit where that exceeds 1
     covariance: Array
+    # (n, k) most probable states of the material
+    material: Array
+    # the covariance about the peak, as it is where d and F are not broad, and what makes it up
+    peak: Peak
     # (n,) squared residual over what noise and the map's error explain, a degree of freedom
     misfit: Array
     # (n,) whether the solution's radius, d and F lie among those of the training touches
@@ -67,7 +83,7 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     short = descend(_starts(forward, signal, located, punches), frames, SHORT)
     best = np.argmin(short.cost.reshape(-1, BANDS), axis=1) + BANDS * np.arange(len(signal))
     return _broadened(_inversion(forward, descend(short.state[best], np.arange(len(signal)), LONG), punches,
-                                 noise_V > NOISY * floor))
+                                 noise_V > NOISY * floor, (noise_V / sd) ** 2))
 
 
 def _broadened(found: Inversion) -> Inversion:
@@ -80,19 +96,38 @@ def _broadened(found: Inversion) -> Inversion:
     return replace(found, touch=touch, covariance=spread)
 
 
-def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDArray[np.bool_]) -> Inversion:
+def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDArray[np.bool_],
+               share: Array) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
     misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1])
     unknown = _unknown(forward, state)
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
-    scaled = inverse(end.normal)[:, :4, :4]
-    covariance = slope @ scaled @ slope.transpose(0, 2, 1) * np.maximum(misfit, 1.0)[:, None, None]
+    peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), share)
     extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
     inside = np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
     in_table = noisy & (extent[:, 0] <= INTERIOR * forward.ring.radius_mm)
-    return Inversion(touch, covariance, misfit, inside, resolved(punches) & in_table, punches)
+    return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit, inside,
+                     resolved(punches) & in_table, punches)
+
+
+def _peak(forward: ForwardMap, normal: Array, slope: Array, widened: Array, share: Array) -> Peak:
+    """From normal matrices (n, p, p) of the scaled states, derivatives (n, 4, 4) of the touch by them, the factor (n,)
+    by which the misfit widens variances, and the part (n,) of the readings' variance that is noise."""
+    n, k, known = len(normal), forward.materials, 4 + len(forward.strengths)
+    to_touch_and_card = np.broadcast_to(np.eye(4 + k), (n, 4 + k, 4 + k)).copy()
+    to_touch_and_card[:, :4, :4] = slope
+    kept = np.r_[:4, known:known + k]
+    told = (normal[:, :4, :4] - np.eye(4)) / np.maximum(share, 1e-12)[:, None, None] + np.eye(4)
+    noise = np.where((share > 0)[:, None, None], inverse(told), 0.0)
+    return Peak(_carried(to_touch_and_card, inverse(normal)[:, kept[:, None], kept]) * widened[:, None, None],
+                _carried(slope, inverse(normal[:, :known, :known])[:, :4, :4]) * widened[:, None, None],
+                _carried(slope, noise))
+
+
+def _carried(slope: Array, covariance: Array) -> Array:
+    return slope @ covariance @ slope.transpose(0, 2, 1)
 
 
 def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:

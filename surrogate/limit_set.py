@@ -121,11 +121,12 @@ def _gradients(samples: Samples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
     some = take(samples, np.linspace(0, len(samples) - 1, min(len(samples), _ROWS)).round().astype(int))
     names, touch = outputs.NAMES[outputs.TOUCH:], some.target[:, :outputs.TOUCH]
-    learned = response.learn(some.ring.radius_mm, touch, some.target[:, outputs.TOUCH:], names)
+    learned = response.learn(some.ring.radius_mm, touch, some.target[:, outputs.TOUCH:], names,
+                             np.zeros((len(touch), 0)))
 
     def value(punch: Array) -> Array:
         touches = np.column_stack([0 * punch, punch])
-        return response.respond(learned, touches, np.zeros((len(punch), 2, 2)))[0]
+        return response.respond(learned, touches, np.zeros((len(punch), 0))).value
 
     def slopes(punch: Array) -> Array:
         steps = [_STEP * punch * np.eye(2)[k] for k in range(2)]

@@ -13,6 +13,7 @@ from eitsim.frames import Frames
 from surrogate.dead_channels import Mask, named, silent, why_not, without
 from surrogate.estimate import Estimate
 from surrogate.familiar import Familiar, learn_familiar, strangeness
+from surrogate.intervals import COVERAGE, normal
 from surrogate.model import Model, estimate, interval_scale
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ MISFIT_FACTOR = 3.0
 MOST_WIDENED = 1000.0
 # Norm of a signal, over that of the strongest validation row, from which it is outside the training range.
 STRONG = 1.2
+# What makes up the standard deviation of a force.
+PARTS = ("noise", "material", "model")
 # Relative difference of the untouched frame from that of the training, 2-norm, from which it is cautioned.
 OTHER_BASELINE = 0.2
 
@@ -69,6 +72,9 @@ class Predictions:
     half_width: Array
     # (n,) what is to be known of the frame, empty where nothing is
     flag: list[str]
+    # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
+    # half_width over the normal factor. No columns where the model cannot tell
+    force_parts: Array
 
 
 def untouched(frames: Frames) -> Untouched:
@@ -106,11 +112,13 @@ def predict(predictor: Predictor, volts: Array) -> Predictions:
     flagged, and intervals calibrated without them, never by less than with them. Else such a frame has no values.
     """
     shape = (len(volts), len(predictor.model.names))
-    found = Predictions(np.full(shape, np.nan), np.full(shape, np.nan), [""] * len(volts))
+    found = Predictions(np.full(shape, np.nan), np.full(shape, np.nan), [""] * len(volts),
+                        np.full((len(volts), _parts_told(predictor.model)), np.nan))
     dead = silent(volts, predictor.model.baseline_V) | predictor.dead
     for mask, rows in _groups(dead):
         part = _without(predictor, mask, volts[rows]) if mask.any() else _sound(predictor, volts[rows])
         found.value[rows], found.half_width[rows] = part.value, part.half_width
+        found.force_parts[rows] = part.force_parts
         for row, flag in zip(rows.tolist(), part.flag, strict=True):
             found.flag[row] = flag
     return found
@@ -129,14 +137,14 @@ def _groups(dead: Mask) -> Iterator[tuple[Mask, NDArray[np.intp]]]:
 def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     if problem := why_not(predictor.model, dead):
         none = np.full((len(volts), len(predictor.model.names)), np.nan)
-        return Predictions(none, none, [f"{named(dead)}; {problem}"] * len(volts))
+        return Predictions(none, none, [f"{named(dead)}; {problem}"] * len(volts),
+                           none[:, :_parts_told(predictor.model)])
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
         fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V)
         predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale))
     part = _sound(predictor.reduced[key], volts[:, kept])
-    return Predictions(part.value, part.half_width, ["; ".join(filter(None, (named(dead), flag)))
-                                                     for flag in part.flag])
+    return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
 
 
 def _sound(predictor: Predictor, volts: Array) -> Predictions:
@@ -145,6 +153,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     touched = np.linalg.norm(signal, axis=1) >= WEAK * model.trained.weakest_V
     shape = (len(signal), len(model.names))
     value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
+    parts = np.full((len(signal), _parts_told(model)), np.nan)
     if np.any(touched):
         found = estimate(model, signal[touched], predictor.noise_V)
         strange = strangeness(predictor.familiar, signal[touched], predictor.noise_V) / MISFIT_FACTOR
@@ -152,7 +161,22 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
         value[touched] = found.value
         half_width[touched] = found.sd * predictor.scale * _widening(strange)[:, None]
         flags[touched] = _flags(model, found, strange > 1, strong)
-    return Predictions(value, half_width, flags.tolist())
+        if parts.shape[1]:
+            parts[touched] = _force_parts(model, found, half_width[touched] / normal(COVERAGE))
+    return Predictions(value, half_width, flags.tolist(), parts)
+
+
+def _parts_told(model: Model) -> int:
+    """Number of parts that a model tells of the force's standard deviation."""
+    return len(PARTS) if model.method == "forward" and "F" in model.names else 0
+
+
+def _force_parts(model: Model, found: Estimate, sd: Array) -> Array:
+    """(n, 3) parts of the force's calibrated standard deviations, of sd (n, outputs), in the shares of the estimate."""
+    assert found.parts is not None
+    k = model.names.index("F")
+    each = (found.parts.noise, found.parts.material, found.parts.model(found.sd))
+    return np.column_stack([part[:, k] for part in each]) * (sd / found.sd)[:, k, None]
 
 
 def _widening(strange: Array) -> Array:
@@ -171,16 +195,17 @@ def _flags(model: Model, found: Estimate, strange: Mask, strong: Mask) -> list[s
 
 def columns(model: Model) -> list[str]:
     """Names of the columns of predictions: line, then value, lowest and highest of the 90 % interval of each output in
-    its unit, then the flag."""
+    its unit, parts of the force's standard deviation where the model tells them, then the flag."""
     each = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
             for end in ("", "_lo90", "_hi90")]
-    return ["line", *each, "flag"]
+    parts = [f"F_sd_{part}_N" for part in PARTS] if _parts_told(model) else []
+    return ["line", *each, *parts, "flag"]
 
 
 def numbers_of(found: Predictions) -> Array:
-    """(n, 3 outputs) value, lowest and highest of each output, in the order of `columns`."""
+    """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
     ends = (found.value, found.value - found.half_width, found.value + found.half_width)
-    return np.stack(ends, axis=2).reshape(len(found.value), -1)
+    return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
 
 
 def predict_frames(model: Model, frames: Frames, reference: Untouched, noise_V: float = 0.0,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from surrogate.forward_map import ForwardMap, log_strengths
+from surrogate.forward_map import ForwardMap, by_material, log_strengths
 from surrogate.loading import to_touch, to_unknown, touch_slope
 from surrogate.locate import Located
 
@@ -74,8 +74,11 @@ def make_table(forward: ForwardMap) -> Table:
 
 
 def posterior(forward: ForwardMap, table: Table, located: Located) -> Posterior:
-    """Posterior of the punches of located touches; the scatter of the training strengths counts as error."""
+    """Posterior of the punches of located touches; the scatter of the training strengths counts as error, and what the
+    material makes of those of the mean touch."""
     scatter = np.diag([float(np.median(process.noise)) for process in forward.strengths])
+    of_card = by_material(forward, forward.mean[None])[0]
+    scatter = scatter + of_card @ of_card.T
     precision = np.linalg.inv(located.covariance + scatter)
     miss = table.strengths[None, :, :-1] - located.strengths[:, None, None]
     step = np.diff(table.strengths, axis=1)[None]

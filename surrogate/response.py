@@ -19,7 +19,8 @@ SOFT = 1.06
 
 @dataclass(frozen=True)
 class Response:
-    """One Gaussian process an output, of log(output / F) on (log d, load g, log of the soft distance to the rim)."""
+    """One Gaussian process an output, of log(output / F) on (log d, load g, log of the soft distance to the rim) and
+    the states of the material."""
 
     processes: tuple[GaussianProcess, ...]
     # pressure p0 of the load, N/mm^2
@@ -28,14 +29,27 @@ class Response:
     radius_mm: float
 
 
-def learn(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...]) -> Response:
-    """Learn outputs (n, k) > 0 from touches (n, 4); ValueError names an output that is not positive."""
+@dataclass(frozen=True)
+class Answer:
+    """Outputs at some touches."""
+
+    # (n, outputs)
+    value: Array
+    # (n, outputs, 2 + k) derivatives by d, F and the states of the material
+    slope: Array
+    # (n, outputs) standard deviation of the response itself
+    sd: Array
+
+
+def learn(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...], material: Array) -> Response:
+    """Learn outputs (n, outputs) > 0 from touches (n, 4) and states (n, k) of their materials; ValueError names an
+    output that is not positive."""
     for name, column in zip(names, target.T, strict=True):
         if not np.all(column > 0):
             raise ValueError(f"{name} is {column.min():g} in a training row; the forward method learns its logarithm. "
                              "Leave it out with --outputs, or use --method trainbr or ridge.")
     p0 = light_pressure(touch)
-    inputs = _inputs(radius_mm, touch, p0)
+    inputs = np.column_stack([_inputs(radius_mm, touch, p0), material])
     return Response(tuple(gaussian_process.fit(inputs, np.log(column / touch[:, 3])) for column in target.T), p0,
                     radius_mm)
 
@@ -45,17 +59,17 @@ def _inputs(radius_mm: float, touch: Array, p0: float) -> Array:
     return np.column_stack([to_unknown(touch, p0)[:, 2:], gap])
 
 
-def respond(response: Response, touch: Array, covariance: Array) -> tuple[Array, Array]:
-    """Outputs (n, k) and their standard deviations at touches (n, 4) with a covariance (n, 2, 2) of (d, F)."""
+def respond(response: Response, touch: Array, material: Array) -> Answer:
+    """Outputs at touches (n, 4) by materials of states (n, k)."""
     unknown, pressed = to_unknown(touch, response.p0), touch[:, 3]
     to_unknown_slope = np.linalg.inv(touch_slope(unknown, response.p0)[:, 2:, 2:])
-    inputs = _inputs(response.radius_mm, touch, response.p0)
-    value, sd = [], []
+    inputs = np.column_stack([_inputs(response.radius_mm, touch, response.p0), material])
+    value, slope, sd = [], [], []
     for process in response.processes:
         mean, by_input, variance = gaussian_process.predict(process, inputs)
-        slope = np.einsum("np,npq->nq", by_input[:, :2], to_unknown_slope)
-        slope[:, 1] += 1 / pressed
-        carried = np.einsum("np,npq,nq->n", slope, covariance, slope)
+        by = np.einsum("np,npq->nq", by_input[:, :2], to_unknown_slope)
+        by[:, 1] += 1 / pressed
         value.append(pressed * np.exp(mean))
-        sd.append(value[-1] * np.sqrt(variance + np.median(process.noise) + carried))
-    return np.column_stack(value), np.column_stack(sd)
+        slope.append(value[-1][:, None] * np.column_stack([by, by_input[:, 3:]]))
+        sd.append(value[-1] * np.sqrt(variance + np.median(process.noise)))
+    return Answer(np.column_stack(value), np.stack(slope, axis=1), np.column_stack(sd))

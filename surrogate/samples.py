@@ -16,7 +16,7 @@ from eitsim import nested
 from eitsim.dataset import TOUCH, Dataset, read_dataset, voltage_columns
 from eitsim.measurement_file import TABLE
 from matcal.errors import TestFileError
-from surrogate import outputs
+from surrogate import material, outputs
 from surrogate.ring import Ring, ring_of_design
 
 Array = NDArray[np.float64]
@@ -37,6 +37,10 @@ class Samples:
     baseline_V: Array
     # (n, 8) outputs.ALL in the units of their columns
     target: Array
+    # (n,) number of each row's card among the draws of the posterior, -1 where one card serves all
+    card: NDArray[np.int64]
+    # (n, q) what each row's card answers, see `surrogate.material`; q = 0 where one card serves all
+    material: Array
     # (n,) hash of each row's number and targets: the same however its readings were measured
     row_hash: NDArray[np.uint64]
     # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
@@ -73,7 +77,12 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     target = _numbers(folder, rows, [output.column for output in outputs.ALL])
     scene = rows["scene"].to_numpy(np.int64)
     touch = _touches(data.design["sampler"], scene, rows)
-    return Samples(ring, scene, touch, signal, touched - signal, target, _hashes(scene, target), _measurement(data))
+    return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
+                   _material(data, rows), _hashes(scene, target), _measurement(data))
+
+
+def _material(data: Dataset, rows: pd.DataFrame) -> Array:
+    return material.answers(rows, "hold" in data.design["tables"])
 
 
 def _measurement(data: Dataset) -> dict[str, Any]:

@@ -153,11 +153,11 @@ def answers(predictor: Predictor, lines: Sequence[Line], form: Columns) -> list[
             volts.append(frame_of(text, form))
         except ValueError as error:
             problems[number] = f"unreadable: {error}"
-    outputs = 3 * len(predictor.model.names)
+    numbers = len(columns(predictor.model)) - 2
     found = predict(predictor, np.array(volts).reshape(-1, form.count))
     sound = iter(zip(numbers_of(found).tolist(), found.flag, strict=True))
     rows = []
     for number, _ in lines:
-        values, flag = ([math.nan] * outputs, problems[number]) if number in problems else next(sound)
+        values, flag = ([math.nan] * numbers, problems[number]) if number in problems else next(sound)
         rows.append([str(number), *("" if math.isnan(value) else f"{value:.6g}" for value in values), flag])
     return rows

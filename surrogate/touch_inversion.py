@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from surrogate import forward_map, outputs, response
-from surrogate.estimate import Estimate
+from surrogate.estimate import Estimate, Parts
 from surrogate.forward_map import ForwardMap
-from surrogate.invert import Inversion, invert
+from surrogate.invert import Inversion, Peak, invert
 from surrogate.punches import make_table, moments
-from surrogate.response import Response
+from surrogate.response import Answer, Response
 from surrogate.ring import Ring
 
 Array = NDArray[np.float64]
 
 # Frames solved together, to bound the memory.
 BATCH = 256
+# What an estimate holds for each frame, beside the parts of its standard deviations.
+_EACH = ("value", "sd", "misfit", "inside")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,42 +34,65 @@ class TouchInversion:
     columns: NDArray[np.int64]
 
 
-def learn(ring: Ring, signal_V: Array, target: Array, names: tuple[str, ...]) -> TouchInversion:
-    """Learn from signals (n, readings) and the targets (n, 8) of outputs.ALL, for the outputs of these names."""
+def learn(ring: Ring, signal_V: Array, target: Array, names: tuple[str, ...], material: Array) -> TouchInversion:
+    """Learn from signals (n, readings), the targets (n, 8) of outputs.ALL and states (n, k) of the materials, for the
+    outputs of these names."""
     touch = target[:, :outputs.TOUCH]
     mechanical = [i for i in range(outputs.TOUCH, len(outputs.NAMES)) if outputs.NAMES[i] in names]
     learned = response.learn(ring.radius_mm, touch, target[:, mechanical],
-                             tuple(outputs.NAMES[i] for i in mechanical))
+                             tuple(outputs.NAMES[i] for i in mechanical), material)
     order = [*outputs.NAMES[:outputs.TOUCH], *(outputs.NAMES[i] for i in mechanical)]
-    return TouchInversion(forward_map.learn(ring, touch, signal_V), learned, np.array([order.index(n) for n in names]))
+    return TouchInversion(forward_map.learn(ring, touch, signal_V, material), learned,
+                          np.array([order.index(n) for n in names]))
 
 
 def estimate(learner: TouchInversion, signal_V: Array, noise_V: float) -> Estimate:
     """The wanted outputs of signals (n, readings) under white noise."""
-    parts = [_estimate(learner, signal_V[i:i + BATCH], noise_V) for i in range(0, len(signal_V), BATCH)]
-    return Estimate(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Estimate)))
+    found = [_estimate(learner, signal_V[i:i + BATCH], noise_V) for i in range(0, len(signal_V), BATCH)]
+    parts = [one.parts for one in found if one.parts is not None]
+    whole = Parts(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("noise", "material")))
+    return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
 
 
 def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
     found = invert(learner.forward, signal, noise_V)
-    value, sd = found.touch, np.sqrt(np.einsum("npp->np", found.covariance))
+    value, sd, slope, own = found.touch, _sd(found.covariance), np.broadcast_to(np.eye(4), (len(signal), 4, 4)), 0.0
+    slope = np.concatenate([slope, np.zeros((len(signal), 4, found.material.shape[1]))], axis=2)
     if learner.response.processes:
-        mechanical, doubt = _response(learner, found)
-        value, sd = np.column_stack([value, mechanical]), np.column_stack([sd, doubt])
-    return Estimate(value[:, learner.columns], sd[:, learner.columns], found.misfit, found.inside)
+        answer = response.respond(learner.response, found.touch, found.material)
+        mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)
+        slope, own = np.concatenate([slope, mechanical], axis=1), np.column_stack([0 * value, answer.sd])
+        value, sd = (np.column_stack(both) for both in zip((value, sd), _response(learner, found, answer), strict=True))
+    c = learner.columns
+    parts = _parts(found.peak, slope, own, sd)
+    return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, Parts(parts.noise[:, c], parts.material[:, c]))
 
 
-def _response(learner: TouchInversion, found: Inversion) -> tuple[Array, Array]:
+def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
+    """Parts of standard deviations (n, outputs), in the shares that they have about the peak, for outputs of these
+    derivatives (n, outputs, 4 + k) by touch and material and their own standard deviation."""
+    whole, known, noise = (np.einsum("nop,npq,noq->no", slope[..., :c.shape[1]], c, slope[..., :c.shape[1]])
+                           for c in (peak.joint, peak.known, peak.noise))
+    per_variance = sd**2 / (whole + own**2)
+    return Parts(np.sqrt(noise * per_variance), np.sqrt(np.maximum(whole - known, 0.0) * per_variance))
+
+
+def _sd(covariance: Array) -> Array:
+    return np.sqrt(np.einsum("npp->np", covariance))
+
+
+def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array]:
     """Mechanical outputs and their standard deviations; over the whole posterior where that is broad."""
-    value, sd = response.respond(learner.response, found.touch, found.covariance[:, 2:, 2:])
+    carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
     of_table, doubt = _table_response(learner)
     mean, covariance = moments(found.punches, of_table)
     spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ doubt**2)
     broad = found.broad[:, None]
-    return np.where(broad, mean, value), np.where(broad, spread, sd)
+    return np.where(broad, mean, answer.value), np.where(broad, spread, np.sqrt(carried + answer.sd**2))
 
 
 @lru_cache(maxsize=8)
 def _table_response(learner: TouchInversion) -> tuple[Array, Array]:
     touch = make_table(learner.forward).touch
-    return response.respond(learner.response, touch, np.zeros((len(touch), 2, 2)))
+    answer = response.respond(learner.response, touch, np.zeros((len(touch), learner.forward.materials)))
+    return answer.value, answer.sd

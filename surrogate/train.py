@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import outputs
+from surrogate import material, outputs
 from surrogate.model import Calibration, Model, Range, Rows, check_method, estimate
+from surrogate.ring import same_ring
 from surrogate.samples import Samples, content_hash, take
 from surrogate.split import PARTS, split
 
@@ -21,16 +22,21 @@ if TYPE_CHECKING:
 
 # Methods whose training takes steps.
 ITERATED = ("trainbr", "network", "mlp")
+# Fewest rows of another set that calibrate intervals: as many as have an order statistic at 95 %.
+MIN_CALIBRATING = 19
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES, seed: int = 0, *,
-          epochs: int | None = None, workers: int = 1, each: Progress = iter) -> Model:
+          epochs: int | None = None, workers: int = 1, each: Progress = iter,
+          calibrate: Samples | None = None) -> Model:
     """Train `method` for the outputs of these names; of the touches 70 % train, 15 % calibrate, 15 % test,
     by the seed.
 
     `epochs` bounds the steps of those ITERATED; `workers` processes share the outputs of trainbr and network; `each`
-    may show progress over them. ValueError for an unknown method, too few rows, or data that the method cannot learn.
+    may show progress over them. Rows `calibrate`, as of another mesh, take the place of those 15 % when intervals are
+    calibrated, so that these hold what that set shows of the model's error. ValueError for an unknown method, too few
+    rows, another sensor, or data that the method cannot learn.
     """
     check_method(method)
     if epochs is not None and method not in ITERATED:
@@ -41,14 +47,17 @@ def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES,
     chosen = [outputs.NAMES.index(name) for name in names]
     training, validation = take(samples, part == "train"), take(samples, part == "val")
     _check_signals(training)
+    if calibrate is not None:
+        _check_calibrating(samples, calibrate)
+        validation = calibrate
     begun = _cpu_s()
     learner, record = _learn(training, method, names, chosen, seed, epochs, workers, each)
     fit_s = _cpu_s() - begun
     target = training.target[:, chosen]
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
     model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.target[:, chosen]),
-                  Rows(samples.row_hash, _codes(part)), span, samples.baseline_V.mean(0), seed, fit_s,
-                  {**_provenance(samples, part), "training": record})
+                  _rows(samples, part, calibrate), span, samples.baseline_V.mean(0), seed, fit_s,
+                  {**_provenance(samples, part, validation), "training": record})
     worst = float(estimate(model, validation.signal_V).misfit.max())
     return replace(model, trained=replace(span, misfit=worst))
 
@@ -56,6 +65,27 @@ def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES,
 def _cpu_s() -> float:
     """CPU time of this process and of its ended workers, s."""
     return sum(os.times()[:4])
+
+
+def _check_calibrating(samples: Samples, calibrate: Samples) -> None:
+    if not same_ring(samples.ring, calibrate.ring):
+        raise ValueError("the calibrating set is of another sensor than the training set: its disc, electrodes or "
+                         "drive differ. Sweep one of the same [body], [electrodes] and [drive].")
+    if len(calibrate) < MIN_CALIBRATING:
+        raise ValueError(f"{len(calibrate)} calibrating rows are too few for a 95 % interval; at least "
+                         f"{MIN_CALIBRATING} are needed. Sweep more scenes.")
+    if shared := int(np.sum(np.isin(calibrate.row_hash, samples.row_hash))):
+        raise ValueError(f"{shared} of the calibrating rows are rows of the training set too. Give a set of other "
+                         "touches, such as one on another mesh.")
+    _check_signals(calibrate)
+
+
+def _rows(samples: Samples, part: NDArray[np.str_], calibrate: Samples | None) -> Rows:
+    """The rows that the model has seen; those that calibrate it instead of the validation rows count as such."""
+    if calibrate is None:
+        return Rows(samples.row_hash, _codes(part))
+    used = np.full(len(calibrate), PARTS.index("val"))
+    return Rows(np.concatenate([samples.row_hash, calibrate.row_hash]), np.concatenate([_codes(part), used]))
 
 
 def _check_signals(samples: Samples) -> None:
@@ -87,8 +117,10 @@ def _learn(training: Samples, method: str, names: tuple[str, ...], chosen: list[
         case "forward":
             from surrogate import touch_inversion
 
-            inversion = touch_inversion.learn(training.ring, signal, training.target, names)
-            return inversion, {"modes": len(inversion.forward.field), "signal_floor": inversion.forward.floor}
+            states = material.states(material.learn(training.material), training.material)
+            inversion = touch_inversion.learn(training.ring, signal, training.target, names, states)
+            return inversion, {"modes": len(inversion.forward.field), "signal_floor": inversion.forward.floor,
+                               "material_states": states.shape[1]}
         case "mlp":
             from surrogate import mlp
 
@@ -117,8 +149,11 @@ def _codes(part: NDArray[np.str_]) -> NDArray[np.int64]:
     return np.array([PARTS.index(p) for p in part], np.int64)
 
 
-def _provenance(samples: Samples, part: NDArray[np.str_]) -> dict[str, Any]:
+def _provenance(samples: Samples, part: NDArray[np.str_], validation: Samples) -> dict[str, Any]:
     names = ("touchcal", "numpy", "scipy", "torch")
     return {"dataset": {"sha256": content_hash(samples), "rows": len(samples), "measurement": dict(samples.measurement),
-                        "split": {p: int(np.sum(part == p)) for p in PARTS}},
+                        "cards": len(np.unique(samples.card)), "split": {p: int(np.sum(part == p)) for p in PARTS}},
+            "calibration": {"sha256": content_hash(validation), "rows": len(validation),
+                            "cards": len(np.unique(validation.card)),
+                            "measurement": dict(validation.measurement)},
             "versions": {name: importlib.metadata.version(name) for name in names}}

@@ -57,16 +57,17 @@ def baseline() -> Array:
     return CURRENT_A * (read - ground)
 
 
-def draw(count: int, seed: int, diameters_mm: Sequence[float] = (), reach_mm: float = 65.0) -> tuple[Array, Array]:
+def draw(count: int, seed: int, diameters_mm: Sequence[float] = (), reach_mm: float = 65.0,
+         stiffness: Array | float = 1.0) -> tuple[Array, Array]:
     """Touches (count, 4) x, y, d, F uniform over a disc and their exact signals (count, 208), V; d from 10 to 18 mm, or
-    of the given ones."""
+    of the given ones; forces press foams of this stiffness, over the usual one."""
     rng = np.random.default_rng(seed)
     radius, angle = reach_mm * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
     touch = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), rng.uniform(10, 18, count),
                              rng.uniform(0.1, 2.0, count)])
     if diameters_mm:
         touch[:, 2] = rng.choice(diameters_mm, count)
-    radius_mm, contrast = spot(touch[:, 2], touch[:, 3])
+    radius_mm, contrast = spot(touch[:, 2], touch[:, 3] / stiffness)
     spots = zip(touch[:, 0], touch[:, 1], radius_mm, contrast, strict=True)
     return touch, np.array([spot_signal(*map(float, one)) for one in spots])
 
@@ -106,7 +107,7 @@ def ring() -> Ring:
 
 @pytest.fixture(scope="session")
 def synthetic() -> Callable[..., tuple[Array, Array]]:
-    """(count, seed[, diameters_mm]) -> touches and exact signals."""
+    """(count, seed[, diameters_mm, reach_mm, stiffness]) -> touches and exact signals."""
     return draw
 
 

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from surrogate import forward_map, material
+from surrogate.evaluate import evaluate
+from surrogate.forward_map import linearise
+from surrogate.invert import invert
+from surrogate.loading import to_unknown
+from surrogate.model import estimate
+from surrogate.predict import columns, numbers_of, predict, prepare
+from surrogate.ring import Ring
+from surrogate.samples import Samples
+from surrogate.train import train
+
+Array = NDArray[np.float64]
+TOUCH = ("x0", "y0", "d", "F")
+NOISE_V = 2e-5
+# Stiffness of synthetic foams over the usual one: 8 % about it.
+SPREAD = 0.08
+
+
+def cards(count: int, seed: int) -> Array:
+    """As many cards as that, evenly over their distribution, in any order."""
+    return np.exp(SPREAD * np.random.default_rng(seed).permutation(ndtri((np.arange(count) + 0.5) / count)))
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory, ring: Ring, synthetic: Callable[..., tuple[Array, Array]],
+          samples: Samples) -> Callable[..., Samples]:
+    def read(count: int, seed: int, stiffness: Array) -> Samples:
+        number = np.arange(count) % len(stiffness)
+        touch, signal = synthetic(count, seed, stiffness=stiffness[number])
+        rows = pd.DataFrame({"card_sample": number, "mu_1_Pa": 8e3 * stiffness[number], "alpha_1": 8.0, "nu_1": 0.0})
+        plain = np.arange(count)
+        return replace(samples, ring=ring, scene=plain, touch=plain, signal_V=signal,
+                       baseline_V=np.tile(samples.baseline_V[0], (count, 1)),
+                       target=np.column_stack([touch, np.ones((count, 4))]), card=number,
+                       material=material.answers(rows, False),
+                       row_hash=np.arange(count, dtype=np.uint64) + 10000 * seed)
+
+    return read
+
+
+def test_cards_that_answer_alike_are_one_direction() -> None:
+    stiffness = cards(40, 0)
+    rows = pd.DataFrame({"card_sample": np.arange(40), "mu_1_Pa": 8e3 * stiffness, "mu_2_Pa": 1e3 * stiffness,
+                         "alpha_1": 8.0, "alpha_2": 2.0, "nu_1": 0.0, "nu_2": 0.0, "c0_S_per_m": 30.0, "a_1": -2.0,
+                         "a_2": 2.0, "a_3": -1.0})
+    found = material.answers(rows, False)
+    state = material.states(material.learn(found), found)
+    assert found.shape == (40, 10)
+    assert state.shape == (40, 1)
+    assert abs(np.corrcoef(state[:, 0], stiffness)[0, 1]) == pytest.approx(1.0, abs=1e-9)
+    assert state.std() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_one_card_has_no_states(samples: Samples) -> None:
+    assert samples.material.shape == (200, 0)
+    assert material.states(material.learn(samples.material), samples.material).shape == (200, 0)
+
+
+def test_the_map_knows_what_a_card_changes(ring: Ring, synthetic: Callable[..., tuple[Array, Array]]) -> None:
+    state = np.random.default_rng(7).normal(size=(140, 1))
+    learned = forward_map.learn(ring, *synthetic(140, 0, stiffness=np.exp(SPREAD * state[:, 0])), state)
+    touch, signal = synthetic(30, 1)
+    stiffer = synthetic(30, 1, stiffness=np.exp(0.01))[1]
+    here = linearise(learned, to_unknown(touch, learned.p0))
+    change = (stiffer - signal) / (0.01 / SPREAD)
+    assert here.doubt.shape == (30, 208, 4)
+    assert np.median(np.linalg.norm(here.doubt[..., 3] - change, axis=1) / np.linalg.norm(change, axis=1)) < 0.03
+    found = invert(learned, stiffer, NOISE_V)
+    assert np.all(np.linalg.eigvalsh(found.peak.joint[:, :4, :4] - found.peak.known)
+                  > -1e-9 * np.trace(found.peak.joint[:, :4, :4], axis1=1, axis2=2)[:, None])
+    assert np.all(np.diagonal(found.peak.noise, axis1=1, axis2=2) <= np.diagonal(found.peak.known, axis1=1, axis2=2))
+
+
+def test_ignoring_the_cards_breaks_coverage_and_carrying_them_restores_it(drawn: Callable[..., Samples]) -> None:
+    unseen = drawn(100, 9, cards(100, 9))
+    told = {}
+    for name, stiffness in (("one card", np.ones(1)), ("carried", cards(40, 1))):
+        model = train(drawn(200, 1, stiffness), "forward", TOUCH, seed=1)
+        scores = evaluate(model, unseen).scores
+        told[name] = scores["outputs"]["F"]["all"]["coverage_90"], scores["force_sd"], scores["material"]
+    print({name: (coverage, sd) for name, (coverage, sd, _) in told.items()})
+    assert told["one card"][0] < 0.5
+    assert 0.82 < told["carried"][0] < 0.98
+    assert told["one card"][1]["material"] == 0.0
+    assert "not in the intervals" in told["one card"][2]
+    assert "40 cards" in told["carried"][2]
+    sd = told["carried"][1]
+    assert sd["noise"] ** 2 + sd["material"] ** 2 + sd["model"] ** 2 == pytest.approx(sd["whole"] ** 2)
+    assert sd["material"] > sd["model"]
+
+
+def test_predictions_part_the_force_s_deviation(drawn: Callable[..., Samples]) -> None:
+    rows = drawn(200, 1, cards(40, 1))
+    model = train(rows, "forward", TOUCH, seed=1)
+    base = rows.baseline_V[0]
+    found = predict(prepare(model, base, NOISE_V), base + rows.signal_V[:5])
+    assert columns(model)[-4:] == ["F_sd_noise_N", "F_sd_material_N", "F_sd_model_N", "flag"]
+    assert numbers_of(found).shape == (5, 15)
+    whole = np.sqrt(np.sum(found.force_parts**2, axis=1))
+    assert np.allclose(whole * 1.6448536, found.half_width[:, 3])
+    assert np.all(found.force_parts > 0)
+    plain = estimate(model, rows.signal_V[:5], 0.0)
+    assert plain.parts is not None
+    assert np.all(plain.parts.noise == 0)
+
+
+def test_intervals_are_calibrated_on_another_set(drawn: Callable[..., Samples], samples: Samples) -> None:
+    own, other = drawn(120, 1, np.ones(1)), drawn(120, 5, np.ones(1))
+    other = replace(other, signal_V=1.01 * other.signal_V)
+    apart, used = (replace(other, **{name: getattr(other, name)[half] for name in (
+        "scene", "touch", "signal_V", "baseline_V", "target", "card", "material", "row_hash")})
+        for half in (slice(60, None), slice(None, 60)))
+    plain, calibrated = train(own, "forward", TOUCH), train(own, "forward", TOUCH, calibrate=used)
+    held = [evaluate(model, apart).scores["outputs"]["F"]["all"]["coverage_90"] for model in (plain, calibrated)]
+    assert held[0] < 0.6
+    assert held[1] > 0.8
+    assert set(evaluate(calibrated, used).scores["outputs"]["F"]) == {"val"}
+    with pytest.raises(ValueError, match="120 of the calibrating rows are rows of the training set too"):
+        train(own, "forward", TOUCH, calibrate=own)
+    with pytest.raises(ValueError, match="10 calibrating rows are too few"):
+        train(own, "forward", TOUCH, calibrate=replace(used, row_hash=used.row_hash[:10], scene=used.scene[:10]))
