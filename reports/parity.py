@@ -44,9 +44,11 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
     shown = [part for part in ("train", "test") if part in parts] or list(parts)
     figure = style.sheet(66, 83 * len(shown) if len(shown) < 3 else style.TEXT_WIDTH_MM)
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
+    places = rows.loc[rows["part"].isin(shown), ["target", "value"]].to_numpy(dtype=float)
+    ends = [float(places.min()), float(places.max())]
     for axes, part in zip(panels, shown, strict=True):
         chosen = rows.loc[rows["part"] == part]
-        _scatter(axes, *(chosen[key].to_numpy(dtype=float) for key in ("target", "value", "half_width_90")))
+        _scatter(axes, chosen[["target", "value", "half_width_90"]].to_numpy(dtype=float).T, ends)
         style.label(axes, f"{title}, target ({sign})", "", TITLES.get(part, part))
     style.label(panels[0], f"{title}, target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
@@ -54,9 +56,9 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
                  {f"parity_{name}": rows.filter(items=kept)})
 
 
-def _scatter(axes: Axes, target: np.ndarray, value: np.ndarray, half_width: np.ndarray) -> None:
-    ends = [float(min(target.min(), value.min())), float(max(target.max(), value.max()))]
-    margin = 0.5 * (ends[1] - ends[0]) or 1.0
+def _scatter(axes: Axes, ends: tuple[float, float], target: np.ndarray, value: np.ndarray, half_width: np.ndarray
+             ) -> None:
+    margin = 0.08 * (ends[1] - ends[0]) or 1.0
     axes.set_ylim(ends[0] - margin, ends[1] + margin)
     axes.plot(ends, ends, color=style.GREY, lw=0.7, zorder=1)
     axes.errorbar(target, value, yerr=half_width, fmt="o", ms=2, color=style.ACCENT, ecolor="#9cc6e0", elinewidth=0.6,
@@ -70,7 +72,7 @@ def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) 
         r2 = "" if score["r2"] is None else f", R² {r_squared(score['r2'])}"
         told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
     last = parts[shown[-1]]
-    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals (bars, cut at the frame) hold "
+    return (f"{title}, predicted against target: {'; '.join(told)}. The 90\u00a0% intervals (bars, cut at the frame) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 
 
