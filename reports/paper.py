@@ -172,7 +172,7 @@ def _stage_words(run: Run, old: Mapping[str, str]) -> Table:
                  ["stage", "state", "CPU (s)", "wall (s)", "results, sha256"], rows, "wlrrr")
 
 
-def _known(value: float | None) -> str:
+def _known(value: Any) -> str:
     return "–" if value is None or math.isnan(value) else number(value)
 
 
