@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import gaussian_process, multipole, rim_effect
+from surrogate import gaussian_process, multipole, polarization, rim_effect
 from surrogate.gaussian_process import GaussianProcess
 from surrogate.loading import force, light_pressure, to_unknown
 from surrogate.rim_effect import RimEffect
 from surrogate.ring import Ring
+from surrogate.shared_process import SharedProcess
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,10 @@ MIN_ROWS = 14
 MIN_FLOOR = 1e-5
 # Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
 INTERIOR = 0.40
+# Derivatives of the electrodes' fields that signals and their slopes take.
+FIELDS = max(multipole.ORDERS, polarization.ORDERS) + 1
+# Rows whose effect is worked out together, to bound the memory.
+BATCH = 256
 # Inputs of the strengths that the touch gives: log d, g, |z0|^2.
 TOUCH_INPUTS = 3
 
@@ -37,6 +42,9 @@ class ForwardMap:
     sign: float
     # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
     strengths: tuple[GaussianProcess, ...]
+    # coefficients by which the skin near the rim answers beyond the series
+    polarization: SharedProcess
+    # what is still left there, of the electrodes' metal
     rim: RimEffect
     # pressure p0 of the load g, N/mm^2
     p0: float
@@ -88,12 +96,24 @@ def learn(ring: Ring, touch: Array, signal_V: Array, material: Array | None = No
     inner = _within(z, INTERIOR)
     field, sign, processes, floor = _series(ring, z[inner], _inputs(ring, unknown[inner], material[inner]),
                                               touch[inner, 3], signal_V[inner])
-    series = ForwardMap(ring, field, sign, processes, rim_effect.none_of(ring), p0, floor, unknown.mean(0),
-                        np.maximum(unknown.std(0), 1e-6), _bounds(touch))
+    series = ForwardMap(ring, field, sign, processes, polarization.none_of(), rim_effect.none_of(ring), p0, floor,
+                        unknown.mean(0), np.maximum(unknown.std(0), 1e-6), _bounds(touch))
+    return _with_rim(series, z, unknown, signal_V, material)
+
+
+def _with_rim(series: ForwardMap, z: NDArray[np.complex128], unknown: Array, signal_V: Array,
+              material: Array) -> ForwardMap:
+    """The series with what the rim adds to it."""
+    ring, field, punch, norm = series.ring, series.field, unknown[:, 2:], np.linalg.norm(signal_V, axis=1)
     base, value = multipole.basis(*multipole.patterns(ring, field, z)), _strengths(series, unknown, material)[0]
-    size = value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
     left = signal_V - multipole.combined(base, value)
-    return replace(series, rim=rim_effect.learn(ring, z, unknown[:, 2:], left, size, np.linalg.norm(signal_V, axis=1)))
+    answer = polarization.learn(ring, field, z, punch, left, value[:, 0], norm)
+    near = np.flatnonzero(np.abs(z) > polarization.FROM)
+    for rows in np.array_split(near, len(near) // BATCH + 1):
+        fields = multipole.electrode_fields(ring, field, z[rows], FIELDS)
+        left[rows] -= polarization.effect(answer, ring, fields, z[rows], punch[rows]).value * value[rows, :1]
+    size = value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
+    return replace(series, polarization=answer, rim=rim_effect.learn(ring, z, punch, left, size, norm))
 
 
 def _within(z: NDArray[np.complex128], reach: float) -> NDArray[np.bool_]:
@@ -136,7 +156,8 @@ def _bounds(touch: Array) -> Array:
 
 def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
     """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, g)."""
-    base, by_x, by_y = multipole.basis_and_slopes(forward.ring, forward.field, _place(forward.ring, unknown))
+    fields = multipole.electrode_fields(forward.ring, forward.field, _place(forward.ring, unknown), FIELDS)
+    base, by_x, by_y = multipole.basis_and_slopes(forward.ring, fields)
     value, slope, sd, by_card = _strengths(forward, unknown)
     jacobian = base @ slope
     jacobian[..., 0] += multipole.combined(by_x, value) / forward.ring.radius_mm
@@ -145,7 +166,7 @@ def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
     near = np.flatnonzero(rim_effect.reaches(forward.rim, _place(forward.ring, unknown)))
     if len(near):
         parts = (part[near] for part in (base, by_x, by_y, value, slope, unknown))
-        added, added_slope = _rim_effect(forward, *parts)
+        added, added_slope = _near_rim(forward, fields[:, near], *parts)
         signal[near] += added
         jacobian[near] += added_slope
     along = np.concatenate([sd[:, :, None] * np.eye(sd.shape[1]), by_card], axis=2)
@@ -171,18 +192,20 @@ def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
     return out
 
 
-def _rim_effect(forward: ForwardMap, base: Array, by_x: Array, by_y: Array, value: Array, slope: Array,
-                unknown: Array) -> tuple[Array, Array]:
-    """What the rim adds to the signal, and its derivatives by (x, y, log d, g)."""
-    found = rim_effect.effect(forward.rim, _place(forward.ring, unknown), unknown[:, 2:])
-    dipole, norm = value[:, 0], np.linalg.norm(base[..., 0], axis=1)
-    by_unknown = found.slope * (dipole * norm)[:, None, None]
-    norm_slope = slope[:, 0] * norm[:, None]
+def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, by_x: Array, by_y: Array, value: Array,
+              slope: Array, unknown: Array) -> tuple[Array, Array]:
+    """What polarization and the electrodes' metal add to the signal, and its derivatives by (x, y, log d, g)."""
+    z, punch, dipole = _place(forward.ring, unknown), unknown[:, 2:], value[:, 0]
+    answer = polarization.counted(polarization.effect(forward.polarization, forward.ring, fields, z, punch), z)
+    metal = polarization.counted(rim_effect.effect(forward.rim, z, punch), z)
+    norm, norm_slope = np.linalg.norm(base[..., 0], axis=1), np.zeros((len(z), 4))
     for k, by in enumerate((by_x, by_y)):
-        by_unknown[..., k] /= forward.ring.radius_mm
-        turned = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
-        norm_slope[:, k] += dipole * turned
-    return found.value * (dipole * norm)[:, None], by_unknown + found.value[..., None] * norm_slope[:, None]
+        norm_slope[:, k] = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
+    whole = answer.value + metal.value * norm[:, None]
+    by_unknown = answer.slope + metal.slope * norm[:, None, None]
+    by_unknown[..., :2] /= forward.ring.radius_mm
+    by_unknown += metal.value[..., None] * norm_slope[:, None]
+    return whole * dipole[:, None], by_unknown * dipole[:, None, None] + whole[..., None] * slope[:, :1]
 
 
 def _place(ring: Ring, touch: Array) -> NDArray[np.complex128]:

@@ -56,6 +56,16 @@ class GaussianProcess:
         return np.asarray(np.linalg.lstsq(self.carried, whitened, rcond=None)[0], np.float64)
 
     @cached_property
+    def inverse(self) -> Array:
+        """(k, k) inverse of the factor."""
+        return solve_triangular(self.factor, np.eye(len(self.values)), lower=True)
+
+    @cached_property
+    def trend_covariance(self) -> Array:
+        """(q + 1, q + 1) covariance of b0, b."""
+        return np.asarray(np.linalg.pinv(self.carried.T @ self.carried, hermitian=True), np.float64)
+
+    @cached_property
     def weights(self) -> Array:
         """(k,) inverse covariance times what the trend leaves of the values."""
         return cho_solve((self.factor, True), self.values - _regressors(self.nodes * self.lengths) @ self.trend)
@@ -89,11 +99,10 @@ def predict(process: GaussianProcess, x: Array) -> tuple[Array, Array, Array]:
     """
     x = x - process.centre
     cross = _cross(process, x)
-    half = solve_triangular(process.factor, cross.T, lower=True)
-    variance = np.maximum(process.amplitude**2 - np.sum(half**2, axis=0), 0.0)
-    unseen = _regressors(x) - half.T @ process.carried
-    inverse = np.linalg.pinv(process.carried.T @ process.carried, hermitian=True)
-    trend = np.einsum("np,pq,nq->n", unseen, inverse, unseen)
+    half = cross @ process.inverse.T
+    variance = np.maximum(process.amplitude**2 - np.sum(half**2, axis=1), 0.0)
+    unseen = _regressors(x) - half @ process.carried
+    trend = np.sum((unseen @ process.trend_covariance) * unseen, axis=1)
     return *_mean(process, x, cross), variance + np.maximum(trend, 0.0)
 
 

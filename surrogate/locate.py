@@ -74,7 +74,8 @@ def _ratios(forward: ForwardMap) -> tuple[Array, Array]:
 
 def _residuals(forward: ForwardMap, signal: Array, sd: Array, size: Array, state: Array) -> tuple[Array, Array]:
     z = (state[:, 0] + 1j * state[:, 1]) / forward.ring.radius_mm
-    base, by_x, by_y = multipole.basis_and_slopes(forward.ring, forward.field, z)
+    fields = multipole.electrode_fields(forward.ring, forward.field, z, multipole.ORDERS + 1)
+    base, by_x, by_y = multipole.basis_and_slopes(forward.ring, fields)
     strength = state[:, 2:]
     slopes = [multipole.combined(by, strength) / forward.ring.radius_mm for by in (by_x, by_y)]
     jacobian = np.concatenate([np.stack(slopes, axis=2), base], axis=2) / sd[:, None, None]

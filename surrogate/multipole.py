@@ -51,7 +51,10 @@ def modes_needed(reach: float) -> int:
 
 def patterns(ring: Ring, q: Array, z: Complex, orders: int = ORDERS) -> tuple[Complex, Complex]:
     """Derivatives 1 ... orders of the driving and of the reading field at z (n,): two arrays (orders, n, readings)."""
-    fields = _electrode_fields(ring, z, _coefficients(q, orders))
+    return _pairs(ring, electrode_fields(ring, q, z, orders))
+
+
+def _pairs(ring: Ring, fields: Complex) -> tuple[Complex, Complex]:
     return fields[..., ring.source] - fields[..., ring.sink], fields[..., ring.read] - fields[..., ring.ground]
 
 
@@ -60,9 +63,10 @@ def basis(drive: Complex, read: Complex) -> Array:
     return np.moveaxis((drive * read.conj()).real, 0, -1)
 
 
-def basis_and_slopes(ring: Ring, q: Array, z: Complex) -> tuple[Array, Array, Array]:
-    """The basis at z (n,), and its derivatives by x and y over the radius; each (n, readings, ORDERS)."""
-    drive, read = patterns(ring, q, z, ORDERS + 1)
+def basis_and_slopes(ring: Ring, fields: Complex) -> tuple[Array, Array, Array]:
+    """The basis where electrodes have these derivatives of their fields (ORDERS + 1, n, electrodes), and its
+    derivatives by x and y over the radius; each (n, readings, ORDERS)."""
+    drive, read = _pairs(ring, fields)
     along, against = drive[1:] * read[:-1].conj(), drive[:-1] * read[1:].conj()
     by_x, by_y = (along + against).real, (1j * (along - against)).real
     return basis(drive[:-1], read[:-1]), np.moveaxis(by_x, 0, -1), np.moveaxis(by_y, 0, -1)
@@ -155,8 +159,9 @@ def _coefficients(q: Array, orders: int) -> Array:
     return out
 
 
-def _electrode_fields(ring: Ring, z: Complex, coefficients: Array) -> Complex:
-    """(orders, n, electrodes) derivatives of the potential of each electrode."""
+def electrode_fields(ring: Ring, q: Array, z: Complex, orders: int) -> Complex:
+    """(orders, n, electrodes) derivatives 1 ... orders of the potential of each electrode at z (n,)."""
+    coefficients = _coefficients(q, orders)
     turn = np.exp(-1j * ring.angle_rad)
     powers = np.empty((len(z), len(turn), len(coefficients)), complex)
     powers[..., 0] = 1.0

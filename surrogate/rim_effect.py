@@ -1,4 +1,5 @@
-"""What rim and electrodes add to the multipole series of a touch near them, learned in one half-sector of the ring."""
+"""What electrodes add to the signal of a touch near them, beyond series and polarization, learned in one half-sector of
+the ring."""
 
 from __future__ import annotations
 
@@ -9,20 +10,19 @@ from numpy.typing import NDArray
 
 from surrogate import matern
 from surrogate.matern import Matern
+from surrogate.polarization import FROM, Effect
 from surrogate.ring import Ring
 from surrogate.symmetry import Symmetry, filled_from, fold, symmetry_of
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Radii over the disc's: rows from FROM on teach the effect, which sets in there and is whole from FULL on.
-FROM, FULL = 0.33, 0.40
 # Fewest rows that teach it, and most of them that are kept as nodes, their images across the half-sector not counted.
 MIN_ROWS, MAX_ROWS = 60, 2400
 # How far across the borders of the half-sector images of rows are kept as nodes, over the disc's radius.
 ACROSS = 0.03
 # Part of the effect's energy that the kept components may leave out.
-LEFT_OUT = 1e-6
+LEFT_OUT = 1e-4
 # Distances to the rim are felt as log(SOFT - |z|); lengths along it count ALONG times.
 SOFT, ALONG = 1.06, 5.0
 # Bins of the radius in which the error is told.
@@ -42,16 +42,6 @@ class RimEffect:
     error: Array
     # (all readings of the ring, readings) all of them by those that frames have
     fill: Array
-
-
-@dataclass(frozen=True)
-class Effect:
-    """The effect over the dipole's strength and the norm of its pattern."""
-
-    # (n, readings)
-    value: Array
-    # (n, readings, 4) derivative by (x / R, y / R, log d, g)
-    slope: Array
 
 
 def none_of(ring: Ring) -> RimEffect:
@@ -84,20 +74,16 @@ def learn(ring: Ring, z: Complex, punch: Array, residual: Array, size: Array, no
 
 
 def effect(rim: RimEffect, z: Complex, punch: Array) -> Effect:
-    """The effect at places z (n,) that it reaches and (log d, g) (n, 2)."""
+    """The effect over the dipole's strength and the norm of its pattern, at places z (n,) that it reaches and
+    (log d, g) (n, 2)."""
     place, chosen = fold(rim.symmetry, z)
     mean, by_input = matern.predict(rim.process, _inputs(place, punch))
     turn = rim.symmetry.turn[chosen]
     by_y = np.where(rim.symmetry.mirrored[chosen], -1j, 1j) * turn
     along = np.stack([_input_slope(place, turn), _input_slope(place, by_y)], axis=2)
     slope = np.concatenate([np.einsum("nki,nij->nkj", by_input[..., 2:], along), by_input[..., :2]], axis=2)
-    share, by_radius = _share(np.abs(z))
-    slope *= share[:, None, None]
-    unit = z / np.abs(z)
-    slope[..., 0] += mean * (by_radius * unit.real)[:, None]
-    slope[..., 1] += mean * (by_radius * unit.imag)[:, None]
     directions = rim.directions[chosen]
-    return Effect((directions @ (share[:, None] * mean)[..., None])[..., 0], directions @ slope)
+    return Effect((directions @ mean[..., None])[..., 0], directions @ slope)
 
 
 def without(rim: RimEffect, ring: Ring, kept: NDArray[np.bool_]) -> RimEffect:
@@ -116,12 +102,6 @@ def error_at(rim: RimEffect, z: Complex, interior: float) -> Array:
         return np.full(len(z), interior)
     error = np.interp(np.abs(z), rim.radius, rim.error)
     return np.where(np.abs(z) > FROM, np.maximum(error, interior), interior)
-
-
-def _share(radius: Array) -> tuple[Array, Array]:
-    """Part of the effect that is counted, 0 at FROM and 1 at FULL, and its derivative."""
-    t = np.clip((radius - FROM) / (FULL - FROM), 0, 1)
-    return t**2 * (3 - 2 * t), 6 * t * (1 - t) / (FULL - FROM)
 
 
 def _inputs(place: Complex, punch: Array) -> Array:
