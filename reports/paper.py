@@ -167,7 +167,7 @@ def _stage_words(run: Run, old: Mapping[str, str]) -> Table:
     table = stage_table(run)
     rows = [[str(row["stage"]), str(row["state"]), *(_known(row.get(key)) for key in ("cpu_s", "wall_s")),
              row["results"][:12] if isinstance(row["results"], str) else "–"] for row in table.to_dict("records")]
-    spent = float(table["cpu_s"].fillna(0.0).sum()) if "cpu_s" in table else 0.0
+    spent = sum((read_record(stage.folder) or {}).get("cpu_s", 0.0) for stage in run.stages.values())
     return Table(f"The stages of this run, {number(spent)} CPU s in all, and the hash of what each wrote.",
                  ["stage", "state", "CPU (s)", "wall (s)", "results, sha256"], rows, "wlrrr")
 

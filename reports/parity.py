@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,10 +45,10 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
     figure = style.sheet(66, 83 * len(shown) if len(shown) < 3 else style.TEXT_WIDTH_MM)
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     places = rows.loc[rows["part"].isin(shown), ["target", "value"]].to_numpy(dtype=float)
-    ends = [float(places.min()), float(places.max())]
+    ends = float(places.min()), float(places.max())
     for axes, part in zip(panels, shown, strict=True):
         chosen = rows.loc[rows["part"] == part]
-        _scatter(axes, chosen[["target", "value", "half_width_90"]].to_numpy(dtype=float).T, ends)
+        _scatter(axes, ends, *(chosen[key].to_numpy(dtype=float) for key in ("target", "value", "half_width_90")))
         style.label(axes, f"{title}, target ({sign})", "", TITLES.get(part, part))
     style.label(panels[0], f"{title}, target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
@@ -56,8 +56,9 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
                  {f"parity_{name}": rows.filter(items=kept)})
 
 
-def _scatter(axes: Axes, ends: tuple[float, float], target: np.ndarray, value: np.ndarray, half_width: np.ndarray
-             ) -> None:
+def _scatter(axes: Axes, drawn: np.ndarray, ends: Sequence[float]) -> None:
+    """Rows of `drawn` are target, value and half width; `ends` are those of the targets and values of all panels."""
+    target, value, half_width = drawn
     margin = 0.08 * (ends[1] - ends[0]) or 1.0
     axes.set_ylim(ends[0] - margin, ends[1] + margin)
     axes.plot(ends, ends, color=style.GREY, lw=0.7, zorder=1)
@@ -72,7 +73,7 @@ def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) 
         r2 = "" if score["r2"] is None else f", R² {r_squared(score['r2'])}"
         told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
     last = parts[shown[-1]]
-    return (f"{title}, predicted against target: {'; '.join(told)}. The 90\u00a0% intervals (bars, cut at the frame) hold "
+    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals (bars, cut at the frame) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 
 
