@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import pandas as pd
+
 from reports import parity
+from reports.noise_plates import MATERIALS, floor
 from reports.numerals import counted, number, percent, r_squared
 from reports.page import Table
 
@@ -29,13 +32,19 @@ def _scores_caption(by_output: Mapping[str, Any]) -> str:
             f"({parity.label(worst).lower()}) and {r_squared(known[best])} ({parity.label(best).lower()}).")
 
 
-def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]]) -> Table:
-    """RMSE on unseen rows, one column a level of noise."""
+def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None = None
+          ) -> Table:
+    """RMSE on unseen rows, one column a level of noise; below each output the least possible, where it is known."""
     rows = []
     for name, parts in by_output.items():
         part = parity.unseen(parts)
         noisy = [number(level["outputs"][name][part]["rmse"]) for level in levels]
         rows.append([parity.label(name), parity.unit(parts), number(parts[part]["rmse"]), *noisy])
+        for material, (_, words) in MATERIALS.items():
+            if least := floor(limits, name, material):
+                known = [least.get(round(level["db_below_baseline"], 1)) for level in levels]
+                cells = ["–" if value is None else number(value) for value in known]
+                rows.append([words, parity.unit(parts), "–", *cells])
     head = ["RMSE of unseen rows", "unit", "no noise", *(f"{number(v['db_below_baseline'])} dB" for v in levels)]
     caption = (f"RMSE under white noise, by its level below the RMS of the baseline voltages; the last column is "
                f"{number(levels[-1]['db_below_signal'])} dB below the RMS of the signal.")

@@ -10,9 +10,9 @@ from typing import Any
 import pandas as pd
 
 from matcal.errors import TestFileError
-from reports import parity, provenance, surrogate_tables
+from reports import noise_plates, parity, provenance, surrogate_tables, training_plates
 from reports.numerals import counted, number, percent, r_squared
-from reports.page import Report, write_pdf
+from reports.page import Plate, Report, write_pdf
 from reports.style import house
 
 DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
@@ -47,17 +47,30 @@ def report(model_dir: Path) -> Report:
     predictions = pd.read_parquet(_present(model_dir, PREDICTIONS))
     sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]
     scores = evaluation["outputs"]
+    limits = noise_plates.read_limits(model_dir)
+    if limits is not None:
+        sources.append(provenance.source(model_dir / noise_plates.LIMITS))
     plates = [parity.plate(name, parity.points(predictions, name), parts) for name, parts in scores.items()]
+    plates += _history(model_dir, model)
     tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
     absent = {}
     if evaluation["noise"]:
-        tables["noise"] = surrogate_tables.noise(scores, evaluation["noise"])
+        tables["noise"] = surrogate_tables.noise(scores, evaluation["noise"], limits)
+        plates.append(noise_plates.plate(scores, evaluation["noise"], limits))
     else:
         absent["noise"] = NO_NOISE
     subtitle = f"Method {model['method']}, {counted(evaluation['dataset']['rows'], 'scene')}"
     footer = provenance.footer(sources, provenance.seed_words(model.get("seed")))
     return Report("surrogates", "Surrogate of the touch", subtitle, footer, _findings(model, evaluation), plates,
                   tables, absent, _prose(model))
+
+
+def _history(model_dir: Path, model: Mapping[str, Any]) -> list[Plate]:
+    """The plate of how networks were trained; none where the method has no such networks."""
+    from surrogate.store import histories
+
+    found = histories(model_dir, [output["name"] for output in model.get("outputs", [])])
+    return [training_plates.history(found, model["dataset"]["split"]["train"])] if found else []
 
 
 def _present(folder: Path, name: str) -> Path:

@@ -11,6 +11,7 @@ is solved. 208 readings take 104 directions where driving and reading pairs are 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -67,7 +68,7 @@ class Training:
     collapses: int
     # whether the last one did: the network then says little more than the mean of the targets
     collapsed: bool
-    # (epochs, 5) of E_D, E_W, gamma, alpha and beta after each step
+    # (epochs, 5) of E_D, E_W, gamma (NaN while alpha and beta are held), alpha and beta after each step
     history: NDArray[np.float64]
 
 
@@ -92,21 +93,23 @@ class _State:
         return self.beta * self.squared_error + self.alpha * self.squared_weights
 
 
-def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None) -> tuple[Tensor, Training]:
+def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None,
+          watch: Callable[[Tensor], None] | None = None) -> tuple[Tensor, Training]:
     """Weights (p,) of a network trained on inputs (n, q) and targets (n,), both in [-1, 1], and how it went.
 
     A start that collapses, its evidence driving every weight to zero, is followed by others where the options allow
-    them; where all collapse the last is returned, marked.
+    them; where all collapse the last is returned, marked. `watch` is shown the weights after every step.
     """
     options = options or Options()
     generator = torch.Generator().manual_seed(seed)
     axes = _directions(x)
     turned = x @ axes
+    show = None if watch is None else lambda weights: watch(network.turned(weights, axes.T))
     collapses = 0
     while True:
         start = network.initial_weights(x.shape[1], options.units, generator)
         first = _first_state(turned, y, start, network.turned(start, axes), warm=options.warm_up > 0)
-        weights, training = _train_once(turned, y, first, options, collapses)
+        weights, training = _train_once(turned, y, first, options, collapses, show)
         collapses = training.collapses
         if not training.collapsed or collapses > options.restarts:
             return network.turned(weights, axes.T), training
@@ -119,16 +122,18 @@ def _directions(x: Tensor) -> Tensor:
     return axes[kept].T.contiguous()
 
 
-def _train_once(x: Tensor, y: Tensor, first: _State, options: Options, collapses: int) -> tuple[Tensor, Training]:
+def _train_once(x: Tensor, y: Tensor, first: _State, options: Options, collapses: int,
+                show: Callable[[Tensor], None] | None) -> tuple[Tensor, Training]:
     """One start, after so many that collapsed."""
-    state, gamma, stop, history = _descend(x, y, first, options)
+    state, gamma, stop, history = _descend(x, y, first, options, show)
     collapsed = state.squared_error >= COLLAPSED * float(((y - y.mean()) ** 2).sum())
     evidence = log_evidence(curvature(state.weights, x), state.alpha, state.beta, state.cost)
     return state.weights, Training(state.alpha, state.beta, gamma, len(history), stop, evidence, collapses + collapsed,
                                    collapsed, np.array(history).reshape(-1, 5))
 
 
-def _descend(x: Tensor, y: Tensor, state: _State, options: Options) -> tuple[_State, float, str, list[list[float]]]:
+def _descend(x: Tensor, y: Tensor, state: _State, options: Options, show: Callable[[Tensor], None] | None
+             ) -> tuple[_State, float, str, list[list[float]]]:
     """Steps until one of the stopping rules holds; returns the state, gamma, the rule and the history."""
     mu, history, gamma = options.mu, [], float(len(state.weights))
     curved = curvature(state.weights, x)
@@ -143,7 +148,10 @@ def _descend(x: Tensor, y: Tensor, state: _State, options: Options) -> tuple[_St
         if len(history) >= options.warm_up:
             gamma, left = effective_parameters(curved, trial.alpha, trial.beta)
             state = replace(trial, alpha=gamma / (2 * trial.squared_weights), beta=left / (2 * trial.squared_error))
-        history.append([state.squared_error, state.squared_weights, gamma, state.alpha, state.beta])
+        told = gamma if len(history) >= options.warm_up else math.nan
+        history.append([state.squared_error, state.squared_weights, told, state.alpha, state.beta])
+        if show is not None:
+            show(state.weights)
         if gamma < 1e-3:
             return state, gamma, "collapsed", history
     return state, gamma, "epochs", history

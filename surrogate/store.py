@@ -8,7 +8,7 @@ import os
 import types
 import typing
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from surrogate import outputs
 from surrogate.model import METHODS, Calibration, Model, Range, Rows, learner_class
 from surrogate.ring import Ring
 
-SCHEMA = 3
+SCHEMA = 4
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 Arrays = Mapping[str, NDArray[Any]]
@@ -48,6 +48,13 @@ def save_evaluation(folder: Path, scores: Mapping[str, Any], predictions: pd.Dat
     """Write scores and the predictions behind them into a model's folder, for reports."""
     predictions.to_parquet(folder / PREDICTIONS, index=False)
     write_json(scores, folder / EVALUATION)
+
+
+def histories(folder: Path, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Training.history of the network of each output of these names; empty for a model of no such networks."""
+    stored = _read_arrays(folder / ARRAYS) if (folder / ARRAYS).is_file() else {}
+    found = {name: stored.get(f"learner.networks.trainings.{i}.history") for i, name in enumerate(names)}
+    return {name: history for name, history in found.items() if history is not None}
 
 
 def load(folder: Path) -> Model:

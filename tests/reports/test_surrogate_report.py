@@ -95,6 +95,39 @@ def test_scores_of_another_data_set_and_constant_targets_are_said(tmp_path: Path
     assert "R² undefined, the targets do not vary" in text
 
 
+def test_the_floor_of_the_physics_stands_beside_the_errors_under_noise(tmp_path: Path, read_pdf: Reader) -> None:
+    noisy = {name: {"test": {"rmse": 3.0}} for name in UNITS}
+    write_model(tmp_path / "model", noise=[{"db_below_baseline": 60.0, "db_below_signal": 12.5, "outputs": noisy}])
+    limits = pd.DataFrame({"noise_db": 60.0, "noise_V": 1e-3, "material": "known", "output": ["x0", "A_c"],
+                           "unit": ["mm", "mm2"], "limit": [1.23, 2.0]})
+    limits.to_csv(tmp_path / "model" / "limits.csv", index=False)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "least possible, material known" in text
+    assert "1.23" in text
+    assert "1.50 to 2.44 times as large (most: position x at 60.0 dB)" in text
+    limits.drop(columns="limit").to_csv(tmp_path / "model" / "limits.csv", index=False)
+    with pytest.raises(TestFileError, match="column limit is missing"):
+        write(tmp_path / "model", tmp_path / "s.pdf")
+
+
+def test_the_training_of_networks_is_drawn(tmp_path: Path, read_pdf: Reader) -> None:
+    """Two synthetic histories of E_D, E_W, gamma, alpha and beta."""
+    write_model(tmp_path / "model")
+    step = np.arange(1.0, 21.0)
+    history = np.column_stack([28 / step**2, step, 30 - step, 0.1 * step, step**2])
+    np.savez(tmp_path / "model" / "arrays.npz", **{f"learner.networks.trainings.{i}.history": history for i in (0, 1)})
+    description = json.loads((tmp_path / "model" / "model.json").read_text())
+    description["outputs"] = [{"name": name, "unit": unit} for name, unit in UNITS.items()]
+    (tmp_path / "model" / "model.json").write_text(json.dumps(description))
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "over up to 20 steps" in text
+    assert "ends at 0.0500 to 0.0500 of half the span, with 10.0 to 10.0 effective parameters" in text
+    drawn = pd.read_csv(tmp_path / "s_files" / "history.csv")
+    assert np.allclose(drawn["rms_error"][:20], 1 / step)
+
+
 @pytest.mark.parametrize("name", ["model.json", "evaluation.json", "predictions.parquet"])
 def test_a_folder_that_is_no_model_is_named(tmp_path: Path, name: str) -> None:
     write_model(tmp_path / "model")

@@ -1,0 +1,92 @@
+"""Errors of a surrogate under noise, over the least that any reading of the same frames can reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from matcal.errors import TestFileError
+from reports import parity, style
+from reports.numerals import counted, number
+from reports.page import Plate
+
+NAME, LIMITS = "noise", "limits.csv"
+COLUMNS = ("noise_db", "material", "output", "limit")
+# what `surrogate limit` calls the material, and how its line is drawn and told
+MATERIALS = {"known": ("--", "least possible, material known"),
+             "posterior": (":", "least possible, material uncertain")}
+
+
+def read_limits(model_dir: Path) -> pd.DataFrame | None:
+    """What `surrogate limit --data DIR --out MODEL_DIR/limits.csv` wrote, one row a level, material and output; None
+    where it is not there, TestFileError where it lacks a column."""
+    path = model_dir / LIMITS
+    if not path.is_file():
+        return None
+    limits = pd.read_csv(path)
+    if missing := [name for name in COLUMNS if name not in limits.columns]:
+        raise TestFileError(path, f"column {missing[0]} is missing; write it with `surrogate limit CARD --data DIR "
+                                  f"--out {LIMITS}`.")
+    return limits
+
+
+def floor(limits: pd.DataFrame | None, output: str, material: str) -> dict[float, float]:
+    """Least error of one output at each level, dB to a tenth; empty where it is not known."""
+    if limits is None:
+        return {}
+    chosen = limits.loc[(limits["output"] == output) & (limits["material"] == material)]
+    return dict(zip(chosen["noise_db"].round(1).tolist(), chosen["limit"].tolist(), strict=True))
+
+
+def plate(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None) -> Plate:
+    """RMSE of unseen rows over the level of the noise, one panel an output."""
+    columns = min(4, len(by_output))
+    lines = -(-len(by_output) // columns)
+    figure = style.sheet(16 + 44 * lines, style.TEXT_WIDTH_MM if columns > 2 else 83 * columns)
+    panels = list(figure.subplots(lines, columns, squeeze=False).flat)
+    rows = []
+    for axes, (output, parts) in zip(panels, by_output.items(), strict=False):
+        part = parity.unseen(parts)
+        measured = [(level["db_below_baseline"], level["outputs"][output][part]["rmse"]) for level in levels]
+        _panel(axes, output, parts, measured, limits)
+        rows += [{"output": output, "noise_db": level, "rmse": rmse} for level, rmse in measured]
+    for axes in panels[len(by_output):]:
+        axes.axis("off")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    return Plate(NAME, figure, _caption(by_output, levels, limits), {NAME: pd.DataFrame(rows)})
+
+
+def _panel(axes: Axes, output: str, parts: Mapping[str, Any], measured: list[tuple[float, float]],
+           limits: pd.DataFrame | None) -> None:
+    axes.axhline(parts[parity.unseen(parts)]["rmse"], color=style.GREY, lw=0.8, label="RMSE without noise")
+    axes.plot(*zip(*sorted(measured), strict=True), "o-", color=style.ACCENT, label="RMSE under noise")
+    for material, (dash, words) in MATERIALS.items():
+        least = floor(limits, output, material)
+        if least:
+            axes.plot(*zip(*sorted(least.items()), strict=True), dash, marker="s", color=style.SECOND, label=words)
+    axes.set_yscale("log")
+    style.plain_log(axes.yaxis)
+    axes.invert_xaxis()
+    style.label(axes, "Noise below baseline (dB)", f"RMSE ({parity.unit(parts)})", parity.label(output))
+
+
+def _caption(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None) -> str:
+    said = f"RMSE of unseen rows under {counted(len(levels), 'level')} of white noise, by output."
+    ratios = {}
+    for output, parts in by_output.items():
+        for level in levels:
+            least = floor(limits, output, "known").get(round(level["db_below_baseline"], 1), 0.0)
+            if least > 0:
+                rmse = level["outputs"][output][parity.unseen(parts)]["rmse"]
+                ratios[output, level["db_below_baseline"]] = rmse / least
+    if not ratios:
+        return said
+    (output, level), most = max(ratios.items(), key=lambda item: item[1])
+    return (f"{said} Against the least that any method can reach with a known material, the error is "
+            f"{number(min(ratios.values()))} to {number(most)} times as large (most: {parity.label(output).lower()} at "
+            f"{number(level)} dB).")
