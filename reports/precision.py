@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reports import provenance
+import pandas as pd
+
+from reports import provenance, staleness
 from reports.benches import BENCHES, Bench, Point, by_problem, cheapest, conditions, points
 from reports.numerals import counted, percent
 from reports.page import Report, Table, write_pdf
 from reports.precision_plates import diagram, finding, seconds
+from reports.staleness import State
 from reports.style import house
 
-WANTED = (1e-2, 1e-3, 1e-4)
 Found = dict[Bench, list[Point]]
 
 
@@ -31,27 +33,34 @@ def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
     """Everything that the template `precision.typ` shows; TestFileError where a table lacks a column."""
     drawn: Found = {}
     plates, absent = [], {}
+    stored: dict[Bench, pd.DataFrame] = {}
+    states: dict[Bench, State] = {}
     for bench in benches:
         if not (results / bench.file).is_file():
-            absent[bench.name] = f"Not there: {bench.file}. Run benchmarks/{Path(bench.file).stem}.py, which writes it."
+            absent[bench.name] = f"Not there: {bench.file}. Run benchmarks/{bench.benchmark}.py, which writes it."
             continue
         found, rows = points(bench, results)
         if not found:
             absent[bench.name] = f"Not drawn: no row of {bench.file} ({counted(rows, 'row')}) holds a number."
             continue
         drawn[bench] = found
-        plates.append(diagram(bench, found, rows))
-    tables = {"conditions": _conditions(list(drawn), results)} if drawn else {}
+        stored[bench] = pd.read_csv(results / bench.file, dtype=str)
+        states[bench] = staleness.state(stored[bench], bench.file, bench.benchmark)
+        plates.append(diagram(bench, found, rows, states[bench]))
+    tables = {}
+    if drawn:
+        read = [(bench.file, table, states[bench]) for bench, table in stored.items()]
+        tables["conditions"] = condition_table(read)
     errors = {bench: found for bench, found in drawn.items() if bench.is_error}
     if errors:
-        tables["cheapest"] = _cheapest(errors)
+        tables |= _cheapest(errors)
     else:
         absent["cheapest"] = "Not there: no benchmark with errors was found."
     sources = [provenance.source(results / bench.file) for bench in drawn]
     footer = provenance.footer(sources, "seeds fixed in benchmarks/")
     subtitle = f"{len(drawn)} of {counted(len(benches), 'benchmark')}"
     return Report("precision", "Error against run time", subtitle, footer, _findings(drawn), plates, tables,
-                  absent, {"order": [bench.name for bench in benches]})
+                  absent, {"order": [bench.name for bench in benches]}, staleness.cautions([*states.values()]))
 
 
 def _findings(drawn: Found) -> list[str]:
@@ -60,28 +69,39 @@ def _findings(drawn: Found) -> list[str]:
     return [finding(bench, found) for bench, found in drawn.items()]
 
 
-def _cheapest(drawn: Found) -> Table:
-    """One row a problem, one column a wanted error."""
+def _cheapest(drawn: Found) -> dict[str, Table]:
+    """One table for the benchmarks that are asked for the same errors: one row a problem, one column a wanted error."""
+    asked = dict.fromkeys(bench.wanted for bench in drawn)
+    return {f"cheapest_{i}" if i else "cheapest": _cheapest_of({b: p for b, p in drawn.items() if b.wanted == wanted},
+                                                              wanted)
+            for i, wanted in enumerate(sorted(asked))}
+
+
+def _cheapest_of(drawn: Found, wanted: Sequence[float]) -> Table:
     rows, within = [], 0
     for bench, found in drawn.items():
         for problem, own in by_problem(found).items():
-            best = [cheapest(own, wanted) for wanted in WANTED]
+            best = [cheapest(own, error) for error in wanted]
             within += best[-1] is not None
             rows.append([f"{bench.title}: {problem}", *(_words(point) for point in best)])
     caption = (f"For a wanted error, the cheapest method and setting, and its CPU time; {within} of "
-               f"{counted(len(rows), 'problem')} are solved to {percent(WANTED[-1], 1)}.")
-    return Table(caption, ["problem", *(f"within {percent(wanted, 1)}" for wanted in WANTED)], rows, "wwww")
+               f"{counted(len(rows), 'problem')} are solved to {percent(wanted[-1], 1)}.")
+    head = ["problem", *(f"within {percent(error, 1)}" for error in wanted)]
+    return Table(caption, head, rows, "w" * len(head))
 
 
 def _words(point: Point | None) -> str:
     if point is None:
         return "none"
     once = f", {seconds(point.once_s)} of it once" if point.once_s > 0 else ""
-    return f"{point.method}, {point.setting}: {seconds(point.cost_s + point.once_s)}{once}"
+    name = f"{point.method}, {point.setting}" if point.setting else point.method
+    return f"{name}: {seconds(point.cost_s + point.once_s)}{once}"
 
 
-def _conditions(benches: Sequence[Bench], results: Path) -> Table:
-    rows = [[bench.file, *conditions(bench, results)] for bench in benches]
-    told = sum(row[-1] != "not recorded" for row in rows)
-    return Table(f"Under what conditions they ran: {told} of {counted(len(rows), 'file')} tell it.",
-                 ["file", "machine", "threads", "versions", "date"], rows, "lllwl")
+def condition_table(read: Sequence[tuple[str, pd.DataFrame, State]]) -> Table:
+    """Under what conditions stored tables (file, rows, state) were measured, and whether they are current."""
+    rows = [[file, *conditions(table), state.words] for file, table, state in read]
+    current = sum(state.kind == staleness.CURRENT for _, _, state in read)
+    return Table(f"Under what conditions they ran, and whether by the code that is here: {current} of "
+                 f"{counted(len(rows), 'file')} did.",
+                 ["file", "machine", "threads", "versions", "date", "state"], rows, "lllwlw")

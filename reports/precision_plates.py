@@ -15,18 +15,17 @@ from reports import style
 from reports.benches import Bench, Point, by_problem, cheapest
 from reports.numerals import counted, number, percent, prefixed
 from reports.page import Plate
+from reports.staleness import CURRENT, State
 
 # height of a row of panels and of a line of the legend, mm
 ROW_MM, LINE_MM = 54.0, 4.2
 # letters of the longest method above which the legend has two columns instead of three
 LONG = 30
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
-# the error that a caption and a finding speak of
-SPOKEN = 1e-3
 
 
-def diagram(bench: Bench, found: Sequence[Point], rows: int) -> Plate:
-    """The plate of a benchmark's points, of so many rows of its file."""
+def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Plate:
+    """The plate of a benchmark's points, of so many rows of its file, which stands so to the code."""
     problems, methods = by_problem(found), list(dict.fromkeys(p.method for p in found))
     columns, across = min(2, len(problems)), 2 if max(map(len, methods)) > LONG else 3
     down = math.ceil(len(problems) / columns)
@@ -43,7 +42,7 @@ def diagram(bench: Bench, found: Sequence[Point], rows: int) -> Plate:
         axes.set_visible(False)
     lines = {line.get_label(): line for axes in panels.flat for line in axes.get_lines()}
     figure.legend([lines[method] for method in methods], methods, loc="outside lower center", ncols=across)
-    return Plate(bench.name, figure, _caption(bench, found, rows), {bench.name: _frame(bench, found)})
+    return Plate(bench.name, figure, _caption(bench, found, rows, state), {bench.name: _frame(bench, found)})
 
 
 def _look(i: int) -> dict[str, Any]:
@@ -73,10 +72,11 @@ def finding(bench: Bench, found: Sequence[Point]) -> str:
     """What a benchmark's points come to, one sentence."""
     if not bench.is_error:
         return f"{_titled(bench)}: {_largest(found)}."
-    if min(p.measure for p in found) > SPOKEN:
-        return f"{_titled(bench)}: no method comes within {percent(SPOKEN, 1)}; {_least(found)}."
-    words = f"{_titled(bench)}: within {percent(SPOKEN, 1)} the cheapest is {_best(found, again=False)}"
-    return words + (f"; where what is done once is there, {_best(found, again=True)}." if bench.once else ".")
+    spoken = bench.wanted[1]
+    if min(p.measure for p in found) > spoken:
+        return f"{_titled(bench)}: no method comes within {percent(spoken, 1)}; {_least(found)}."
+    words = f"{_titled(bench)}: within {percent(spoken, 1)} the cheapest is {_best(found, spoken, again=False)}"
+    return words + (f"; where what is done once is there, {_best(found, spoken, again=True)}." if bench.once else ".")
 
 
 def seconds(*values: float) -> str:
@@ -90,7 +90,7 @@ def _titled(bench: Bench) -> str:
     return bench.title[0].upper() + bench.title[1:]
 
 
-def _caption(bench: Bench, found: Sequence[Point], rows: int) -> str:
+def _caption(bench: Bench, found: Sequence[Point], rows: int, state: State) -> str:
     said = [finding(bench, found)]
     if bench.is_error:
         said.append("The broad grey line is the least error that a cost has bought.")
@@ -99,13 +99,15 @@ def _caption(bench: Bench, found: Sequence[Point], rows: int) -> str:
     if rows > len(found):
         said.append(f"{rows - len(found)} of {counted(rows, 'row')} of the file hold no error (a run that failed, or "
                     "work done once) and are not drawn.")
+    if state.kind != CURRENT:
+        said.append(f"{state.file} is {state.words}.")
     return " ".join(said)
 
 
-def _best(found: Sequence[Point], *, again: bool) -> str:
+def _best(found: Sequence[Point], spoken: float, *, again: bool) -> str:
     """Which methods are the cheapest within the error that is spoken of, in how many problems, at what cost."""
     problems = by_problem(found)
-    best = [point for own in problems.values() if (point := cheapest(own, SPOKEN, again=again)) is not None]
+    best = [point for own in problems.values() if (point := cheapest(own, spoken, again=again)) is not None]
     parts = []
     for method in dict.fromkeys(p.method for p in best):
         costs = [p.cost_s + (0.0 if again else p.once_s) for p in best if p.method == method]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -98,25 +96,6 @@ def signal_map(touched_V: Array, baseline_V: Array) -> Plate:
     caption = (f"The signal by pattern and reading. Pattern {strongest} carries most of it: {number(100 * share, 2)} % "
                f"of the sum of squares; an even spread would give {number(100 / patterns, 2)} %.")
     return Plate("signal_map", figure, caption, {"signal_map": _grid(signal)})
-
-
-def examples(rows: Mapping[str, Array], patterns: int) -> Plate:
-    """Signals of a few scenes above each other; label -> (patterns x readings,) V."""
-    figure = style.sheet(22 + 23 * len(rows))
-    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (label, signal) in zip(panels, rows.items(), strict=True):
-        factor, unit = volts(signal)
-        _bars(axes, signal * factor)
-        style.label(axes, "", f"ΔV ({unit})", label)
-        _patterns(axes, (patterns, signal.size // patterns))
-    style.label(panels[-1], "Reading in drive order (–)", panels[-1].get_ylabel(), panels[-1].get_title("left"))
-    sizes = {label: float(np.sqrt(np.nanmean(signal**2))) for label, signal in rows.items()}
-    least, most = min(sizes.values()), max(sizes.values())
-    factor, unit = volts(most)
-    caption = (f"Signals of {len(rows)} scenes of the set, from the weakest to the strongest: their RMS spans "
-               f"{number(least * factor)} to {number(most * factor)} {unit}. Each panel has its own scale.")
-    table = pd.DataFrame({f"dV_V {label}": signal for label, signal in rows.items()})
-    return Plate("examples", figure, caption, {"examples": table})
 
 
 def _table(touched_V: Array, baseline_V: Array) -> pd.DataFrame:

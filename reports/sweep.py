@@ -13,7 +13,7 @@ from eitsim.dataset import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_datase
 from eitsim.draws import Draw, draw_of
 from eitsim.layout import number_of_touches
 from eitsim.scene import is_list, scene_from, scene_tables
-from reports import provenance, readings, sweep_account, sweep_plates, sweep_signals
+from reports import provenance, sweep_account, sweep_plates, sweep_signals
 from reports.numerals import counted, number, percent
 from reports.page import Plate, Report, Table
 from reports.sweep_plates import Columns
@@ -21,15 +21,11 @@ from reports.sweep_plates import Columns
 if TYPE_CHECKING:
     from eitsim.sweep_account import Accounted
 
-EXAMPLES = (("weakest", 0.0), ("median", 0.5), ("strongest", 1.0))
+# outcomes whose messages are told, and letters of one
+MOST, LETTERS = 4, 240
 NO_SCENE = "Not there: no scene of the set has the outcome “ok”."
-# column -> name, how it is printed
-ACCURACY = {
-    "signal_error": ("estimated relative error of the signal", percent),
-    "depth_error": ("estimated relative error of the depth", percent),
-    "skin_fraction_extrapolated": ("skin area beyond the fitted range of the conductivity", percent),
-    "cpu_s": ("CPU time (s)", number),
-}
+# of a scene, beside what every row holds
+ACCURACY = ("signal_error", "depth_error", "skin_fraction_extrapolated", "cpu_s")
 # What is read beside dataset.FIXED; signals are read apart.
 _COLUMNS = (*ACCURACY, "message", "touches")
 
@@ -47,9 +43,8 @@ def report(folder: Path) -> Report:
     plates: list[Plate] = []
     if solved.any():
         plates = _plates(folder, data, ok, failed)
-        tables |= {"outputs": _output_table(ok), "accuracy": _accuracy_table(ok)}
     else:
-        absent |= dict.fromkeys(("map", "inputs", "outputs", "examples", "accuracy"), NO_SCENE)
+        absent |= dict.fromkeys(("map", "ranges", "accuracy"), NO_SCENE)
     return Report("sweep", "Data set of touches", _subtitle(data), _footer(folder, data), _findings(data, account, ok),
                   plates, tables, absent, _prose(data, account))
 
@@ -74,7 +69,7 @@ def _subtitle(data: Dataset) -> str:
 
 def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
     wanted, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
-    lost = f"; {present - solved} did not, see the messages on the next page" if solved < present else ""
+    lost = f"; {present - solved} did not, see their messages" if solved < present else ""
     found = [f"{solved} of {counted(present, 'scene')} ended ok{lost}."]
     if present < wanted:
         found.append(f"The set is unfinished: the design asks for {wanted} scenes, {present} are there.")
@@ -96,20 +91,8 @@ def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[P
     rms_V = sweep_signals.rms_of(folder, ok["scene"].astype(np.int64))
     placed = np.isfinite(failed["x_mm"]) & np.isfinite(failed["y_mm"])
     return [sweep_plates.touch_map(ok, {name: values[placed] for name, values in failed.items()}, rms_V, tables),
-            sweep_plates.histograms("inputs", ok, TOUCH, "What was drawn"),
-            sweep_plates.histograms("outputs", ok, OUTPUTS, "What came out"),
-            readings.examples(_examples(folder, ok, rms_V), tables["electrodes"]["count"]),
+            sweep_plates.ranges(ok, TOUCH, OUTPUTS),
             sweep_plates.accuracy(ok)]
-
-
-def _examples(folder: Path, ok: Columns, rms_V: readings.Array) -> dict[str, readings.Array]:
-    """Label -> signal of the scenes with the least, the median and the largest RMS."""
-    order = np.argsort(rms_V)
-    rows = [int(order[round(share * (order.size - 1))]) for _, share in EXAMPLES]
-    found = sweep_signals.signals_of(folder, [int(ok["scene"][row]) for row in rows])
-    return {f"scene {int(ok['scene'][row])}, {label}: d = {number(ok['d_mm'][row])} mm, "
-            f"F = {number(ok['F_N'][row])} N": signal for row, (label, _), signal in
-            zip(rows, EXAMPLES, found, strict=True)}
 
 
 def _outcome_tables(data: Dataset) -> dict[str, Table]:
@@ -123,9 +106,14 @@ def _outcome_tables(data: Dataset) -> dict[str, Table]:
                                 ["outcome", "scenes", "share"], rows, "wrr")}
     first = {outcome: next((m for o, m in zip(outcomes, messages, strict=True) if o == outcome and m), "")
              for outcome, _ in counts}
-    if reasons := [[outcome, message] for outcome, message in first.items() if message]:
-        tables["reasons"] = Table("The first message of each outcome.", ["outcome", "first message"], reasons, "lw")
+    if reasons := [[outcome, _shortened(message)] for outcome, message in first.items() if message and outcome != "ok"]:
+        tables["reasons"] = Table("The first message of each outcome but ok.", ["outcome", "first message"],
+                                  reasons[:MOST], "lw")
     return tables
+
+
+def _shortened(message: str) -> str:
+    return message if len(message) <= LETTERS else message[:LETTERS].rsplit(" ", 1)[0] + " ..."
 
 
 def _design_table(design: Mapping[str, Any]) -> Table:
@@ -159,23 +147,6 @@ def _words(key: str, cell: Any) -> str | None:
         return ", ".join([*(held or ["uniform over the disc where the punch fits"]), *([limits] if limits else [])])
     draw = draw_of(key, cell)
     return None if draw is None else draw.words
-
-
-def _output_table(ok: Columns) -> Table:
-    rows = [[sweep_plates.axis_label(name), *(number(v, 4) for v in np.quantile(ok[name], [0, 0.25, 0.5, 0.75, 1]))]
-            for name in (*TOUCH, *OUTPUTS)]
-    caption = (f"Ranges of the touch and of its mechanical outputs over the {counted(ok['scene'].size, 'scene')} that "
-               f"ended ok; depths reach {number(ok['delta_max_mm'].max())} mm.")
-    head = ["quantity", "least", "lower quartile", "median", "upper quartile", "largest"]
-    return Table(caption, head, rows, "wrrrrr")
-
-
-def _accuracy_table(ok: Columns) -> Table:
-    rows = [[label, *(printed(v) for v in np.quantile(ok[name], [0.5, 0.95, 1]))]
-            for name, (label, printed) in ACCURACY.items() if name in ok]
-    caption = (f"Error and cost of a scene: 95 % of the scenes have an estimated signal error below "
-               f"{percent(float(np.quantile(ok['signal_error'], 0.95)))}.")
-    return Table(caption, ["quantity", "median", "95 % below", "largest"], rows, "wrrr")
 
 
 def _prose(data: Dataset, account: Accounted) -> dict[str, Any]:

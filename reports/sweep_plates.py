@@ -16,6 +16,8 @@ from reports.page import Plate
 from reports.readings import Array
 from reports.touch_plates import sensor
 
+# a histogram of values that span more than this has a logarithmic axis
+SPREAD = 100
 # columns of a data set, each (scenes,) numbers
 Columns = Mapping[str, Array]
 
@@ -34,7 +36,7 @@ def axis_label(column: str) -> str:
 def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any]) -> Plate:
     """Touches on the disc, coloured by the RMS of their signal; `rms` (ok scenes,), V."""
     factor, unit = volts(rms)
-    figure = style.sheet(72, 78)
+    figure = style.sheet(64, 78)
     axes = figure.subplots()
     sensor(axes, tables["body"]["radius_mm"], tables["electrodes"])
     norm = LogNorm() if rms.min() > 0 and rms.max() > 3 * rms.min() else Normalize()
@@ -66,20 +68,28 @@ def _frame(columns: Columns, names: Sequence[str], **more: Array) -> pd.DataFram
     return pd.DataFrame({name: columns[name] for name in names} | more)
 
 
-def histograms(name: str, ok: Columns, columns: Sequence[str], opening: str) -> Plate:
-    """One histogram a column, side by side."""
-    figure = style.sheet(41)
-    panels = figure.subplots(1, len(columns), sharey=True)
-    for axes, column in zip(panels, columns, strict=True):
-        _histogram(axes, ok[column], axis_label(column))
-    style.label(panels[0], axis_label(columns[0]), "Scenes (–)")
-    ranges = (f"{LABELS[c][0].lower()} {number(ok[c].min())} to {number(ok[c].max())} {LABELS[c][1]}" for c in columns)
-    caption = f"{opening}, over {counted(ok['scene'].size, 'scene')}: {', '.join(ranges)}."
-    return Plate(name, figure, caption, {name: _frame(ok, ("scene", *columns))})
+def ranges(ok: Columns, inputs: Sequence[str], outputs: Sequence[str]) -> Plate:
+    """One histogram a column: what was drawn above, what came out below."""
+    figure = style.sheet(45)
+    panels = figure.subplots(2, max(len(inputs), len(outputs)), sharey="row", squeeze=False)
+    for line, columns in zip(panels, (inputs, outputs), strict=True):
+        for axes, column in zip(line, columns, strict=False):
+            _histogram(axes, ok[column], axis_label(column))
+        for axes in line[len(columns):]:
+            axes.set_visible(False)
+        style.label(line[0], axis_label(columns[0]), "Scenes (–)")
+    told = [", ".join(f"{LABELS[c][0].lower()} {number(ok[c].min(), 4)} to {number(ok[c].max(), 4)} {LABELS[c][1]}"
+                      for c in columns) for columns in (inputs, outputs)]
+    caption = f"Over {counted(ok['scene'].size, 'scene')}, drawn: {told[0]}; what came out: {told[1]}."
+    return Plate("ranges", figure, caption, {"ranges": _frame(ok, ("scene", *inputs, *outputs))})
 
 
 def _histogram(axes: Axes, values: Array, x: str) -> None:
-    axes.hist(values, bins=min(20, max(5, values.size // 8)), histtype="stepfilled", color=style.ACCENT)
+    count = min(20, max(5, values.size // 8))
+    wide = values.min() > 0 and values.max() > SPREAD * values.min()
+    bins = np.geomspace(values.min(), values.max(), count + 1) if wide else count
+    axes.set_xscale("log" if wide else "linear")
+    axes.hist(values, bins=bins, histtype="stepfilled", color=style.ACCENT)
     axes.grid(axis="x", visible=False)
     style.label(axes, x, "")
 
@@ -87,11 +97,11 @@ def _histogram(axes: Axes, values: Array, x: str) -> None:
 def accuracy(ok: Columns) -> Plate:
     """Estimated error of the signal against the force, and the CPU time of a scene."""
     error, cost = ok["signal_error"], ok["cpu_s"]
-    figure = style.sheet(54)
+    figure = style.sheet(36, 100)
     left, right = figure.subplots(1, 2)
     left.scatter(ok["F_N"], 100 * error, s=_dot(error.size) / 2, color=style.ACCENT, lw=0)
     left.set_yscale("log" if error.min() > 0 and error.max() > 10 * error.min() else "linear")
-    style.label(left, "Force (N)", "Estimated signal error (%)")
+    style.label(left, "Force (N)", "Signal error (%)")
     _histogram(right, cost, "CPU time a scene (s)")
     style.label(right, "CPU time a scene (s)", "Scenes (–)")
     worst = int(np.argmax(error))

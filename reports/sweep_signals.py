@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +20,6 @@ def rms_of(folder: Path, scenes: NDArray[np.int64]) -> Array:
     found = [pd.Series(np.sqrt(np.nanmean(table.to_numpy(dtype=float)**2, axis=1)), table.index)
              for table in _parts_of(folder, scenes)]
     return pd.concat(found).loc[scenes].to_numpy(dtype=float)
-
-
-def signals_of(folder: Path, scenes: Sequence[int]) -> list[Array]:
-    """Signals dV (readings,) of some few scenes, V."""
-    found = pd.concat(list(_parts_of(folder, np.array(scenes))))
-    return [found.loc[scene].to_numpy(dtype=float) for scene in scenes]
 
 
 def _parts_of(folder: Path, scenes: NDArray[np.int64]) -> Iterator[pd.DataFrame]:

@@ -156,6 +156,7 @@ def test_a_sweep_report_holds_the_numbers_of_its_set(tmp_path: Path, write_set: 
     assert "seed 7" in text
     for unit in ("Depth (mm)", "Peak pressure (kPa)", "Contact area (mm²)", "Force (N)", "error (%)", "scene (s)"):
         assert unit in text
+    assert len(read_pdf(out).pages) == 1
 
 
 def test_the_map_of_a_sweep_is_coloured_by_the_signal(tmp_path: Path, write_set: Make) -> None:
