@@ -48,7 +48,7 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
     ends = float(places.min()), float(places.max())
     for axes, part in zip(panels, shown, strict=True):
         chosen = rows.loc[rows["part"] == part]
-        _scatter(axes, ends, *(chosen[key].to_numpy(dtype=float) for key in ("target", "value", "half_width_90")))
+        _scatter(axes, chosen[["target", "value", "half_width_90"]].to_numpy(dtype=float).T, ends)
         style.label(axes, f"{title}, target ({sign})", "", TITLES.get(part, part))
     style.label(panels[0], f"{title}, target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
