@@ -17,7 +17,9 @@ from surrogate.networks import Networks
 
 Array = NDArray[np.float64]
 
-# Most directions that are inputs.
+# Most directions that are inputs. On the validation rows of the paper's sweep, 80 steps: 40 directions against 20 take
+# the error of the force from 0.40 to 0.35 N. With 20, a warm-up of the first start makes it 0.45 N, and that of the
+# position 0.64 mm for 0.42; so only new starts have one.
 MOST = 40
 ROBUST = Options(epochs=300, restarts=2, warm_up=20)
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -116,6 +117,9 @@ def test_a_target_that_the_inputs_do_not_hold_collapses_and_says_so() -> None:
     weights, trained = evidence.train(x, y, 0, Options(units=4, epochs=200, restarts=2))
     assert trained.collapsed
     assert trained.collapses == 3
+    assert not np.isnan(trained.history).any()
+    warm = evidence.train(x, y, 0, Options(units=4, epochs=30, restarts=1, warm_up=7))[1]
+    assert np.isnan(warm.history[:, 2]).sum() == (7 if warm.collapses else 0)
     assert trained.gamma < 5
     assert float((network.output(weights, x) - y.mean()).abs().max()) < 0.4
 
