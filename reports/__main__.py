@@ -47,6 +47,22 @@ def stability(out: Annotated[Path, typer.Option(help="PDF to write, or the folde
     _write(write, results, out, "stability.pdf")
 
 
+@app.command()
+def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run --out`.")],
+             out: Annotated[Path, typer.Option(help="Folder to write touch.png and precision.png in.")]
+             = Path("reports/pictures"),
+             results: Annotated[Path, typer.Option(help="Folder of the benchmarks' tables.")]
+             = Path("benchmarks/results")) -> None:
+    """Draw the two pictures of the README: a touch, and error against run time.
+
+    Example: python -m reports pictures reports/out/touch.json
+    """
+    from reports.pictures import write
+
+    for path in write(result, results, out):
+        print(f"picture: {path}")
+
+
 def _write(write: Callable[[Path, Path], None], results: Path, out: Path, name: str) -> None:
     """Write a report into a PDF, or into `name` in a folder, and say where."""
     place = out / name if out.is_dir() else out

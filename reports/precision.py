@@ -84,8 +84,8 @@ def _cheapest_of(drawn: Found, wanted: Sequence[float]) -> Table:
             best = [cheapest(own, error) for error in wanted]
             within += best[-1] is not None
             rows.append([f"{bench.title}: {problem}", *(_words(point) for point in best)])
-    caption = (f"For a wanted error, the cheapest method and setting, and its CPU time; {within} of "
-               f"{counted(len(rows), 'problem')} are solved to {percent(wanted[-1], 1)}.")
+    caption = (f"For a wanted error, the cheapest method and setting, and its CPU time; {percent(wanted[-1], 1)} is "
+               f"reached in {within} of {counted(len(rows), 'problem')}.")
     head = ["problem", *(f"within {percent(error, 1)}" for error in wanted)]
     return Table(caption, head, rows, "w" * len(head))
 

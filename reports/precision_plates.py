@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -32,9 +32,8 @@ def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Pl
     figure = style.sheet(ROW_MM * down + LINE_MM * math.ceil(len(methods) / across) + 6,
                          style.TEXT_WIDTH_MM if columns == 2 else 116)
     panels = figure.subplots(down, columns, sharex=True, sharey=True, squeeze=False)
-    looks = {method: _look(i) for i, method in enumerate(methods)}
     for i, (axes, (problem, own)) in enumerate(zip(panels.flat, problems.items(), strict=False)):
-        _panel(axes, bench, own, looks)
+        panel(axes, bench, own, methods)
         last = i + columns >= len(problems)
         axes.tick_params(labelbottom=last)
         style.label(axes, "CPU time (s)" if last else "", "" if i % columns else bench.label, problem)
@@ -55,15 +54,16 @@ def _frame(bench: Bench, found: Sequence[Point]) -> pd.DataFrame:
     return pd.DataFrame([asdict(p) for p in found]).drop(columns="line").rename(columns={"measure": bench.measure})
 
 
-def _panel(axes: Axes, bench: Bench, found: Sequence[Point], looks: Mapping[str, Mapping[str, Any]]) -> None:
-    """Lines join the settings of a method in the order of their cost."""
+def panel(axes: Axes, bench: Bench, found: Sequence[Point], methods: Sequence[str]) -> None:
+    """One problem: lines join the settings of a method in the order of their cost; looks follow the order of `methods`.
+    """
     ordered = sorted(found, key=lambda p: p.cost_s)
     cost, measure = np.array([[p.cost_s, p.measure] for p in ordered]).T
     if bench.is_error:
         axes.step(cost, np.minimum.accumulate(measure), where="post", color=style.FAINT, lw=3.5, zorder=0)
     for method, line in dict.fromkeys((p.method, p.line) for p in found):
         own = [p for p in ordered if (p.method, p.line) == (method, line)]
-        axes.plot([p.cost_s for p in own], [p.measure for p in own], label=method, **looks[method])
+        axes.plot([p.cost_s for p in own], [p.measure for p in own], label=method, **_look(methods.index(method)))
     axes.set_xscale("log")
     axes.set_yscale("log")
 

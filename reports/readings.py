@@ -35,7 +35,18 @@ def curves(touched_V: Array, baseline_V: Array) -> Plate:
     """Voltages and signal of all patterns in a row (paper, figure 10); both (patterns, readings), V."""
     signal = touched_V - baseline_V
     figure = style.sheet(88)
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    factor, unit = curve_panels(*figure.subplots(2, 1, sharex=True), touched_V, baseline_V)
+    pattern, reading = largest(signal)
+    caption = (f"Under the touch {size_words(signal, baseline_V)}; the change is largest in pattern {pattern}, reading "
+               f"{reading}. The largest voltage of the baseline is {number(np.nanmax(np.abs(baseline_V)) * factor)} "
+               f"{unit}. "
+               "Vertical lines part the drive patterns.")
+    return Plate("readings", figure, caption, {"readings": _table(touched_V, baseline_V)})
+
+
+def curve_panels(upper: Axes, lower: Axes, touched_V: Array, baseline_V: Array) -> tuple[float, str]:
+    """Draw voltages above and their signal below; the factor and the unit of the voltages."""
+    signal = touched_V - baseline_V
     factor, unit = volts(touched_V)
     at = _parted(np.arange(float(touched_V.size)).reshape(touched_V.shape))
     upper.plot(at, _parted(touched_V) * factor, color=style.ACCENT, lw=0.9, label="touched")
@@ -47,12 +58,7 @@ def curves(touched_V: Array, baseline_V: Array) -> Plate:
     style.label(lower, f"Reading, {touched_V.shape[1]} a pattern in drive order (–)", f"Signal ΔV ({fine_unit})")
     for axes in (upper, lower):
         _patterns(axes, touched_V.shape)
-    pattern, reading = largest(signal)
-    caption = (f"Under the touch {size_words(signal, baseline_V)}; the change is largest in pattern {pattern}, reading "
-               f"{reading}. The largest voltage of the baseline is {number(np.nanmax(np.abs(baseline_V)) * factor)} "
-               f"{unit}. "
-               "Vertical lines part the drive patterns.")
-    return Plate("readings", figure, caption, {"readings": _table(touched_V, baseline_V)})
+    return factor, unit
 
 
 def _parted(values: Array) -> Array:

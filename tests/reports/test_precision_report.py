@@ -42,6 +42,19 @@ def write_all(folder: Path) -> None:
         folder / "peers_mechanics.csv", index=False)
 
 
+    pd.DataFrame({"method": ["variable projection", "lmfit leastsq"], "cpu_s": [0.02, 0.08],
+                  "setting": ["1 starts, tolerance 0.01", "from Table 1, tolerance 0.0001"],
+                  "distance_from_best": [1e-4, 0.05]}).to_csv(folder / "calibration.csv", index=False)
+    pd.DataFrame({"method": ["marginalised"], "ess_worst": [400.0], "mean_error_over_sd": [0.05], "cpu_s": [5.0]}
+                 ).to_csv(folder / "sampler.csv", index=False)
+    pd.DataFrame({"scene": ["far, 1 N"], "method": ["as planned"], "wanted": [0.01], "dv_error": [5e-3],
+                  "cpu_s": [0.3]}).to_csv(folder / "scenes.csv", index=False)
+    pd.DataFrame({"place": ["far"], "way": ["from the tables"], "rows": [40], "dv_error": [3e-4], "cpu_s": [0.02],
+                  "tables_cpu_s_per_row": [0.3]}).to_csv(folder / "sweeps_ways.csv", index=False)
+    pd.DataFrame({"method": "ridge", "output": ["x0", "A_c"], "steps": None, "r2": [0.99, 0.5], "fit_cpu_s": 2.0}
+                 ).to_csv(folder / "surrogates_time.csv", index=False)
+
+
 def named(name: str) -> Bench:
     return next(bench for bench in BENCHES if bench.name == name)
 
@@ -52,17 +65,21 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
     text = read_pdf(tmp_path / "p.pdf").whole
     for unit in ("CPU time (s)", "Relative error of", "V (–)", "Unknowns (–)", "Relative error of the depth (–)"):
         assert unit in text
-    for words in ("4 of 4 benchmarks", "the cheapest is “slow” in 2 of 2 problems (8.00 to 9.00 ms)",
+    for words in ("9 of 9 benchmarks", "the cheapest is “slow” in 2 of 2 problems (8.00 to 9.00 ms)",
                   "where what is done once is there, “kept” in 1 of 2 problems (2.25 ms), “slow” in 1 of 2 problems",
                   "1 of 5 rows of the file hold no error", "with 600 unknowns, ours 125 ms, a peer 2.50 s (20.0 times)",
                   "no method comes within 0.1 %; the least error, 2.0 %, is that of “eitsim” in 400 ms",
                   "“eitsim, from rest, order 2” in 1 of 1 problem (150 ms)", "1 of 3 rows of the file",
-                  "1 of 4 problems are solved to 0.01 %", "A peer, QUAD"):
+                  "0.01 % is reached in 2 of 7 problems", "3 % is reached in 0 of 1 problem",
+                  "asked for 0.01 of the signal: 300 ms", "from the tables, 40 rows: 320 ms, 300 ms of it once",
+                  "RMSE over the output", "variable projection, 1 starts, tolerance 0.01: 20.0 ms", "A peer, QUAD"):
         assert words in text, words
     for bench in BENCHES:
         assert hashlib.sha256((tmp_path / bench.file).read_bytes()).hexdigest() in text
-    assert "1 of 4 files tell it" in text
+    assert "0 of 9 files did" in text
     assert "not recorded" in text
+    assert "Before you use these numbers" in text
+    assert "electrics.csv is unknown: its rows do not tell their code" in text
 
 
 def test_the_table_of_the_cheapest_counts_what_is_done_once(tmp_path: Path, read_pdf: Reader) -> None:
@@ -87,8 +104,9 @@ def test_what_was_not_run_is_said(tmp_path: Path, read_pdf: Reader) -> None:
     write_electrics(tmp_path)
     write(tmp_path, tmp_path / "p.pdf")
     text = read_pdf(tmp_path / "p.pdf").whole
-    for bench in BENCHES[1:]:
-        assert f"Not there: {bench.file}. Run benchmarks/{bench.file[:-4]}.py" in text.replace("- ", "-")
+    for bench in BENCHES:
+        said = f"Not there: {bench.file}. Run benchmarks/{bench.benchmark}.py" in text.replace("- ", "-")
+        assert said == (bench.name != "electrics")
     assert sorted(p.name for p in (tmp_path / "p_files").glob("*.svg")) == ["electrics.svg"]
 
 
@@ -140,6 +158,8 @@ def test_the_command_writes_into_a_folder(tmp_path: Path) -> None:
 
 def test_every_bench_reads_the_columns_of_its_stored_table() -> None:
     folder = Path(__file__).parents[2] / "benchmarks" / "results"
-    for bench in BENCHES:
+    stored = [bench for bench in BENCHES if (folder / bench.file).is_file()]
+    assert len(stored) >= 6
+    for bench in stored:
         found, rows = points(bench, folder)
         assert 0 < len(found) <= rows

@@ -1,0 +1,57 @@
+"""Stored results are stale where the code or the libraries that they were measured with have changed."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from reports import measured_code
+from reports.staleness import CURRENT, STALE, UNKNOWN, cautions, state
+
+BENCHMARK = '"""A benchmark."""\nfrom eitsim import law  # the law\nfrom conditions import quick\n\nprint(law.TWO)\n'
+LAW = '"""A law."""\nTWO = 2\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """benchmarks/bench.py, which imports eitsim/law.py."""
+    for name, text in (("benchmarks/bench.py", BENCHMARK), ("eitsim/law.py", LAW), ("eitsim/other.py", "A = 1\n"),
+                       ("benchmarks/conditions.py", "")):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path / "benchmarks"
+
+
+def code(folder: Path) -> str:
+    measured_code._read.cache_clear()
+    return measured_code.measured_code(folder / "bench.py", folder.parent)
+
+
+@pytest.mark.parametrize(("name", "text", "changes"), [
+    ("eitsim/law.py", '"""Another docstring."""\nTWO = 2  # a comment\n', False),
+    ("eitsim/law.py", '"""A law."""\nTWO = 3\n', True),
+    ("benchmarks/bench.py", BENCHMARK.replace("law.TWO", "law.TWO + 1"), True),
+    ("eitsim/other.py", "A = 2\n", False),
+    ("benchmarks/conditions.py", "B = 1\n", False)])
+def test_the_code_that_was_measured_is_its_statements(folder: Path, name: str, text: str, changes: bool) -> None:
+    before = code(folder)
+    (folder.parent / name).write_text(text)
+    assert (code(folder) != before) == changes
+
+
+def test_old_code_old_versions_and_no_record_are_told_apart(folder: Path) -> None:
+    here = {"code": code(folder), "versions": f"numpy {version('numpy')} none 1"}
+    tables = [({}, CURRENT, "current"), ({"code": "0" * 12}, STALE, "stale: the rows are of other code"),
+              ({"code": [here["code"], "0" * 12]}, STALE, "stale: 1 of 2 rows are of other code"),
+              ({"versions": "numpy 1.0"}, STALE, "stale: measured with numpy 1.0"),
+              ({"code": [None, here["code"]]}, UNKNOWN, "unknown: its rows do not tell their code")]
+    states = [state(pd.DataFrame({"x": [1, 2]}).assign(**here | other), f"{i}.csv", "bench", folder)
+              for i, (other, _, _) in enumerate(tables)]
+    assert [(one.kind, one.words) for one in states] == [(kind, words) for _, kind, words in tables]
+    assert state(pd.DataFrame({"x": [1]}), "n.csv", "none", folder).kind == UNKNOWN
+    stale, unknown = cautions(states)
+    assert "1.csv, 2.csv, 3.csv." in stale
+    assert unknown.endswith("4.csv.")
