@@ -34,7 +34,7 @@ class Setting:
     epochs: int
 
 
-QUICK, FULL = Setting("quick", 240, 60), Setting("full", 4000, 100)
+QUICK, FULL = Setting("quick", 200, 60), Setting("full", 4000, 100)
 
 
 @dataclass(frozen=True)
