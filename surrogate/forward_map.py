@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate import gaussian_process, multipole, polarization, rim_effect
 from surrogate.gaussian_process import GaussianProcess
+from surrogate.known_punches import known_mm
 from surrogate.loading import force, light_pressure, to_unknown
 from surrogate.rim_effect import RimEffect
 from surrogate.ring import Ring
@@ -55,6 +56,8 @@ class ForwardMap:
     sd: Array
     # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
     bounds: Array
+    # diameters of the known punches that training rows share, mm; none where these vary
+    known_mm: Array
 
     @property
     def materials(self) -> int:
@@ -97,7 +100,8 @@ def learn(ring: Ring, touch: Array, signal_V: Array, material: Array | None = No
     field, sign, processes, floor = _series(ring, z[inner], _inputs(ring, unknown[inner], material[inner]),
                                               touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, sign, processes, polarization.none_of(), rim_effect.none_of(ring), p0, floor,
-                        unknown.mean(0), np.maximum(unknown.std(0), 1e-6), _bounds(touch))
+                        unknown.mean(0), np.maximum(unknown.std(0), 1e-6), _bounds(touch),
+                        known_mm(touch[:, 2]))
     return _with_rim(series, z, unknown, signal_V, material)
 
 

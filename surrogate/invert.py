@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate import known_punches
 from surrogate.forward_map import INTERIOR, ForwardMap, floor_at, linearise
+from surrogate.known_punches import Settled
 from surrogate.levenberg import Minimum, inverse, minimise
 from surrogate.loading import to_touch, touch_slope
 from surrogate.locate import Located, locate, on_disc
@@ -27,6 +29,8 @@ Array = NDArray[np.float64]
 BANDS = 5
 # Steps of every start, and of the best start of each frame after that.
 SHORT, LONG = 12, 100
+# Branches of each frame that known punches are tried from, and the steps of each.
+BRANCHES, HELD = 2, 20
 # Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
 NOISY = 2.0
 # How far beyond the training touches a solution may go, in log d and log F.
@@ -81,9 +85,42 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
                         lambda s: _within(forward, s))
 
     short = descend(_starts(forward, signal, located, punches), frames, SHORT)
-    best = np.argmin(short.cost.reshape(-1, BANDS), axis=1) + BANDS * np.arange(len(signal))
-    return _broadened(_inversion(forward, descend(short.state[best], np.arange(len(signal)), LONG), punches,
-                                 noise_V > NOISY * floor, (noise_V / sd) ** 2))
+    order = np.argsort(short.cost.reshape(-1, BANDS), axis=1) + BANDS * np.arange(len(signal))[:, None]
+    settled = _settled(forward, signal, sd, descend(short.state[order[:, 0]], np.arange(len(signal)), LONG),
+                       _rows(short, order[:, :BRANCHES].ravel()))
+    found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, (noise_V / sd) ** 2)
+    return _broadened(_mixed(forward, found, settled))
+
+
+def _rows(ends: Minimum, rows: NDArray[np.intp]) -> Minimum:
+    return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
+
+
+def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branches: Minimum) -> Settled:
+    """Known punches tried from the ends of each frame's best branches; the free fit alone where none is known."""
+    if not len(forward.known_mm):
+        return Settled(free, free.state[:, None], np.ones((len(signal), 1)))
+    log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]
+    worth = known_punches.worth_trying(free, branches, log_d).ravel()
+    frames = np.repeat(np.arange(len(signal)), BRANCHES * len(log_d))[worth]
+
+    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        frame = frames[which]
+        return known_punches.held(_residuals(forward, signal[frame], sd[frame], state), signal.shape[1])
+
+    start = _within(forward, known_punches.starts(branches, log_d).reshape(len(worth), -1))
+    tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
+    return known_punches.settle(free, known_punches.filled(tried, worth, start), len(log_d))
+
+
+def _mixed(forward: ForwardMap, found: Inversion, settled: Settled) -> Inversion:
+    """With the mean over the candidate punches, and what parts them added to the covariance."""
+    if settled.probability.shape[1] == 1:
+        return found
+    mean, covariance = known_punches.between(settled, lambda state: to_touch(_unknown(forward, state), forward.p0))
+    joint = found.peak.joint.copy()
+    joint[:, :4, :4] += covariance
+    return replace(found, touch=mean, covariance=joint[:, :4, :4], peak=replace(found.peak, joint=joint))
 
 
 def _broadened(found: Inversion) -> Inversion:
