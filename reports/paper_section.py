@@ -98,11 +98,15 @@ def comparison(section: Section, full: pd.DataFrame | None) -> Table | None:
     rows = [[quantity, unit, _stated(section.figure, quantity, unit),
              *(_cell(pd.DataFrame(side), quantity, unit, method) for method in methods for _, side in sides)]
             for quantity, unit in dict.fromkeys((n.quantity, n.unit) for n in section.numbers)]
-    head = ["quantity", "unit", "paper", *(", ".join(filter(None, [name, method])) for method in methods
-                                           for name, _ in sides)]
+    head = ["quantity", "unit", "paper", *(_head(name, method) for method in methods for name, _ in sides)]
     known = sum(row[2] != "–" for row in rows)
     caption = f"{counted(len(rows), 'quantity', 'quantities')}, of which the paper gives {known or 'none'}."
     return Table(caption, head, rows, "wl" + "r" * (len(head) - 2))
+
+
+def _head(side: str, method: str) -> str:
+    """Head of a column, short: the quantities need the width."""
+    return side if not method else method if side == "this run" else f"{method}, full"
 
 
 def _stated(figure: str, quantity: str, unit: str) -> str:

@@ -119,7 +119,8 @@ def test_every_figure_of_the_networks_is_drawn(tmp_path: Path, read_pdf: Reader)
     for figure in ("12", *OUTPUTS):
         assert f"Figure {figure}: " in text
         assert list((tmp_path / "paper_files").glob(f"figure_{figure}*.png"))
-    for words in ("Force, predicted (N)", "Contact area, predicted (mm²)", "20 hidden units", "this run, forward map",
+    for words in ("Force, predicted (N)", "Contact area, predicted (mm²)", "20 hidden units",
+                  "paper networks networks, full forward map forward map, full",
                   "8 of 8 networks stopped at 60 steps", "Stale: networks"):
         assert words in text, words
 
