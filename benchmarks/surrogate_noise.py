@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from conditions import quick, shown, written
 
-from surrogate.evaluate import UNSEEN, evaluate
+from surrogate.evaluate import UNSEEN, evaluate, parts_of
 from surrogate.model import Model
 from surrogate.samples import Samples, read_samples, take
 from surrogate.train import train
 
-SEED, ROWS = 1, quick(4000, 200)
+SEED, ROWS, OTHERS = 1, quick(4000, 200), quick(600, 60)
 LEVELS_DB = (120.0, 100.0, 90.0, 80.0, 70.0, 60.0, 50.0, 40.0)
 METHODS = ("ridge", "forward")
 CHANNEL = 100
@@ -71,9 +71,12 @@ def main() -> None:
     given = options.parse_args()
     samples, other = (folder and read_samples(folder) for folder in (given.sweep, given.other))
     samples, rows = take(samples, np.arange(min(ROWS, len(samples)))), []
+    if other is not None:
+        other = take(other, np.arange(min(OTHERS, len(other))))
     for method in given.methods:
         model = train(samples, method, seed=SEED)
-        rows += [{"method": method, **row} for row in of(model, samples, other)]
+        unseen = take(samples, parts_of(model, samples) == "test")
+        rows += [{"method": method, **row} for row in of(model, unseen, other)]
         table = written(rows, "surrogate_noise")
     shown(table)
 

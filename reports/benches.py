@@ -117,12 +117,14 @@ def _over_spread(row: Mapping[str, Any]) -> float:
 BENCHES = (
     Bench("fit", "calibration.csv", "fit of three terms to two curves", lambda _: "synthetic compression and shear",
           _start, lambda row: row["setting"], lambda row: row["setting"].partition(",")[0], "distance_from_best",
-          "Distance of the stress from the best fit's (–)", note="What noise in the data leaves of the truth, 0.4 % in "
-          "mu_0, stands beside it. From some starts lmfit ends in another minimum, at any tolerance."),
+          "Distance from the best fit (–)", note="What noise in the data leaves of the truth, 0.4 % in "
+          "mu_0, stands beside it. From some starts lmfit ends in another minimum, at any tolerance; Table 1 is a fit of such a "
+          "foam, and thus a start that a new foam lacks."),
     Bench("sampler", "sampler.csv", "posterior of that fit", lambda _: "exponents, moduli and noise",
           lambda row: row["method"], lambda row: f"{row['ess_worst']:.0f} effective draws", _one, "mean_error_over_sd",
-          "Monte Carlo error of a mean over the posterior's sd (–)", wanted=(1e-1, 3e-2, 1e-2),
-          note="Of the worst quantity, from effective draws; where chains are short, these are themselves uncertain."),
+          "Error of a mean over sd (–)", wanted=(1e-1, 3e-2, 1e-2),
+          note="Monte Carlo error of the worst quantity over its posterior's sd, from effective draws; where chains "
+          "are short, these are themselves uncertain."),
     Bench("electrics", "electrics.csv", "208 readings of one touch", lambda row: row["touch"],
           lambda row: row["method"], lambda row: row["setting"], _one, "dv_error", "Relative error of ΔV (–)",
           "cpu_ms", 1e3, "kept_ms", note="What is drawn leaves out what is done once: the order of a fixed mesh and "
@@ -147,7 +149,7 @@ BENCHES = (
           "scenes with nothing left out; what is done once are the tables, shared by all rows of the set."),
     Bench("surrogates", "surrogates_time.csv", "what surrogates read of unseen touches, by training",
           lambda row: f"{row['output']}", lambda row: row["method"], _steps, _one, "rmse_over_spread",
-          "RMSE over the output's spread (–)", cost="fit_cpu_s", value=_over_spread, wanted=(3e-1, 1e-1, 3e-2),
+          "RMSE over spread (–)", cost="fit_cpu_s", value=_over_spread, wanted=(3e-1, 1e-1, 3e-2),
           drawn=lambda row: row["output"] in ("x0", "y0", "d", "F"), writer="surrogates",
           note="Noise-free rows of the paper's sweep, and the training's CPU time; trainbr and network are the paper's "
           "kind."),

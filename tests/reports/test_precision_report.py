@@ -72,7 +72,7 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
                   "“eitsim, from rest, order 2” in 1 of 1 problem (150 ms)", "1 of 3 rows of the file",
                   "0.01 % is reached in 2 of 7 problems", "3 % is reached in 0 of 1 problem",
                   "asked for 0.01 of the signal: 300 ms", "from the tables, 40 rows: 320 ms, 300 ms of it once",
-                  "RMSE over the output", "variable projection, 1 starts, tolerance 0.01: 20.0 ms", "A peer, QUAD"):
+                  "RMSE over spread", "variable projection, 1 starts, tolerance 0.01: 20.0 ms", "A peer, QUAD"):
         assert words in text, words
     for bench in BENCHES:
         assert hashlib.sha256((tmp_path / bench.file).read_bytes()).hexdigest() in text
