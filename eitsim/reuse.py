@@ -191,11 +191,8 @@ def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch |
     touch = touch_from(table, law, scene.body, punch, scene.skin.strain)
     if touch is None or not near_rim(scene, punch):
         return touch
-    near = near_rim_from(table, touch, scene.body, punch)
-    if near is None or near.rim is None or near.rim.told is None:
-        return None
-    own = near.signal_error - touch.signal_error
-    return near if near.rim.told[1] <= max(_RIM_SHARE * scene.accuracy.signal, own) else None
+    rim = None if table.rim is None else within(table.rim, _RIM_SHARE * scene.accuracy.signal)
+    return near_rim_from(replace(table, rim=rim), touch, scene.body, punch)
 
 
 def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
