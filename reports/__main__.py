@@ -99,6 +99,10 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
     from reports.paper import write as write_paper
     from reports.paper_plan import FULL, QUICK, planned
 
+    for flag, given, file in (("--card", card, card), ("--sweep", sweep, sweep and sweep / "design.json")):
+        if file is not None and not file.is_file():
+            raise ValueError(f"{flag} {given}: {file} is not there. Name what matcal fit or eitsim sweep wrote, or leave "
+                             f"{flag} out.")
     if out == PAPER:
         PAPER.parent.mkdir(parents=True, exist_ok=True)
     check_out(out, folder=True)

@@ -16,6 +16,7 @@ from matcal.hyperfoam import Hyperfoam
 from matcal.modes import nominal_stress
 from matcal.prony import Prony, relaxation
 from reports import paper
+from reports.__main__ import app
 from reports.paper_learning import OUTPUTS
 from reports.paper_meshes import course
 from reports.paper_network import hidden_units
@@ -189,3 +190,11 @@ def test_a_conducting_punch_is_measured_against_an_insulated_one() -> None:
     rows = pd.DataFrame({"skin_strain": "normal", "punch_conductor": [0.0, 1.0], "dv_000": [3.0, 3.0],
                          "dv_001": [4.0, 9.0]})
     assert conducting_share(rows, "normal") == pytest.approx(1.0)
+
+
+def test_results_that_are_not_there_are_refused_before_any_work(tmp_path: Path) -> None:
+    for given, words in ((["--card", tmp_path / "no.json"], "no.json is not there"),
+                         (["--sweep", tmp_path], "design.json is not there")):
+        with pytest.raises(ValueError, match=words):
+            app([str(word) for word in ("paper", "--out", tmp_path / "out", *given)], standalone_mode=False)
+    assert not (tmp_path / "out").exists()
