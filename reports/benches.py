@@ -118,8 +118,8 @@ BENCHES = (
     Bench("fit", "calibration.csv", "fit of three terms to two curves", lambda _: "synthetic compression and shear",
           _start, lambda row: row["setting"], lambda row: row["setting"].partition(",")[0], "distance_from_best",
           "Distance from the best fit (–)", note="What noise in the data leaves of the truth, 0.4 % in mu_0, stands "
-          "beside it. From some starts lmfit ends in another minimum, at any tolerance; Table 1 is a fit of such a foam, "
-          "and thus a start that a new foam lacks."),
+          "beside it. From some starts lmfit ends in another minimum, at any tolerance; Table 1 is a fit of such a "
+          "foam, and thus a start that a new foam lacks."),
     Bench("sampler", "sampler.csv", "posterior of that fit", lambda _: "exponents, moduli and noise",
           lambda row: row["method"], lambda row: f"{row['ess_worst']:.0f} effective draws", _one, "mean_error_over_sd",
           "Error of a mean over sd (–)", wanted=(1e-1, 3e-2, 1e-2),
