@@ -101,8 +101,8 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
 
     for flag, given, file in (("--card", card, card), ("--sweep", sweep, sweep and sweep / "design.json")):
         if file is not None and not file.is_file():
-            raise ValueError(f"{flag} {given}: {file} is not there. Name what matcal fit or eitsim sweep wrote, or leave "
-                             f"{flag} out.")
+            raise ValueError(f"{flag} {given}: {file} is not there. Name what matcal fit or eitsim sweep wrote, or "
+                             f"leave {flag} out.")
     if out == PAPER:
         PAPER.parent.mkdir(parents=True, exist_ok=True)
     check_out(out, folder=True)
