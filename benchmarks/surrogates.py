@@ -97,15 +97,17 @@ def against_scenes(samples: Samples, method: str) -> Iterator[dict[str, object]]
 def scored(model: Model, samples: Samples, part: str, steps: int | None) -> Iterator[dict[str, object]]:
     """One row an output."""
     found = evaluate(model, samples)
-    at = pd.Series(np.hypot(*samples.target[:, :2].T), samples.scene)
+    radius = dict(zip(samples.scene.tolist(), np.hypot(*samples.target[:, :2].T).tolist(), strict=True))
     for name, parts in found.scores["outputs"].items():
         s = parts[part]
-        rows = found.predictions.query("output == @name and part == @part")
-        inner = rows[at[rows["scene"]].to_numpy() < INNER_MM]
+        table = found.predictions
+        rows = pd.DataFrame(table.loc[(table["output"] == name) & (table["part"] == part)])
+        near = np.array([radius[scene] < INNER_MM for scene in rows["scene"].tolist()])
+        error = rows["value"].to_numpy(float) - rows["target"].to_numpy(float)
         yield {"method": model.method, "output": name, "unit": s["unit"], "scenes": model.record["dataset"]["rows"],
                "training_rows": model.record["dataset"]["split"]["train"], "steps": steps, "fit_cpu_s": model.fit_s,
                "predict_cpu_ms": found.scores["predict_ms"], "rmse": s["rmse"],
-               "rmse_inner": rms((inner["value"] - inner["target"]).to_numpy()), "r2": s["r2"],
+               "rmse_inner": rms(error[near]), "r2": s["r2"],
                "coverage_90": s["coverage_90"], "scored_rows": s["n"],
                "dataset_sha256": found.scores["dataset"]["sha256"][:12]}
 
@@ -117,7 +119,8 @@ def kept(rows: Sequence[dict[str, object]], name: str) -> None:
     fresh, path = pd.DataFrame(rows).assign(**told), RESULTS / f"{name}.csv"
     if path.exists():
         old = pd.read_csv(path)
-        fresh = pd.concat([old[~old["method"].isin(fresh["method"].unique())], fresh])
+        other = pd.DataFrame(old[~old["method"].isin(fresh["method"].tolist())])
+        fresh = pd.concat([other.assign(**{name: "unknown" for name in told if name not in other}), fresh])
     written(fresh, name, digits=6)
 
 
