@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import RESULTS, conditions, quick
 
 from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard, read_card
@@ -27,8 +27,8 @@ from surrogate.limit_slopes import derivatives_of
 from surrogate.limit_touch import covariance_at
 
 NOISE_DB = 60.0
-DIAMETER_MM, FORCES_N = 14.0, (0.3, 1.0)
-RADII_MM, ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 73.0, 83.0), 4
+DIAMETER_MM, FORCES_N = 14.0, quick((0.3, 1.0), (1.0,))
+RADII_MM, ANGLES = quick((0.0, 15.0, 30.0, 45.0, 60.0, 73.0, 83.0), (0.0, 45.0)), quick(4, 1)
 
 
 def rows_at(radius_mm: float, angle: float, force_N: float, card: MaterialCard, spreads: dict[str, MaterialSpread],
