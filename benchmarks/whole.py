@@ -1,8 +1,8 @@
 """Every benchmark in turn, each in a process of its own, and what each took; `make bench`, or `make bench QUICK=1`.
 
 Those that read a card, a data set or a model get those of a short chain made first from data_raw (synthetic). A
-benchmark that fails is told at the end and does not stop the others; those that need the paper's sweep are left out. Writes results/whole.csv, in quick mode
-results/quick/whole.csv; names of benchmarks as arguments run those alone.
+benchmark that fails is told at the end and does not stop the others; those that need the paper's sweep are left out.
+Writes results/whole.csv, in quick mode results/quick/whole.csv; names of benchmarks as arguments run those alone.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ CHAIN = (
 
 def names() -> list[str]:
     """Benchmarks that can be run, this one apart."""
-    return [path.stem for path in sorted(HERE.glob("*.py"))
-            if path.stem not in (Path(__file__).stem, *APART) and '__name__ == "__main__"' in path.read_text(encoding="utf-8")]
+    runnable = (path.stem for path in sorted(HERE.glob("*.py"))
+                if '__name__ == "__main__"' in path.read_text(encoding="utf-8"))
+    return [name for name in runnable if name not in (Path(__file__).stem, *APART)]
 
 
 def timed(name: str, command: Sequence[str | Path], folder: Path) -> dict[str, object]:
