@@ -120,7 +120,8 @@ def _mixed(forward: ForwardMap, found: Inversion, settled: Settled) -> Inversion
     mean, covariance = known_punches.between(settled, lambda state: to_touch(_unknown(forward, state), forward.p0))
     joint = found.peak.joint.copy()
     joint[:, :4, :4] += covariance
-    return replace(found, touch=mean, covariance=joint[:, :4, :4], peak=replace(found.peak, joint=joint))
+    return replace(found, touch=mean, covariance=joint[:, :4, :4],
+                   peak=replace(found.peak, joint=joint, known=found.peak.known + covariance))
 
 
 def _broadened(found: Inversion) -> Inversion:

@@ -74,7 +74,8 @@ def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
     whole, known, noise = (np.einsum("nop,npq,noq->no", slope[..., :c.shape[1]], c, slope[..., :c.shape[1]])
                            for c in (peak.joint, peak.known, peak.noise))
     per_variance = sd**2 / (whole + own**2)
-    return Parts(np.sqrt(noise * per_variance), np.sqrt(np.maximum(whole - known, 0.0) * per_variance))
+    known = np.minimum(known, whole)
+    return Parts(np.sqrt(np.minimum(noise, known) * per_variance), np.sqrt((whole - known) * per_variance))
 
 
 def _sd(covariance: Array) -> Array:
