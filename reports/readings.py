@@ -35,7 +35,8 @@ def curves(touched_V: Array, baseline_V: Array) -> Plate:
     """Voltages and signal of all patterns in a row (paper, figure 10); both (patterns, readings), V."""
     signal = touched_V - baseline_V
     figure = style.sheet(88)
-    factor, unit = curve_panels(*figure.subplots(2, 1, sharex=True), touched_V, baseline_V)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    factor, unit = curve_panels(upper, lower, touched_V, baseline_V)
     pattern, reading = largest(signal)
     caption = (f"Under the touch {size_words(signal, baseline_V)}; the change is largest in pattern {pattern}, reading "
                f"{reading}. The largest voltage of the baseline is {number(np.nanmax(np.abs(baseline_V)) * factor)} "
