@@ -41,7 +41,7 @@ _CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers
 # Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
 RIM_REPAYS, _ROWS = 25, 200
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
-# touches (benchmarks/results/reuse.csv) 35 are within once the largest, 39 within twice.
+# touches 35 are within once the largest, 39 within twice (benchmarks/sweeps.py check measures it of rows).
 _SAFETY = 2.0
 # Part of the wanted signal error that a table of changes may use up beside the paths.
 _RIM_SHARE = 1.0

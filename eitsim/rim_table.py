@@ -130,10 +130,11 @@ def within(rim: RimTable, signal: float) -> RimTable:
 
 
 def _own_errors(rim: RimTable) -> Array:
-    """(gaps - 1, depths) signal errors of the cells' changes by their own mesh, means over the diameters and nodes."""
-    at = np.maximum(rim.numbers[..., -1].mean(axis=0), 0.0)
-    beside = (at[1:] + at[:-1]) / 2
-    return (beside + np.column_stack([beside[:, :1], beside[:, :-1]])) / 2
+    """(gaps - 1, depths) signal errors of the cells' changes by their own mesh: means over the diameters, and the
+    largest of the nodes, as what is told is the largest of the cells next to each."""
+    at = rim.numbers[..., -1].mean(axis=0)
+    beside = np.maximum(at[1:], at[:-1])
+    return np.maximum(beside, np.column_stack([beside[:, :1], beside[:, :-1]]))
 
 
 def _lagrange(nodes: Array, at: float) -> Array:
