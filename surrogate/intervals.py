@@ -18,14 +18,18 @@ def normal(coverage: float) -> float:
     return float(ndtri((1 + coverage) / 2))
 
 
-def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE) -> Array:
+def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE,
+                    discrete: NDArray[np.bool_] | None = None) -> Array:
     """(k,) factor of sd (n, k) whose intervals hold this part of errors (n, k) made on `rows` different rows.
 
     The order statistic is that of `rows` exchangeable errors. Few rows have none (fewer than 9 at 90 %, 19 at 95 %):
     then the largest ratio is taken, or the normal factor where that is larger.
+
+    discrete: (k,) outputs that take one of a few values. Rows sure of theirs have ratios near 0 and tell nothing of those
+    in doubt, so the factor of these outputs is never below the normal one.
     """
     ratio = np.abs(error) / np.maximum(sd, np.finfo(float).tiny)
     level = math.ceil((rows + 1) * coverage) / rows
-    if level > 1:
-        return np.maximum(ratio.max(axis=0), normal(coverage))
-    return np.quantile(ratio, level, axis=0, method="higher")
+    floored = level > 1 if discrete is None else discrete | (level > 1)
+    least = np.where(floored, normal(coverage), 0.0)
+    return np.maximum(np.quantile(ratio, min(level, 1.0), axis=0, method="higher"), least)

@@ -131,4 +131,15 @@ def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) ->
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
     noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
     found = estimate(model, noisy, noise_V)
-    return np.array([conformal_scale(found.value - target, found.sd, len(rows.target), c) for c in coverages])
+    error, discrete = found.value - target, _discrete(model)
+    return np.array([conformal_scale(error, found.sd, len(rows.target), c, discrete) for c in coverages])
+
+
+def _discrete(model: Model) -> NDArray[np.bool_]:
+    """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
+    if model.method != "forward":
+        return np.zeros(len(model.names), bool)
+    from surrogate.touch_inversion import TouchInversion
+    assert isinstance(model.learner, TouchInversion)
+    known = len(model.learner.forward.known_mm) > 0
+    return np.array([known and name == "d" for name in model.names])

@@ -59,6 +59,18 @@ def test_few_rows_fall_back_on_the_larger_of_both() -> None:
     assert conformal_scale(np.array([[0.1], [5.0]]), np.ones((2, 1)), 2)[0] == 5.0
 
 
+def test_one_of_two_punches_in_doubt_is_held_by_its_interval_though_most_rows_are_sure() -> None:
+    """Diameters 0 or 1, the mean p read; 19 rows of 20 are sure."""
+    rng = np.random.default_rng(0)
+    p = np.where(np.arange(1000) % 20 > 0, 1e-9, rng.uniform(0.3, 0.7, 1000))
+    error, sd = (p - (rng.uniform(size=1000) < p))[:, None], np.sqrt(p * (1 - p))[:, None]
+    scales = {known: conformal_scale(error, sd, 1000, 0.9, np.array([known])) for known in (False, True)}
+    held = {known: np.mean((np.abs(error) <= scale * sd)[::20]) for known, scale in scales.items()}
+    print("rows in doubt held by 90 % intervals:", held)
+    assert held[False] == 0
+    assert held[True] >= 0.9
+
+
 def test_outputs_are_chosen_by_name() -> None:
     assert outputs.chosen("all") == outputs.NAMES
     assert outputs.chosen("F, x0") == ("x0", "F")
