@@ -25,7 +25,7 @@ def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERA
     The order statistic is that of `rows` exchangeable errors. Few rows have none (fewer than 9 at 90 %, 19 at 95 %):
     then the largest ratio is taken, or the normal factor where that is larger.
 
-    discrete: (k,) outputs that take one of a few values. Rows sure of theirs have ratios near 0 and tell nothing of those
+    discrete: (k,) outputs that take one of a few values. Rows sure of theirs have ratios near 0 and say nothing of rows
     in doubt, so the factor of these outputs is never below the normal one.
     """
     ratio = np.abs(error) / np.maximum(sd, np.finfo(float).tiny)
