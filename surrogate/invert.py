@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 # Bands of loads that each give one start.
 BANDS = 5
 # Steps of every start, and of the best start of each frame after that.
-SHORT, LONG = 12, 100
+SHORT, LONG = 6, 100
 # Branches of each frame that known punches are tried from, and the steps of each.
 BRANCHES, HELD = 2, 20
 # Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
@@ -86,8 +86,8 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
 
     short = descend(_starts(forward, signal, located, punches), frames, SHORT)
     order = np.argsort(short.cost.reshape(-1, BANDS), axis=1) + BANDS * np.arange(len(signal))[:, None]
-    settled = _settled(forward, signal, sd, descend(short.state[order[:, 0]], np.arange(len(signal)), LONG),
-                       _rows(short, order[:, :BRANCHES].ravel()))
+    free = descend(short.state[order[:, 0]], np.arange(len(signal)), LONG)
+    settled = _settled(forward, signal, sd, free, _beside(free, _rows(short, order[:, 1])))
     found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, (noise_V / sd) ** 2)
     return _broadened(_mixed(forward, found, settled))
 
@@ -96,8 +96,16 @@ def _rows(ends: Minimum, rows: NDArray[np.intp]) -> Minimum:
     return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
 
 
+def _beside(one: Minimum, other: Minimum) -> Minimum:
+    """The ends of each frame's two branches, in turn."""
+    pairs = ((one.state, other.state), (one.cost, other.cost), (one.normal, other.normal),
+             (one.residual, other.residual))
+    return Minimum(*(np.stack(pair, axis=1).reshape(-1, *pair[0].shape[1:]) for pair in pairs))
+
+
 def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branches: Minimum) -> Settled:
-    """Known punches tried from the ends of each frame's best branches; the free fit alone where none is known."""
+    """Known punches tried from the end of the free fit and from the next best branch; the free fit alone where none
+    is known."""
     if not len(forward.known_mm):
         return Settled(free, free.state[:, None], np.ones((len(signal), 1)))
     log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]

@@ -22,7 +22,7 @@ OTHER = 1e-3
 # Most diameters that are taken for those of known punches, and fewest rows of each.
 MOST, ROWS = 12, 40
 # Cost above the free fit's from which a punch is not tried, were the signal linear.
-RULED_OUT = 100.0
+RULED_OUT = 30.0
 # Place of log d among the unknowns, and the information by which it is held, in the scale of its prior.
 LOG_D, HELD = 2, 1e12
 

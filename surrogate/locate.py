@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,19 +52,27 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
 
 
 def _starts(forward: ForwardMap, signal: Array) -> Array:
-    """(n PLACES, 2 + orders) states: the places of a sunflower spiral whose dipole patterns match best."""
+    """(n PLACES, 2 + orders) states: the candidates whose dipole patterns match best."""
+    place, direction, size = _candidates(forward)
+    match = signal @ direction.T
+    chosen = np.argsort(-match, axis=1)[:, :PLACES]
+    dipole = np.take_along_axis(match, chosen, axis=1) / size[chosen]
+    least = 1e-3 * np.exp(forward.strengths[0].values.min())
+    dipole = forward.sign * np.maximum(dipole, least).reshape(-1, 1)
+    return np.column_stack([place[chosen.ravel()], dipole, dipole * _ratios(forward)[0]])
+
+
+@lru_cache(maxsize=8)
+def _candidates(forward: ForwardMap) -> tuple[Array, Array, Array]:
+    """Places (CANDIDATES, 2) of a sunflower spiral, mm, directions (CANDIDATES, readings) of their dipoles' signals and
+    the norms of these."""
     i = np.arange(CANDIDATES) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * i
     place = (forward.bounds[1, 0] * np.sqrt(i / CANDIDATES) * np.array([np.cos(angle), np.sin(angle)])).T
     z = (place[:, 0] + 1j * place[:, 1]) / forward.ring.radius_mm
     pattern = multipole.basis(*multipole.patterns(forward.ring, forward.field, z, 1))[..., 0] * forward.sign
     size = np.linalg.norm(pattern, axis=1)
-    match = signal @ (pattern / size[:, None]).T
-    chosen = np.argsort(-match, axis=1)[:, :PLACES]
-    dipole = np.take_along_axis(match, chosen, axis=1) / size[chosen]
-    least = 1e-3 * np.exp(forward.strengths[0].values.min())
-    dipole = forward.sign * np.maximum(dipole, least).reshape(-1, 1)
-    return np.column_stack([place[chosen.ravel()], dipole, dipole * _ratios(forward)[0]])
+    return place, pattern / size[:, None], size
 
 
 def _ratios(forward: ForwardMap) -> tuple[Array, Array]:

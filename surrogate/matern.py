@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +28,6 @@ class Matern:
     # (k, outputs)
     weights: Array
 
-    @cached_property
-    def moments(self) -> Array:
-        """(k, (1 + q) outputs) weights, then weights times each input of the nodes."""
-        inputs = np.column_stack([np.ones(len(self.nodes)), self.nodes])
-        return (inputs[:, :, None] * self.weights[:, None]).reshape(len(self.nodes), -1)
-
 
 def fit(x: Array, y: Array) -> tuple[Matern, Array]:
     """Fit y (n, outputs) on x (n, q), and the errors (n, outputs) that each row has by the others (Rasmussen and
@@ -54,9 +47,10 @@ def predict(process: Matern, x: Array) -> tuple[Array, Array]:
     root = _root(x, process.nodes)
     decay = np.exp(-root)
     mean = ((1 + root + root**2 / 3) * decay) @ process.weights
-    along = ((-5 / 3 * (1 + root) * decay) @ process.moments).reshape(len(x), x.shape[1] + 1, -1)
-    gradient = (along[:, :1] * x[..., None] - along[:, 1:]) / process.lengths[:, None]
-    return mean, gradient.transpose(0, 2, 1)
+    along = -5 / 3 * (1 + root) * decay
+    gradient = [(along * (x[:, j, None] - process.nodes[:, j])) @ process.weights / length
+                for j, length in enumerate(process.lengths)]
+    return mean, np.stack(gradient, axis=2)
 
 
 def _root(a: Array, b: Array) -> Array:

@@ -161,11 +161,9 @@ def _coefficients(q: Array, orders: int) -> Array:
 
 def electrode_fields(ring: Ring, q: Array, z: Complex, orders: int) -> Complex:
     """(orders, n, electrodes) derivatives 1 ... orders of the potential of each electrode at z (n,)."""
-    coefficients = _coefficients(q, orders)
-    turn = np.exp(-1j * ring.angle_rad)
-    powers = np.empty((len(z), len(turn), len(coefficients)), complex)
-    powers[..., 0] = 1.0
-    powers[..., 1:] = (z[:, None] * turn)[..., None]
-    np.cumprod(powers, axis=-1, out=powers)
-    orders = np.arange(1, coefficients.shape[1] + 1)
-    return np.moveaxis(powers @ coefficients.astype(complex), -1, 0) * turn ** orders[:, None, None]
+    coefficients, turn = _coefficients(q, orders).T, np.exp(-1j * ring.angle_rad)
+    powers = np.ones((len(z), coefficients.shape[1]), complex)
+    powers[:, 1:] = z[:, None]
+    np.cumprod(powers, axis=1, out=powers)
+    turns = np.exp(-1j * np.arange(coefficients.shape[1])[:, None] * ring.angle_rad)
+    return (coefficients[:, None] * powers) @ turns * turn ** np.arange(1, orders + 1)[:, None, None]
