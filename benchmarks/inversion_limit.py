@@ -1,8 +1,7 @@
-"""Errors of the inversion on unseen touches over the least that white noise allows, with and without known punches.
+"""Errors of the inversion on unseen touches, any diameter allowed, over the least that white noise allows.
 
 RMSE of x0, y0, d and F over the root mean Cramer-Rao variance of the same touches, with a Gaussian prior of the
-training touches' variances. Derivatives are those of the learned forward map, so the floor is as right as these. With
-known punches the floor is that of the chosen diameter: it leaves out which punch it is, and is about 0 in d.
+training touches' variances. Derivatives are those of the learned forward map, so the floor is as right as these.
 Run as `python benchmarks/inversion_limit.py MODEL_DIR DATA_SET`; writes results/inversion_limit.csv.
 """
 
@@ -39,7 +38,7 @@ def rows(forward: ForwardMap, signal: Array, touch: Array, level_db: float, nois
     out = []
     for region, kept in (("disc", np.ones_like(within)), (f"within {REACH_MM:g} mm", within)):
         rmse, floor = np.sqrt(squared[kept].mean(axis=0)), np.sqrt(variance[kept].mean(axis=0))
-        out += [{"noise_db": level_db, "known_punches": bool(len(forward.known_mm)), "region": region,
+        out += [{"noise_db": level_db, "region": region,
                  "rows": int(kept.sum()), "output": name, "rmse": rmse[k], "floor": floor[k],
                  "ratio": rmse[k] / floor[k] if floor[k] else np.nan} for k, name in enumerate(NAMES)]
     return out
@@ -54,12 +53,12 @@ def main() -> None:
     tests = model.rows.row_hash[model.rows.part == PARTS.index("test")]
     some = np.flatnonzero(np.isin(samples.row_hash, tests))[:ROWS]
     forward, volts = model.learner.forward, rms(samples.baseline_V)
-    maps = (replace(forward, known_mm=np.zeros(0)), forward)
-    found = [row for level in LEVELS_DB for one in maps[:1 + bool(len(forward.known_mm))]
-             for row in rows(one, samples.signal_V[some], samples.target[some, :4], level, below(level, volts))]
+    free = replace(forward, known_mm=np.zeros(0))
+    found = [row for level in LEVELS_DB
+             for row in rows(free, samples.signal_V[some], samples.target[some, :4], level, below(level, volts))]
     table = pd.DataFrame(found).assign(**conditions())
     table.to_csv(RESULTS / "inversion_limit.csv", index=False, float_format="%.4g")
-    print(table.iloc[:, :8].to_string(index=False, float_format="%.3g"))
+    print(table.iloc[:, :7].to_string(index=False, float_format="%.3g"))
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ def touch(result: Mapping[str, Any]) -> Figure:
     """Normal strain of the skin over the disc of the first touch, as if alone, and the readings of all."""
     scene, block = result["scene"], result["profile"][0]
     figure = style.sheet(66)
-    left, right = np.ravel(figure.subfigures(1, 2, width_ratios=[1, 1.45]))
+    left, right = figure.subfigures(1, 2, width_ratios=[1, 1.45], squeeze=False)[0]
     axes = left.subplots()
     _strain(left, axes, scene, np.array(block["radius_mm"]), 100 * (np.array(block["stretch_normal"]) - 1))
     upper, lower = right.subplots(2, 1, sharex=True)
