@@ -273,6 +273,6 @@ def test_intervals_of_rows_measured_otherwise_are_cautioned(call: Call, few: Pat
     told = [call("evaluate", tmp_path / "m", folder)[1] for folder in (tmp_path / "a", tmp_path / "b", few)]
     assert ["caution: intervals" in text for text in told] == [False, False, True]
     description = json.loads((tmp_path / "m" / "model.json").read_text())
-    del description["dataset"]["measurement"]
+    del description["dataset"]["measurement"], description["calibration"]
     (tmp_path / "m" / "model.json").write_text(json.dumps(description))
     assert "caution" not in call("evaluate", tmp_path / "m", few)[1]
