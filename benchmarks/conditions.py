@@ -34,10 +34,11 @@ def quick(whole: T, few: T) -> T:
 def conditions() -> dict[str, str]:
     """What CONDITIONS hold of this run; `code` is that of the benchmark which runs, "unknown" where none does."""
     running = Path(sys.argv[0]).resolve()
+    code = measured_code(running) if running.suffix == ".py" else "unknown"
     names = ("touchcal", "numpy", "scipy", "numba")
     return {"machine": f"{processor()}, {os.cpu_count()} cores", "threads": os.environ.get("OMP_NUM_THREADS", "all"),
             "versions": " ".join(f"{name} {importlib.metadata.version(name)}" for name in names),
-            "date": datetime.date.today().isoformat(), "code": measured_code(running) if running.suffix == ".py" else "unknown"}
+            "date": datetime.date.today().isoformat(), "code": code}
 
 
 def processor() -> str:
