@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from eitsim.nominal_signal import signal_difference
 from eitsim.results import RimField, Touch
 from eitsim.scene import Body, Punch
+from matcal.errors import NotConverged
 
 Array = NDArray[np.float64]
 
@@ -52,9 +53,13 @@ def changed(touch: Touch, change: Change) -> Touch:
 
 
 def told(touch: Touch, rough: Change, change: Change, body: Body, punch: Punch, strain: str) -> Touch:
-    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors."""
+    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors; NotConverged where
+    either leaves no skin."""
     out = changed(touch, change)
     signal = _UNCONVERGED * signal_difference(body, punch, touch, rough.field, change.field, strain)
+    if not math.isfinite(signal):
+        raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error cannot be told.",
+                           estimate=change.field.metric, residuals=change.residuals)
     apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
     apart = max(apart, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
     return within_face(replace(

@@ -41,7 +41,7 @@ _CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers
 # Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
 RIM_REPAYS, _ROWS = 25, 200
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
-# touches 35 are within once the largest, 39 within twice (benchmarks/sweeps.py check measures it of rows).
+# touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
 # Part of the wanted signal error that a table of changes may use up beside the paths.
 _RIM_SHARE = 1.0
@@ -175,7 +175,9 @@ def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
         return replace(table, rim=kept), ""
     off, left = int(np.sum(before & ~after)), int(np.sum(~after))
     reasons = [f"in {left - off} since no change was found there"] if left > off else []
-    reasons += [f"in {off} since the table is more than {allowed:g} off, and more than they would be"] if off else []
+    if off:
+        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than touches solved afresh "
+                       "tell")
     return replace(table, rim=kept), (f"touches in {left} of {after.size} cells of gap and depth near the rim are "
                                       f"solved afresh, {' and '.join(reasons)}")
 

@@ -123,8 +123,8 @@ def deviation_at(rim: RimTable, gap: float, depth: float) -> tuple[float, float]
 
 
 def within(rim: RimTable, signal: float) -> RimTable:
-    """The table with the cells alone whose signals are no farther off, or no farther than changes solved afresh are
-    themselves off by their own mesh, as they tell: there solving afresh gains nothing."""
+    """The table with the cells alone whose signals are no farther off, or no farther than changes solved afresh tell
+    that they are off by their own mesh."""
     kept = rim.told[..., 1] <= np.maximum(signal, _own_errors(rim))
     return replace(rim, told=np.where(kept[..., None], rim.told, np.inf))
 

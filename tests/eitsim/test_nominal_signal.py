@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from eitsim.axisymmetric import solve_touch
+from eitsim.change import Change, told
 from eitsim.nominal_signal import signal_difference
 from eitsim.results import RimField, Touch
 from eitsim.scene import Accuracy, Body, Punch, Scene
 from eitsim.simulate import ELECTRICS_SHARE, readings_of
 from matcal.conductivity import Conductivity
+from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
@@ -63,6 +65,9 @@ def test_lengths_may_be_over_the_thickness(touch: Touch) -> None:
 
 def test_a_field_that_leaves_no_skin_is_infinitely_far(touch: Touch) -> None:
     assert apart(touch, 0.0, 2.5) == np.inf
+    whole, torn = (Change(field(size), 0.0, 1.0, 1.0, 1.0, 0.0, ()) for size in (0.0, 2.5))
+    with pytest.raises(NotConverged, match="turned inside out"):
+        told(touch, whole, torn, Body(), PUNCH, "normal")
 
 
 def test_readings_are_no_finer_than_the_touch_is_known(touch: Touch) -> None:

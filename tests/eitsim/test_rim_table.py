@@ -216,7 +216,7 @@ def test_cells_that_miss_the_wanted_error_are_left_out_and_it_is_told() -> None:
     assert table.rim is not None
     assert table.rim.error.signal == 5e-3
     assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved afresh, in 2 since the table is "
-                   "more than 0.01 off, and more than they would be")
+                   "more than 0.01 off, and more than touches solved afresh tell")
     gone = told.copy()
     gone[2, 0] = np.inf
     _, why = fine_enough_for(design, rough(gone))
