@@ -32,9 +32,9 @@ def _plain(design: Design) -> dict[str, Any]:
 
 
 @contextmanager
-def sole_writer(folder: Path) -> Iterator[None]:
+def sole_writer(folder: Path, writer: str = "sweep") -> Iterator[None]:
     """Hold a folder for one writer, and remove what one that was killed left half written; ValueError where another
-    holds it.
+    of its kind holds it.
 
     A file system without locks cannot tell: then nothing is removed, and of two writers of one sweep each puts the
     same rows there, in place of those of the other.
@@ -44,7 +44,7 @@ def sole_writer(folder: Path) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
-                raise ValueError(f"{folder}: another sweep is writing to it. Wait for it, or choose another folder."
+                raise ValueError(f"{folder}: another {writer} is writing to it. Wait for it, or choose another folder."
                                  ) from None
         else:
             for pattern in (".part-*.tmp", f"{dataset.MANIFEST}*.part"):

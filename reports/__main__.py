@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from matcal.terminal import application, check_out, run
 
+if TYPE_CHECKING:
+    from reports.page import Report
+
 app = application("Reports: the paper walked through, and the stored results of benchmarks.")
 
-# where the walk through the paper is written by default
-PAPER = Path("reports/out/paper")
+# where the walk through the paper is written by default, and where benchmarks write
+PAPER, RESULTS = Path("reports/out/paper"), Path("benchmarks/results")
+Out = Annotated[Path, typer.Option(help="PDF to write, or a folder that exists to write it in.")]
+Results = Annotated[Path, typer.Option(help="Folder of the benchmarks' tables.")]
 
 
 @app.callback()
@@ -22,37 +27,32 @@ def reports() -> None:
 
 
 @app.command()
-def precision(out: Annotated[Path, typer.Option(help="PDF to write, or the folder to write precision.pdf in.")],
-              results: Annotated[Path, typer.Option(help="Folder of the benchmarks' tables.")]
-              = Path("benchmarks/results")) -> None:
+def precision(out: Out, results: Results = RESULTS) -> None:
     """Write a PDF of error against CPU time, and of the cheapest method for a wanted error.
 
     Example: python -m reports precision --out precision.pdf
     """
-    from reports.precision import write
+    from reports.precision import report
 
-    _write(write, results, out, "precision.pdf")
+    _write(report, results, out, "precision.pdf")
 
 
 @app.command()
-def stability(out: Annotated[Path, typer.Option(help="PDF to write, or the folder to write stability.pdf in.")],
-              results: Annotated[Path, typer.Option(help="Folder of the benchmarks' tables.")]
-              = Path("benchmarks/results")) -> None:
+def stability(out: Out, results: Results = RESULTS) -> None:
     """Write a PDF of stiff and extreme cases: what holds, what holds with a caution and what is lost.
 
     Example: python -m reports stability --out stability.pdf
     """
-    from reports.stability import write
+    from reports.stability import report
 
-    _write(write, results, out, "stability.pdf")
+    _write(report, results, out, "stability.pdf")
 
 
 @app.command()
 def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run --out`.")],
              out: Annotated[Path, typer.Option(help="Folder to write touch.png and precision.png in.")]
              = Path("reports/pictures"),
-             results: Annotated[Path, typer.Option(help="Folder of the benchmarks' tables.")]
-             = Path("benchmarks/results")) -> None:
+             results: Results = RESULTS) -> None:
     """Draw the two pictures of the README: a touch, and error against run time.
 
     Example: python -m reports pictures reports/out/touch.json
@@ -63,13 +63,15 @@ def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run 
         print(f"picture: {path}")
 
 
-def _write(write: Callable[[Path, Path], None], results: Path, out: Path, name: str) -> None:
-    """Write a report into a PDF, or into `name` in a folder, and say where."""
+def _write(report: Callable[[Path], Report], results: Path, out: Path, name: str) -> None:
+    """Write a report of stored tables into a PDF, or into `name` in a folder, and say where."""
+    from reports.stored_report import write
+
     place = out / name if out.is_dir() else out
     if place.suffix != ".pdf":
         raise ValueError(f"--out {out}: the file is a PDF; give a name that ends in .pdf, or a folder that exists.")
     check_out(place)
-    write(results, place)
+    write(report, results, place)
     print(f"report: {place}")
 
 
@@ -95,6 +97,7 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
 
     Example: python -m reports paper --full --card card.json --sweep sweep --out full
     """
+    from eitsim.sweep_folder import sole_writer
     from reports.paper import make
     from reports.paper import write as write_paper
     from reports.paper_plan import FULL, QUICK, planned
@@ -107,10 +110,11 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
         PAPER.parent.mkdir(parents=True, exist_ok=True)
     check_out(out, folder=True)
     out.mkdir(exist_ok=True)
-    run_of = planned(FULL if full else QUICK, out / "stages", card=card, sweep=sweep, workers=workers)
-    if not draw_only:
-        make(run_of, out / "stages")
-    print(f"report: {write_paper(run_of, out)}")
+    with sole_writer(out, "report"):
+        run_of = planned(FULL if full else QUICK, out / "stages", card=card, sweep=sweep, workers=workers)
+        if not draw_only:
+            make(run_of, out / "stages")
+        print(f"report: {write_paper(run_of, out)}")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ from reports.page import Plate
 
 NAMES = {"x0": "Position x", "y0": "Position y", "d": "Punch diameter", "F": "Force", "sigma_max": "Peak pressure",
          "sigma_ave": "Mean pressure", "A_c": "Contact area", "delta_max": "Depth"}
+# bars that a panel can show apart
+BARS = 200
 TITLES = {"train": "training rows", "val": "validation rows", "test": "test rows", "new": "new rows", "all": "all rows"}
 
 
@@ -62,8 +64,10 @@ def _scatter(axes: Axes, drawn: np.ndarray, ends: Sequence[float]) -> None:
     margin = 0.08 * (ends[1] - ends[0]) or 1.0
     axes.set_ylim(ends[0] - margin, ends[1] + margin)
     axes.plot(ends, ends, color=style.GREY, lw=0.7, zorder=1)
-    axes.errorbar(target, value, yerr=half_width, fmt="o", ms=2, color=style.ACCENT, ecolor="#9cc6e0", elinewidth=0.6,
-                  mew=0, zorder=2)
+    barred = np.unique(np.linspace(0, target.size - 1, BARS).round().astype(int))
+    axes.errorbar(target[barred], value[barred], yerr=half_width[barred], fmt="none", ecolor="#9cc6e0", elinewidth=0.6,
+                  zorder=2)
+    axes.plot(target, value, "o", ms=2 if target.size <= BARS else 1.4, color=style.ACCENT, mew=0, zorder=3)
 
 
 def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) -> str:
@@ -72,8 +76,9 @@ def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) 
         score = parts[part]
         r2 = "" if score["r2"] is None else f", R² {r_squared(score['r2'])}"
         told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
-    last = parts[shown[-1]]
-    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals (bars, cut at the frame) hold "
+    last, most = parts[shown[-1]], max(parts[part]["n"] for part in shown)
+    drawn = "bars, cut at the frame" if most <= BARS else f"bars of at most {BARS} rows a panel, cut at the frame"
+    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals ({drawn}) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 
 

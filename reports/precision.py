@@ -8,25 +8,14 @@ from pathlib import Path
 import pandas as pd
 
 from reports import provenance, staleness
-from reports.benches import BENCHES, Bench, Point, by_problem, cheapest, conditions, points
+from reports.benches import BENCHES, Bench, Point, by_problem, cheapest, points
 from reports.numerals import counted, percent
-from reports.page import Report, Table, write_pdf
+from reports.page import Report, Table
 from reports.precision_plates import diagram, finding, seconds
 from reports.staleness import State
-from reports.style import house
+from reports.stored_report import condition_table
 
 Found = dict[Bench, list[Point]]
-
-
-def write(results: Path, out: Path, benches: Sequence[Bench] = BENCHES) -> None:
-    """Write the PDF of the benchmarks' tables in a folder, `out`; what is not there is said on the page.
-
-    ValueError where a folder is missing; TestFileError where a table lacks a column.
-    """
-    if not results.is_dir():
-        raise ValueError(f"{results}: no such folder of results. Run `make bench`, or name the folder with --results.")
-    with house():
-        write_pdf(report(results, benches), out)
 
 
 def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
@@ -96,12 +85,3 @@ def _words(point: Point | None) -> str:
     once = f", {seconds(point.once_s)} of it once" if point.once_s > 0 else ""
     name = f"{point.method}, {point.setting}" if point.setting else point.method
     return f"{name}: {seconds(point.cost_s + point.once_s)}{once}"
-
-
-def condition_table(read: Sequence[tuple[str, pd.DataFrame, State]]) -> Table:
-    """Under what conditions stored tables (file, rows, state) were measured, and whether they are current."""
-    rows = [[file, *conditions(table), state.words] for file, table, state in read]
-    current = sum(state.kind == staleness.CURRENT for _, _, state in read)
-    return Table(f"Under what conditions they ran, and whether by the code that is here: {current} of "
-                 f"{counted(len(rows), 'file')} did.",
-                 ["file", "machine", "threads", "versions", "date", "state"], rows, "lllwlw")

@@ -8,10 +8,9 @@ from pathlib import Path
 from matcal.errors import TestFileError
 from reports import provenance, stability_laws, stability_numerics, stability_readings, stability_scenes, staleness
 from reports.numerals import counted
-from reports.page import Plate, Report, Table, write_pdf
-from reports.precision import condition_table
+from reports.page import Plate, Report, Table
 from reports.stored import Rows, frame, read_rows
-from reports.style import house
+from reports.stored_report import condition_table
 
 # stem of a stored table -> benchmark that writes it
 WRITERS = {"stable_ranges": "stable_ranges", "stable_functions": "stable_ranges", "stiff": "stiff",
@@ -27,17 +26,6 @@ _TABLES: dict[str, tuple[str, Callable[[Rows], Table | None]]] = {
 # what a stored table is shown as where it is there
 _SHOWN = {"stable_ranges": "laws", "stable_functions": "functions", "random_scenes": "scenes", "stiff": "cases",
           "relaxation_stiff": "relaxation", "electrics_stiff": "electrics", "surrogate_noise": "readings"}
-
-
-def write(results: Path, out: Path) -> None:
-    """Write the PDF of the stored tables in a folder, `out`; what is not there is said on the page.
-
-    ValueError where the folder is missing; TestFileError where a table lacks a column.
-    """
-    if not results.is_dir():
-        raise ValueError(f"{results}: no such folder of results. Run `make bench`, or name the folder with --results.")
-    with house():
-        write_pdf(report(results), out)
 
 
 def report(results: Path) -> Report:

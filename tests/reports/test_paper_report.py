@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from eitsim.sweep_folder import sole_writer
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import nominal_stress
 from matcal.prony import Prony, relaxation
@@ -198,3 +199,9 @@ def test_results_that_are_not_there_are_refused_before_any_work(tmp_path: Path) 
         with pytest.raises(ValueError, match=words):
             app([str(word) for word in ("paper", "--out", tmp_path / "out", *given)], standalone_mode=False)
     assert not (tmp_path / "out").exists()
+
+
+def test_two_runs_do_not_write_to_one_folder(tmp_path: Path) -> None:
+    with sole_writer(tmp_path, "report"), pytest.raises(ValueError, match="another report is writing to it"):
+        app(["paper", "--draw-only", "--out", str(tmp_path)], standalone_mode=False)
+    assert [path.name for path in tmp_path.iterdir()] == [".lock"]

@@ -12,8 +12,9 @@ import pytest
 
 from matcal.errors import TestFileError
 from reports.benches import BENCHES, Bench, cheapest, points
-from reports.precision import write
+from reports.precision import report
 from reports.precision_plates import seconds
+from reports.stored_report import write
 
 Reader = Callable[[Path], Any]
 
@@ -61,7 +62,7 @@ def named(name: str) -> Bench:
 
 def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Reader) -> None:
     write_all(tmp_path)
-    write(tmp_path, tmp_path / "p.pdf")
+    write(report, tmp_path, tmp_path / "p.pdf")
     text = read_pdf(tmp_path / "p.pdf").whole
     for unit in ("CPU time (s)", "Relative error of", "V (–)", "Unknowns (–)", "Relative error of the depth (–)"):
         assert unit in text
@@ -84,7 +85,7 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
 
 def test_the_table_of_the_cheapest_counts_what_is_done_once(tmp_path: Path, read_pdf: Reader) -> None:
     write_electrics(tmp_path)
-    write(tmp_path, tmp_path / "p.pdf")
+    write(report, tmp_path, tmp_path / "p.pdf")
     text = read_pdf(tmp_path / "p.pdf").whole
     assert "within 1 % within 0.1 % within 0.01 %" in text
     assert "208 readings of one touch: near slow, fine: 8.00 ms slow, fine: 8.00 ms none" in text
@@ -102,7 +103,7 @@ def test_the_table_of_the_cheapest_counts_what_is_done_once(tmp_path: Path, read
 
 def test_what_was_not_run_is_said(tmp_path: Path, read_pdf: Reader) -> None:
     write_electrics(tmp_path)
-    write(tmp_path, tmp_path / "p.pdf")
+    write(report, tmp_path, tmp_path / "p.pdf")
     text = read_pdf(tmp_path / "p.pdf").whole
     for bench in BENCHES:
         said = f"Not there: {bench.file}. Run benchmarks/{bench.benchmark}.py" in text.replace("- ", "-")
@@ -111,20 +112,20 @@ def test_what_was_not_run_is_said(tmp_path: Path, read_pdf: Reader) -> None:
 
 
 def test_without_any_benchmark_nothing_is_drawn(tmp_path: Path, read_pdf: Reader) -> None:
-    write(tmp_path, tmp_path / "p.pdf")
+    write(report, tmp_path, tmp_path / "p.pdf")
     assert "No benchmark has been run." in read_pdf(tmp_path / "p.pdf").whole
     assert not list((tmp_path / "p_files").glob("*.svg"))
 
 
 def test_a_table_without_a_number_is_said(tmp_path: Path, read_pdf: Reader) -> None:
     (tmp_path / "mechanics.csv").write_text("touch,element_um,depth_error,cpu_s\nflat,240,,0.1\n")
-    write(tmp_path, tmp_path / "p.pdf")
+    write(report, tmp_path, tmp_path / "p.pdf")
     assert "no row of mechanics.csv (1 row) holds a number" in read_pdf(tmp_path / "p.pdf").whole
 
 
 def test_the_points_drawn_lie_beside_the_page(tmp_path: Path) -> None:
     write_electrics(tmp_path)
-    write(tmp_path, tmp_path / "p.pdf")
+    write(report, tmp_path, tmp_path / "p.pdf")
     drawn = pd.read_csv(tmp_path / "p_files" / "electrics.csv")
     assert drawn["dv_error"].tolist() == [row[3] for row in ELECTRICS[:-1]]
     assert drawn["cost_s"].tolist() == pytest.approx([row[4] / 1e3 for row in ELECTRICS[:-1]])
@@ -134,9 +135,9 @@ def test_the_points_drawn_lie_beside_the_page(tmp_path: Path) -> None:
 def test_errors_name_file_column_and_folder(tmp_path: Path) -> None:
     (tmp_path / "mechanics.csv").write_text("touch,element_um,cpu_s\nflat,240,0.1\n")
     with pytest.raises(TestFileError, match=r"mechanics\.csv.*'depth_error'.*benchmarks/mechanics\.py"):
-        write(tmp_path, tmp_path / "p.pdf")
+        write(report, tmp_path, tmp_path / "p.pdf")
     with pytest.raises(ValueError, match="no such folder of results"):
-        write(tmp_path / "nowhere", tmp_path / "p.pdf")
+        write(report, tmp_path / "nowhere", tmp_path / "p.pdf")
 
 
 @pytest.mark.parametrize(("values", "text"), [((0.0123,), "12.3 ms"), ((0.002, 1.5), "0.00200 to 1.50 s"),

@@ -11,10 +11,11 @@ import pandas as pd
 import pytest
 
 from matcal.errors import TestFileError
-from reports.stability import WRITERS, report, write
+from reports.stability import WRITERS, report
 from reports.stability_numerics import _cell as digits_cell
 from reports.stability_readings import _cell as reading_cell
 from reports.state_map import CAUTION, KEPT, LOST
+from reports.stored_report import write
 
 Reader = Callable[[Path], Any]
 TABLES: dict[str, dict[str, Any]] = {
@@ -45,7 +46,7 @@ def write_tables(folder: Path, *names: str) -> None:
 
 def test_the_report_holds_every_state_of_its_tables(tmp_path: Path, read_pdf: Reader) -> None:
     write_tables(tmp_path, *TABLES)
-    write(tmp_path, tmp_path / "s.pdf")
+    write(report, tmp_path, tmp_path / "s.pdf")
     text = read_pdf(tmp_path / "s.pdf").whole
     for unit in ("Stretch", "Diameter (mm)", "Force, up to (N)", "Contact impedance (", "CPU (s)", "F (N)",
                  "relaxation time (–)", "Conductance over that of the skin (–)"):
@@ -72,7 +73,7 @@ def test_what_was_not_measured_is_said(tmp_path: Path) -> None:
     with pytest.raises(TestFileError, match=r"stiff\.csv.*'outcome'.*benchmarks/stiff\.py"):
         report(tmp_path)
     with pytest.raises(ValueError, match="no such folder"):
-        write(tmp_path / "nowhere", tmp_path / "s.pdf")
+        write(report, tmp_path / "nowhere", tmp_path / "s.pdf")
 
 
 def test_cells_are_lost_where_digits_intervals_or_errors_are(tmp_path: Path) -> None:

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.collections import LineCollection
 
 from matcal.errors import TestFileError
+from reports import parity
 from reports.surrogates import write
 from surrogate.metrics import score
 
@@ -135,3 +137,19 @@ def test_a_folder_that_is_no_model_is_named(tmp_path: Path, name: str) -> None:
     with pytest.raises(TestFileError, match=f"holds no {name}"):
         write(tmp_path / "model", tmp_path / "s.pdf")
     assert not (tmp_path / "s.pdf").exists()
+
+
+@pytest.mark.parametrize(("rows", "bars", "words"), [(150, 150, "(bars, cut at the frame)"),
+                                                     (3000, parity.BARS, "(bars of at most 200 rows a panel, cut")])
+def test_bars_of_many_rows_stay_apart(rows: int, bars: int, words: str) -> None:
+    target = np.linspace(1.0, 2.0, rows)
+    table = pd.DataFrame({"part": "test", "scene": range(rows), "unit": "N", "target": target, "value": target,
+                          "half_width_90": 0.1})
+    parts = {"test": asdict(score(target, target + 0.01, np.full((3, rows), 0.1), "N"))}
+    made = parity.plate("F", table, parts)
+    (axes,) = made.figure.axes
+    (drawn,) = (one for one in axes.collections if isinstance(one, LineCollection))
+    assert len(drawn.get_segments()) == bars
+    assert rows in {np.size(line.get_xdata()) for line in axes.get_lines()}
+    assert words in made.caption
+    assert len(made.data["parity_F"]) == rows
