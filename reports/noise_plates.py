@@ -3,43 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
 
-from matcal.errors import TestFileError
 from reports import parity, style
 from reports.numerals import counted, number
 from reports.page import Plate
+from surrogate.limit_file import MATERIALS, floor
 
-NAME, LIMITS = "noise", "limits.csv"
-COLUMNS = ("noise_db", "material", "output", "limit")
-# what `surrogate limit` calls the material, and how its line is drawn and told
-MATERIALS = {"known": ("--", "least possible, material known"),
-             "posterior": (":", "least possible, material uncertain")}
-
-
-def read_limits(model_dir: Path) -> pd.DataFrame | None:
-    """What `surrogate limit --data DIR --out MODEL_DIR/limits.csv` wrote, one row a level, material and output; None
-    where it is not there, TestFileError where it lacks a column."""
-    path = model_dir / LIMITS
-    if not path.is_file():
-        return None
-    limits = pd.read_csv(path)
-    if missing := [name for name in COLUMNS if name not in limits.columns]:
-        raise TestFileError(path, f"column {missing[0]} is missing; write it with `surrogate limit CARD --data DIR "
-                                  f"--out {LIMITS}`.")
-    return limits
-
-
-def floor(limits: pd.DataFrame | None, output: str, material: str) -> dict[float, float]:
-    """Least error of one output at each level, dB to a tenth; empty where it is not known."""
-    if limits is None:
-        return {}
-    chosen = limits.loc[(limits["output"] == output) & (limits["material"] == material)]
-    return dict(zip(chosen["noise_db"].round(1).tolist(), chosen["limit"].tolist(), strict=True))
+NAME = "noise"
+# how the least error is drawn, by what `surrogate limit` calls the material
+DASHES = {"known": "--", "posterior": ":"}
 
 
 def plate(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None) -> Plate:
@@ -65,10 +41,11 @@ def _panel(axes: Axes, output: str, parts: Mapping[str, Any], measured: list[tup
            limits: pd.DataFrame | None) -> None:
     axes.axhline(parts[parity.unseen(parts)]["rmse"], color=style.GREY, lw=0.8, label="RMSE without noise")
     axes.plot(*zip(*sorted(measured), strict=True), "o-", color=style.ACCENT, label="RMSE under noise")
-    for material, (dash, words) in MATERIALS.items():
+    for material, words in MATERIALS.items():
         least = floor(limits, output, material)
         if least:
-            axes.plot(*zip(*sorted(least.items()), strict=True), dash, marker="s", color=style.SECOND, label=words)
+            axes.plot(*zip(*sorted(least.items()), strict=True), DASHES[material], marker="s", color=style.SECOND,
+                      label=words)
     axes.set_yscale("log")
     style.plain_log(axes.yaxis)
     axes.invert_xaxis()

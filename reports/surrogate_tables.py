@@ -8,9 +8,9 @@ from typing import Any
 import pandas as pd
 
 from reports import parity
-from reports.noise_plates import MATERIALS, floor
 from reports.numerals import counted, number, percent, r_squared
 from reports.page import Table
+from surrogate.limit_file import MATERIALS, floor
 
 
 def scores(by_output: Mapping[str, Any]) -> Table:
@@ -40,7 +40,7 @@ def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], lim
         part = parity.unseen(parts)
         noisy = [number(level["outputs"][name][part]["rmse"]) for level in levels]
         rows.append([parity.label(name), parity.unit(parts), number(parts[part]["rmse"]), *noisy])
-        for material, (_, words) in MATERIALS.items():
+        for material, words in MATERIALS.items():
             if least := floor(limits, name, material):
                 known = [least.get(round(level["db_below_baseline"], 1)) for level in levels]
                 cells = ["–" if value is None else number(value) for value in known]

@@ -14,6 +14,7 @@ from reports import noise_plates, parity, provenance, surrogate_tables, training
 from reports.numerals import counted, number, percent, r_squared
 from reports.page import Plate, Report, write_pdf
 from reports.style import house
+from surrogate import limit_file
 
 DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
 METHODS = {
@@ -47,9 +48,9 @@ def report(model_dir: Path) -> Report:
     predictions = pd.read_parquet(_present(model_dir, PREDICTIONS))
     sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]
     scores = evaluation["outputs"]
-    limits = noise_plates.read_limits(model_dir)
+    limits, told = _limits(model_dir, evaluation)
     if limits is not None:
-        sources.append(provenance.source(model_dir / noise_plates.LIMITS))
+        sources.append(provenance.source(model_dir / limit_file.LIMITS))
     plates = [parity.plate(name, parity.points(predictions, name), parts) for name, parts in scores.items()]
     plates += _history(model_dir, model)
     tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
@@ -62,7 +63,25 @@ def report(model_dir: Path) -> Report:
     subtitle = f"Method {model['method']}, {counted(evaluation['dataset']['rows'], 'scene')}"
     footer = provenance.footer(sources, provenance.seed_words(model.get("seed")))
     return Report("surrogates", "Surrogate of the touch", subtitle, footer, _findings(model, evaluation), plates,
-                  tables, absent, _prose(model))
+                  tables, absent, _prose(model) | told | _scored(evaluation))
+
+
+def _limits(model_dir: Path, evaluation: Mapping[str, Any]) -> tuple[pd.DataFrame | None, dict[str, str]]:
+    """The least possible errors of the evaluated data set, and prose that says why there are none."""
+    found = limit_file.read_limits(model_dir)
+    limits = limit_file.of_dataset(found, evaluation)
+    if limits is not None or not evaluation["noise"]:
+        return limits, {}
+    why = "is not there" if found is None else "is of another data set"
+    told = (f"The least error that any reading can reach is not told: {limit_file.LIMITS} {why}; `surrogate limit "
+            f"CARD --data DIR --out MODEL_DIR/{limit_file.LIMITS}` writes it.")
+    return None, {"limits": told}
+
+
+def _scored(evaluation: Mapping[str, Any]) -> dict[str, str]:
+    """Prose on which rows are scored, where not all are."""
+    words = evaluation.get("scored", "")
+    return {"scored": words[0].upper() + words[1:]} if words else {}
 
 
 def _history(model_dir: Path, model: Mapping[str, Any]) -> list[Plate]:

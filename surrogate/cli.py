@@ -24,6 +24,8 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 app = application("Learn touches from electrode voltages: the paper's networks, a forward map, ridge regression.")
 
+# Training rows that a forward model is scored on after its training, at most: it reads frames at some 20 ms each.
+MOST_TRAINED = 600
 DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 
@@ -64,7 +66,7 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
                 calibrate=None if calibrate is None else read_samples(calibrate))
     store.save(model, out)
-    result = scored(model, samples, levels)
+    result = scored(model, samples, levels, most_trained=MOST_TRAINED if method == "forward" else None)
     store.save_evaluation(out, result.scores, result.predictions)
     if as_json:
         print_json({"model": out, "training": model.record["training"], **result.scores})
@@ -82,17 +84,21 @@ def evaluate(model_folder: ModelFolder,
              noise_reference: Annotated[str, typer.Option(help="What a level lies below: the RMS of the baseline "
                                                                "voltages, or of the signal.")] = "baseline",
              as_json: JsonOption = False) -> None:
-    """Score a model on data sets; rows it was trained on are told apart.
+    """Score a model on data sets; rows it was trained on are told apart. Where `surrogate limit CARD --data DIR --out
+    MODEL_DIR/limits.csv` was run, the least possible errors under noise stand beside those of DIR.
 
     Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
     """
     from surrogate import store
     from surrogate.evaluate import evaluate as scored
     from surrogate.evaluate import transfer
+    from surrogate.limit_file import read_limits, with_limits
     from surrogate.samples import read_samples
 
     levels, model = _levels(noise_db), store.load(model_folder)
-    sets = {str(folder): scored(model, read_samples(folder), levels, noise_reference).scores for folder in folders}
+    limits = read_limits(model_folder)
+    sets = {str(folder): with_limits(scored(model, read_samples(folder), levels, noise_reference).scores, limits)
+            for folder in folders}
     if not as_json:
         for name, scores in sets.items():
             if len(sets) > 1:
@@ -150,7 +156,8 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
 
 @app.command()
 def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
-    """Write a PDF of a model: predictions against targets, scores, training record.
+    """Write a PDF of a model: predictions against targets, scores, training record; the least possible errors beside
+    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before.
 
     Example: surrogate report forward --out forward.pdf
     """
@@ -263,13 +270,15 @@ def _shown(names: tuple[str, ...]) -> Any:
 
 def _print_scores(result: Mapping[str, Any]) -> None:
     """Tables of the scores: training and unseen rows without noise, unseen rows under noise; --json has them all."""
-    _print_table(f"{result['method']}, no noise", result["outputs"], ("train", "test", "new", "all"))
+    _print_table(f"{result['method']}, no noise", result["outputs"], ("train", "test", "new", "all"), {})
     for level in result["noise"]:
         title = (f"{result['method']}, noise {level['db_below_baseline']:.1f} dB below the baseline,\n"
                  f"{level['db_below_signal']:.1f} dB below the signal")
-        _print_table(title, level["outputs"], ("test", "new", "all"))
+        _print_table(title, level["outputs"], ("test", "new", "all"), level.get("limits", {}))
     print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
           f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+    if result["scored"]:
+        print(f"scored: {result['scored']}")
     if result["force_sd"]:
         told = ", ".join(f"{part} {value:.3g}" for part, value in result["force_sd"].items())
         print(f"standard deviation of the force, N, RMS before calibration, squares add up: {told}")
@@ -279,16 +288,23 @@ def _print_scores(result: Mapping[str, Any]) -> None:
         print(f"caution: {result['interval_caution']}")
 
 
-def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...]) -> None:
+def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
+                 limits: Mapping[str, Mapping[str, float]]) -> None:
+    """limits: material -> output -> least possible error, as `limit_file.at_level`."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("output", "rows", "RMSE", "MAE", "R2", "in 50/90/95 %", "n", title=title)
+    from surrogate.limit_file import MATERIALS
+
+    table = Table("output", "rows", "RMSE", "MAE", "R2", "in 50/90/95 %", "n", *(MATERIALS[name] for name in limits),
+                  title=title)
     for name, parts in scored.items():
         for part in (p for p in shown if p in parts):
             s = parts[part]
             r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
-            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2, _held(s), str(s["n"]))
+            least = [f"{of[name]:.4g}" if name in of else "-" for of in limits.values()]
+            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2, _held(s), str(s["n"]),
+                          *least)
     Console().print(table)
 
 

@@ -17,7 +17,7 @@ from surrogate.estimate import Estimate
 from surrogate.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
 from surrogate.model import Model, estimate, interval_scales
 from surrogate.ring import same_ring
-from surrogate.samples import Samples, content_hash
+from surrogate.samples import Samples, content_hash, take
 from surrogate.split import PARTS
 
 # Columns of the half widths of intervals, one for each of COVERAGES.
@@ -66,23 +66,52 @@ class Evaluation:
     predictions: pd.DataFrame
 
 
-def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), reference: str = "baseline") -> Evaluation:
+def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), reference: str = "baseline",
+             most_trained: int | None = None) -> Evaluation:
     """Score a model; levels in dB lie below the RMS of the baseline voltages, or of the signals.
 
     Noise is white, added to the touched frame (the untouched one is taken as averaged over many frames), with a
-    standard deviation that the model is told. ValueError for an unknown reference or another sensor.
+    standard deviation that the model is told. Under noise the unseen rows alone are scored, where there are any;
+    without noise all of them, of the training rows `most_trained` at most. ValueError for an unknown reference or
+    another sensor.
     """
     if reference not in NOISE_REFERENCES:
         raise ValueError(f"noise reference '{reference}' is unknown; known: {', '.join(NOISE_REFERENCES)}.")
     check_sensor(model, samples)
     volts = {"baseline": rms(samples.baseline_V), "signal": rms(samples.signal_V)}
-    table, predict_ms, force_sd = _predictions(model, samples, 0.0)
+    part = parts_of(model, samples)
+    clean, noisy = (take(samples, rows) for rows in (_spread(part, most_trained), _unseen(part)))
+    table, predict_ms, force_sd = _predictions(model, clean, 0.0)
     scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
+              "scored": _scored_words(part, clean, noisy if noise_dB else None),
               "fit_s": model.fit_s, "predict_ms": predict_ms, "interval_caution": interval_caution(model, samples),
               "material": material_told(model, samples), "force_sd": force_sd,
               "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
-              "noise": [_at_level(model, samples, level, reference, volts) for level in noise_dB]}
+              "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
+
+
+def _spread(part: NDArray[np.str_], most_trained: int | None) -> NDArray[np.intp]:
+    """Places of all rows but the training ones, and of at most so many of these, spread evenly."""
+    trained = np.flatnonzero(part == "train")
+    count = len(trained) if most_trained is None else min(most_trained, len(trained))
+    kept = trained[np.linspace(0, len(trained) - 1, count).round().astype(np.intp)]
+    return np.sort(np.concatenate([np.flatnonzero(part != "train"), kept]))
+
+
+def _unseen(part: NDArray[np.str_]) -> NDArray[np.bool_]:
+    """The rows that the model has not seen; all where it has seen each."""
+    found = np.isin(part, UNSEEN)
+    return found if found.any() else np.ones(len(part), bool)
+
+
+def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None) -> str:
+    """In words, which rows have scores where not all have; empty where they do."""
+    left, whole = len(part) - len(clean), int(np.sum(part == "train"))
+    told = [f"{whole - left} of {whole} training rows are scored, spread evenly"] * (left > 0)
+    if noisy is not None and len(noisy) < len(part):
+        told.append(f"under noise {len(noisy)} unseen rows alone")
+    return "; ".join(told) + "." if told else ""
 
 
 def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
@@ -116,7 +145,7 @@ def _force_sd(model: Model, found: Estimate, part: NDArray[np.str_]) -> dict[str
     where the model does not tell them."""
     if found.parts is None or "F" not in model.names:
         return None
-    rows, k = np.isin(part, UNSEEN) if np.any(np.isin(part, UNSEEN)) else part != "", model.names.index("F")
+    rows, k = _unseen(part), model.names.index("F")
     each = {"noise": found.parts.noise, "material": found.parts.material, "model": found.parts.model(found.sd),
             "whole": found.sd}
     return {name: rms(sd[rows, k]) for name, sd in each.items()}

@@ -53,8 +53,8 @@ def _of_data(folder: Path, card: Path, levels: list[float], material: bool) -> l
     from surrogate.limit_set import floors
 
     found = floors(folder, card, levels, material=material, each=_counted)
-    return [{"noise_db": one.noise_db, "noise_V": one.noise_V, "material": which, "output": name,
-             "unit": outputs.of(name).unit, "limit": value}
+    return [{"dataset": one.dataset, "noise_db": one.noise_db, "noise_V": one.noise_V, "material": which,
+             "output": name, "unit": outputs.of(name).unit, "limit": value}
             for one in found for which, values in (("known", one.known), ("posterior", one.material))
             for name, value in values.items()]
 

@@ -26,7 +26,7 @@ from surrogate.limit_material import MaterialSpread, known_material, spread_of
 from surrogate.limit_slopes import slopes_of
 from surrogate.limit_table import SlopeTable, derivatives_at, table_for
 from surrogate.metrics import rms
-from surrogate.samples import Samples, read_samples, take
+from surrogate.samples import Samples, content_hash, read_samples, take
 
 Array = NDArray[np.float64]
 # Targets' derivatives (n, 2) by d and F at touches (n, 2)
@@ -40,6 +40,8 @@ _ROWS, _STEP = 400, 1e-3
 class Floor:
     """Least root mean square errors at one noise level."""
 
+    # sha256 of the data set's rows and their signals
+    dataset: str
     # dB below the RMS of the baseline voltages, and the noise of one reading, V
     noise_db: float
     noise_V: float
@@ -61,14 +63,15 @@ def floors(folder: Path | str, card_path: Path, noise_db: Sequence[float], *, ma
     table = table_for(example_of(folder), card, prior, each=each)
     gradients = _gradients(samples)
     spread = spread_of(card, card_path) if material else None
-    volts = rms(samples.baseline_V)
-    return [_floor(table, prior, level, below(level, volts), gradients, spread) for level in noise_db]
+    volts, dataset = rms(samples.baseline_V), content_hash(samples)
 
+    def at(level: float) -> Floor:
+        noise_V = below(level, volts)
+        known = least_rms(table, prior, noise_V, known_material(), gradients)
+        open_ = {} if spread is None else least_rms(table, prior, noise_V, spread)
+        return Floor(dataset, level, noise_V, known, open_)
 
-def _floor(table: SlopeTable, prior: Prior, level: float, noise_V: float, gradients: Mapping[str, Gradient],
-           spread: MaterialSpread | None) -> Floor:
-    known = least_rms(table, prior, noise_V, known_material(), gradients)
-    return Floor(level, noise_V, known, {} if spread is None else least_rms(table, prior, noise_V, spread))
+    return [at(level) for level in noise_db]
 
 
 def prior_of(samples: Samples) -> Prior:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from surrogate.trainbr import Trainbr
 
 METHODS = ("trainbr", "network", "forward", "mlp", "ridge", "gp")
-# Draws of noise for each validation row when intervals are calibrated under noise.
-NOISE_DRAWS = 4
+# Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
+NOISY_FRAMES, NOISE_DRAWS = 1000, 4
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def interval_scale(model: Model, noise_V: float = 0.0) -> Array:
 def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
     """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale."""
     rows = model.calibration
-    draws = NOISE_DRAWS if noise_V > 0 else 1
+    draws = min(NOISE_DRAWS, -(-NOISY_FRAMES // len(rows.target))) if noise_V > 0 else 1
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
     noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
     found = estimate(model, noisy, noise_V)

@@ -100,14 +100,17 @@ def test_scores_of_another_data_set_and_constant_targets_are_said(tmp_path: Path
 def test_the_floor_of_the_physics_stands_beside_the_errors_under_noise(tmp_path: Path, read_pdf: Reader) -> None:
     noisy = {name: {"test": {"rmse": 3.0}} for name in UNITS}
     write_model(tmp_path / "model", noise=[{"db_below_baseline": 60.0, "db_below_signal": 12.5, "outputs": noisy}])
-    limits = pd.DataFrame({"noise_db": 60.0, "noise_V": 1e-3, "material": "known", "output": ["x0", "A_c"],
-                           "unit": ["mm", "mm2"], "limit": [1.23, 2.0]})
+    limits = pd.DataFrame({"dataset": "cd" * 32, "noise_db": 60.0, "noise_V": 1e-3, "material": "known",
+                           "output": ["x0", "A_c"], "unit": ["mm", "mm2"], "limit": [1.23, 2.0]})
     limits.to_csv(tmp_path / "model" / "limits.csv", index=False)
     write(tmp_path / "model", tmp_path / "s.pdf")
     text = read_pdf(tmp_path / "s.pdf").whole
     assert "least possible, material known" in text
     assert "1.23" in text
     assert "1.50 to 2.44 times as large (most: position x at 60.0 dB)" in text
+    limits.assign(dataset="00" * 32).to_csv(tmp_path / "model" / "limits.csv", index=False)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    assert "limits.csv is of another data set" in read_pdf(tmp_path / "s.pdf").whole
     limits.drop(columns="limit").to_csv(tmp_path / "model" / "limits.csv", index=False)
     with pytest.raises(TestFileError, match="column limit is missing"):
         write(tmp_path / "model", tmp_path / "s.pdf")

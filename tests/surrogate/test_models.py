@@ -75,17 +75,32 @@ def test_all_eight_outputs_of_the_forward_method(samples: Samples) -> None:
 
 
 def test_noise_grows_the_error_and_the_intervals_follow(models: dict[str, Model], samples: Samples) -> None:
-    samples = take(samples, np.arange(0, 200, 2))
-    scores = evaluate(models["forward"], samples, [100, 80]).scores
+    scores = evaluate(models["forward"], samples, [100, 80], most_trained=20).scores
     quiet, loud = ({name: parts["test"] for name, parts in level["outputs"].items()} for level in scores["noise"])
     assert scores["outputs"]["x0"]["test"]["rmse"] < quiet["x0"]["rmse"] < loud["x0"]["rmse"]
     for level in scores["noise"]:
         assert level["db_below_baseline"] == pytest.approx(level["noise_db"])
-        assert all(parts["train"]["coverage_90"] > 0.8 for parts in level["outputs"].values())
+        assert all(parts["test"]["coverage_90"] > 0.8 for parts in level["outputs"].values())
     by_signal = evaluate(models["ridge"], samples, [40], "signal").scores["noise"][0]
     assert by_signal["noise_V"] == pytest.approx(scores["signal_rms_V"] / 100)
     with pytest.raises(ValueError, match="noise reference 'peak' is unknown; known: baseline, signal"):
         evaluate(models["ridge"], samples, [40], "peak")
+
+
+def test_under_noise_unseen_rows_alone_are_scored_and_without_it_some_training_rows(models: dict[str, Model],
+                                                                                     samples: Samples) -> None:
+    found = evaluate(models["ridge"], samples, [80], most_trained=20)
+    assert {part: s["n"] for part, s in found.scores["outputs"]["x0"].items()} == {"train": 20, "val": 30, "test": 30}
+    assert {part: s["n"] for part, s in found.scores["noise"][0]["outputs"]["x0"].items()} == {"test": 30}
+    assert found.scores["scored"] == ("20 of 140 training rows are scored, spread evenly; under noise 30 unseen rows "
+                                      "alone.")
+    whole, part = evaluate(models["ridge"], samples), parts_of(models["ridge"], samples)
+    both = found.predictions.merge(whole.predictions, on=["part", "scene", "output"])
+    assert len(both) == len(found.predictions)
+    assert np.allclose(both["value_x"], both["value_y"], rtol=1e-9, atol=0)
+    assert whole.scores["scored"] == ""
+    seen = evaluate(models["ridge"], take(samples, part == "train"), [80]).scores["noise"][0]["outputs"]["x0"]
+    assert seen["train"]["n"] == 140
 
 
 def test_rows_are_recognised(models: dict[str, Model], samples: Samples, make_dataset: Callable[..., Path],

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -100,6 +101,18 @@ def test_evaluate_prints_a_table(call: Call, forward: Path, few: Path) -> None:
     assert status == 0
     assert "90.0 dB below the baseline" in out
     assert "delta_max" in out
+
+
+def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, forward: Path, few: Path, sweep: Path,
+                                                                 tmp_path: Path) -> None:
+    model = Path(shutil.copytree(forward, tmp_path / "model"))
+    own = json.loads(call("evaluate", model, few, "--json")[1])["dataset"]["sha256"]
+    pd.DataFrame({"dataset": own, "noise_db": 80.0, "material": ["known", "posterior"], "output": "F",
+                  "limit": [0.0123, 0.0456]}).to_csv(model / "limits.csv", index=False)
+    (level,) = json.loads(call("evaluate", model, few, "--noise-db", "80", "--json")[1])["noise"]
+    assert level["limits"] == {"known": {"F": 0.0123}, "posterior": {"F": 0.0456}}
+    assert "0.0456" in call("evaluate", model, few, "--noise-db", "80")[1]
+    assert json.loads(call("evaluate", model, sweep, "--noise-db", "80", "--json")[1])["noise"][0]["limits"] == {}
 
 
 def test_several_sets_are_compared(call: Call, forward: Path, few: Path, make_dataset: Callable[..., Path],
