@@ -28,12 +28,13 @@ def scan() -> Iterator[dict[str, object]]:
     exact = [brentq(lambda x: float(np.sum(TABLE_1.mu_Pa * x**TABLE_1.alpha)), *ends, xtol=1e-14) - 1
              for ends in ((0.2, 0.55), (0.55, 0.9))]
     ((low, high),) = found["drucker"]["uniaxial"]["unstable_strain"]  # type: ignore[misc]
-    yield {"case": "Table 1, Drucker in uniaxial compression", "outcome": f"lost from {high:.4f} to {low:.4f}",
+    yield {"case": "Table 1, Drucker in uniaxial compression", "outcome": f"lost from {low:.4f} to {high:.4f}",
            "error": max(abs(low - exact[0]), abs(high - exact[1])), "cpu_s": seconds}
     for mode in ("uniaxial", "biaxial", "shear"):
         ranges = found["elliptic"][mode]["unstable_strain"]
         yield {"case": f"Table 1, strong ellipticity in {mode}",
-               "outcome": "kept" if not ranges else f"lost in {ranges}", "error": np.nan, "cpu_s": np.nan}
+               "outcome": f"lost from {' and from '.join(f'{low:.4f} to {high:.4f}' for low, high in ranges)}"
+               if ranges else "kept", "error": np.nan, "cpu_s": np.nan}
 
 
 def touches() -> Iterator[dict[str, object]]:
@@ -51,7 +52,8 @@ def touches() -> Iterator[dict[str, object]]:
         begun = time.process_time()
         try:
             touch = solve_touch(law, Body(), punch)
-            outcome = f"{touch.depth_m * 1e3:.4f} mm deep, {touch.fraction_non_elliptic:.2%} of points not elliptic"
+            share = f"{100 * touch.fraction_non_elliptic:.2g} %" if touch.fraction_non_elliptic else "none"
+            outcome = f"{touch.depth_m * 1e3:.4f} mm deep, {share} of the points not elliptic"
             error = touch.depth_error
         except NotConverged as lost:
             outcome, error = f"not converged: {lost}", np.nan

@@ -14,6 +14,7 @@ from eitsim.provenance import card_identity
 from matcal.card import read_card
 from reports.paper_stages import RECORD, Stage, calibration_code, package_hash, state, touch_code
 from reports.provenance import source
+from reports.staleness import other_code
 
 DATA, EXAMPLES, SCENES = ROOT / "data_raw", ROOT / "examples", Path(__file__).parent / "paper_scenes"
 SEED = "1"
@@ -164,8 +165,7 @@ def _differs(run: Run) -> str:
     if run.card.is_file() and (manifest.get("card") or {}).get("sha256") != card_identity(
             read_card(run.card), run.card)["sha256"]:
         found.append("it was made with another card")
-    if manifest.get("code") != code_hash():
-        found.append("other code solved its rows")
+    found += [words] if (words := other_code(manifest)) else []
     return " and ".join(found)
 
 

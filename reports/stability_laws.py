@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from matcal.cautions import NAMES
 from reports import style
 from reports.numerals import counted, interval
 from reports.page import Plate
@@ -12,6 +11,7 @@ from reports.state_map import CAUTION, COLOURS, HATCHES, KEPT, LOST, box, legend
 from reports.stored import Rows, distinct, frame, where
 
 _SHORT = {"drucker": "Drucker", "elliptic": "ellipticity"}
+_LONG = _SHORT | {"drucker": "Drucker's condition"}
 COLUMNS = 3
 
 
@@ -37,7 +37,7 @@ def ranges(rows: Rows, file: str) -> Plate:
         axes.grid(axis="y", visible=False)
         last = i + COLUMNS >= len(laws)
         axes.tick_params(labelbottom=last)
-        style.label(axes, "Strain; γ in shear, J in volumetric (–)" if last else "", "", law)
+        style.label(axes, "Strain (–)" if last else "", "", law)
     for axes in panels.flat[len(laws):]:
         axes.set_visible(False)
     legend(figure, {KEPT: "kept", CAUTION: "Drucker's condition lost", LOST: "ellipticity lost"})
@@ -51,11 +51,12 @@ def _told(rows: Rows, laws: int) -> str:
         if not lost:
             continue
         first = lost[0]
-        name, where_first = NAMES.get(criterion, criterion), interval(first["strain_from"], first["strain_to"])
+        name, where_first = _LONG.get(criterion, criterion), interval(first["strain_from"], first["strain_to"])
         parts.append(f"{name} in {counted(len(lost), 'range')} of {counted(len(distinct(lost, 'law')), 'law')} "
                      f"(first: {first['law']}, {first['mode']}, {where_first})")
     said = f"lost is {'; '.join(parts)}" if parts else "nothing is lost"
-    return f"Stability over the scanned strains of {counted(laws, 'law')} in five modes: {said}."
+    return (f"Stability over the scanned strains of {counted(laws, 'law')} in five modes (γ in shear, J in "
+            f"volumetric): {said}.")
 
 
 def functions(rows: Rows, file: str) -> Plate:

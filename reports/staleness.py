@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
+from eitsim.cache import key_of
+from eitsim.made_by import EARLIER
 from reports.measured_code import ROOT, measured_code
 from reports.numerals import counted
 
@@ -54,6 +57,13 @@ def cautions(states: Sequence[State]) -> list[str]:
             UNKNOWN: "Not known to be current, since their rows do not tell what code they measured"}
     return [f"{words}: {', '.join(found)}." for kind, words in said.items()
             if (found := [one.file for one in states if one.kind == kind])]
+
+
+def other_code(manifest: Mapping[str, Any]) -> str:
+    """That rows of a sweep were solved by other code or libraries than are here, in words; empty where its manifest
+    tells no code, or none but this."""
+    codes = {manifest.get(CODE), *(one[CODE] for one in manifest.get(EARLIER, []))} - {None}
+    return "other code or libraries than are here solved its rows" if codes - {key_of({})} else ""
 
 
 def _column(table: pd.DataFrame, name: str) -> pd.Series:

@@ -13,7 +13,7 @@ from eitsim.dataset import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_datase
 from eitsim.draws import Draw, draw_of
 from eitsim.layout import number_of_touches
 from eitsim.scene import is_list, scene_from, scene_tables
-from reports import provenance, sweep_account, sweep_plates, sweep_signals
+from reports import provenance, staleness, sweep_account, sweep_plates, sweep_signals
 from reports.numerals import counted, number, percent
 from reports.page import Plate, Report, Table
 from reports.sweep_plates import Columns
@@ -46,7 +46,11 @@ def report(folder: Path) -> Report:
     else:
         absent |= dict.fromkeys(("map", "ranges", "accuracy"), NO_SCENE)
     return Report("sweep", "Data set of touches", _subtitle(data), _footer(folder, data), _findings(data, account, ok),
-                  plates, tables, absent, _prose(data, account))
+                  plates, tables, absent, _prose(data, account), _cautions(data))
+
+
+def _cautions(data: Dataset) -> list[str]:
+    return [f"Stale: {words}."] if (words := staleness.other_code(data.manifest)) else []
 
 
 def _columns(data: Dataset, rows: np.ndarray) -> Columns:

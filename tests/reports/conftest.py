@@ -11,10 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.text import Text as Words
 from pypdf import PdfReader
 
 from eitsim import dataset
 from eitsim.scene import scene_from, scene_tables
+from reports import style
 
 CARD = {"name": "Synthetic foam", "file": "card.json", "sha256": "ab" * 32}
 
@@ -133,3 +138,62 @@ def read_pdf() -> Callable[[Path], Text]:
         return text
 
     return read
+
+
+def wanting(figure: Figure) -> list[str]:
+    """What must hold of every figure and does not: something is drawn, numbers are finite, axes have units."""
+    shown = [axes for axes in figure.axes if axes.get_visible() and (axes.axison or _drawn(axes))]
+    found = [] if shown else ["the figure has no axes"]
+    found += [f"axes {i} are empty" for i, axes in enumerate(shown) if not _drawn(axes)]
+    for axis, side in [(getattr(axes, f"{x}axis"), _beside(axes, shown, x)) for axes in shown if axes.axison
+                       for x in "xy"]:
+        words = axis.get_label_text()
+        if words and not words.rstrip().endswith(")"):
+            found.append(f"'{words}' has no unit")
+        elif not words and _numbered(axis) and not any(getattr(other, f"{axis.axis_name}axis").get_label_text()
+                                                       for other in side):
+            found.append(f"a scale of numbers in {axis.axis_name} has no name")
+    told = [words.get_text() for words in figure.findobj(Words) if isinstance(words, Words)]
+    return found + [f"'{words}'" for words in told if re.search(r"\b(nan|None|inf|TODO)\b", words)]
+
+
+def _drawn(axes: Axes) -> bool:
+    """Whether axes hold a finite point, a patch, an image or words."""
+    points = [np.ma.filled(np.ma.asarray(line.get_xydata(), dtype=float), np.nan) for line in axes.get_lines()]
+    parts = [*axes.collections, *axes.patches, *axes.images, *axes.texts]
+    return bool(parts) or any(np.isfinite(one).all(axis=-1).any() for one in points)
+
+
+def _numbered(axis: Axis) -> bool:
+    words = [tick.label1.get_text() for tick in axis.get_major_ticks() if tick.label1.get_visible()]
+    return axis.get_visible() and any(re.fullmatch(r"[−-]?[\d.]+|\$.*\d.*\$", one) for one in words if one)
+
+
+def _beside(axes: Axes, others: list[Axes], x: str) -> list[Axes]:
+    """Axes in the same column (x) or row (y), whose name may serve these too."""
+    low, high = ((box := axes.get_position()).x0, box.x1) if x == "x" else ((box := axes.get_position()).y0, box.y1)
+    return [one for one in others if one is not axes and min(high, _end(one, x, 1)) - max(low, _end(one, x, 0)) > 0]
+
+
+def _end(axes: Axes, x: str, side: int) -> float:
+    return getattr(axes.get_position(), f"{x}{side}")
+
+
+@pytest.fixture
+def find_wanting() -> Callable[[Figure], list[str]]:
+    """The check of every figure."""
+    return wanting
+
+
+@pytest.fixture(autouse=True)
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """The figures that a test puts on pages, each checked when it is saved."""
+    saved, save = list[Figure](), style.save
+
+    def checked(figure: Figure, pdf: Path, svg: Path) -> None:
+        save(figure, pdf, svg)
+        assert not (found := wanting(figure)), f"{svg.stem}: {'; '.join(found)}"
+        saved.append(figure)
+
+    monkeypatch.setattr(style, "save", checked)
+    return saved

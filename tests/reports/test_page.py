@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from pypdf import PdfReader
 from pypdf.generic import DictionaryObject
 
@@ -143,3 +145,28 @@ def test_one_hash_for_many_files_depends_on_names_and_bytes_only(tmp_path: Path)
     assert first.sha256 == "6b86b273ff34fce19d6b804eff5a3f5747ada4eaa22f1d49c01e52ddb7875b4b"
     assert provenance.combined("x", [first, second]) == provenance.combined("x", [second, first])
     assert provenance.combined("x", [first]).sha256 != provenance.combined("x", [second]).sha256
+
+
+@pytest.mark.parametrize(("spoil", "words"), [
+    (lambda axes: None, None), (lambda axes: axes.set_xlabel("Time"), "'Time' has no unit"),
+    (lambda axes: axes.get_lines()[0].remove(), "axes 0 are empty"),
+    (lambda axes: axes.get_lines()[0].set_ydata([np.nan, np.nan]), "axes 0 are empty"),
+    (lambda axes: axes.set_ylabel(""), "a scale of numbers in y has no name"),
+    (lambda axes: axes.set_title("falls by nan N"), "'falls by nan N'"),
+    (lambda axes: axes.remove(), "the figure has no axes")])
+def test_the_check_of_figures_finds_what_is_wanting(spoil: Callable[[Any], Any], words: str | None,
+                                                    find_wanting: Callable[[Figure], list[str]]) -> None:
+    figure = plate("scene").figure
+    for axes in figure.axes:
+        spoil(axes)
+    figure.draw_without_rendering()
+    assert find_wanting(figure) == ([] if words is None else [words])
+
+
+def test_figures_of_pages_are_checked(tmp_path: Path, drawn: list[Figure]) -> None:
+    render(make_report(tmp_path, plate("scene")), tmp_path / "a.pdf")
+    assert len(drawn) == 1
+    spoilt = plate("scene")
+    spoilt.figure.axes[0].set_xlabel("Time")
+    with pytest.raises(AssertionError, match="scene: 'Time' has no unit"):
+        render(make_report(tmp_path, spoilt), tmp_path / "a.pdf")

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from reports.paper_plan import FULL, QUICK, planned
+from eitsim.cache import key_of
+from eitsim.dataset import write_manifest
+from reports.paper_plan import FULL, QUICK, planned, stale
 from reports.paper_stages import BEGUN, RECORD, Stage, key, made, read_record, state
 
 
@@ -88,3 +90,10 @@ def test_given_results_are_not_made(tmp_path: Path) -> None:
     assert not {"card", "sweep"} & set(run.stages)
     assert run.stages["forward"].inputs == (tmp_path / "set",)
     assert tmp_path / "card.json" in run.stages["touch"].inputs
+
+
+@pytest.mark.parametrize(("code", "told"), [(None, False), ("0" * 64, True)])
+def test_a_given_sweep_is_stale_where_other_code_made_it_alone(tmp_path: Path, code: str | None, told: bool) -> None:
+    write_manifest(tmp_path, {"design": {}, "card": None, "versions": {}, "code": code or key_of({})})
+    run = planned(QUICK, tmp_path / "stages", card=tmp_path / "card.json", sweep=tmp_path)
+    assert ("sweep" in stale(run)) == told

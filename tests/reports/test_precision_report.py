@@ -4,6 +4,7 @@ import hashlib
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 from matcal.errors import TestFileError
 from reports.benches import BENCHES, Bench, cheapest, points
+from reports.measured_code import ROOT, measured_code
 from reports.precision import report
 from reports.precision_plates import seconds
 from reports.stored_report import write
@@ -81,6 +83,22 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
     assert "not recorded" in text
     assert "Before you use these numbers" in text
     assert "electrics.csv is unknown: its rows do not tell their code" in text
+
+
+@pytest.mark.parametrize(("changed", "words"), [
+    ({}, None), ({"code": "0" * 12}, "Stale, measured by other code or other versions than are here: electrics.csv."),
+    ({"versions": "numpy 1.0"}, "Stale, measured by other code or other versions than are here: electrics.csv.")])
+def test_stale_tables_are_marked_and_current_ones_are_not(tmp_path: Path, changed: dict[str, str],
+                                                          words: str | None) -> None:
+    write_electrics(tmp_path)
+    table, code = pd.read_csv(tmp_path / "electrics.csv"), measured_code(ROOT / "benchmarks" / "electrics.py")
+    table.assign(**{"code": code, "versions": f"numpy {version('numpy')}"} | changed).to_csv(
+        tmp_path / "electrics.csv", index=False)
+    made = report(tmp_path)
+    assert list(made.cautions) == ([] if words is None else [words])
+    (plate,) = made.plates
+    assert ("electrics.csv is stale" in plate.caption) == (words is not None)
+    assert made.tables["conditions"].rows[0][-1].startswith("current" if words is None else "stale")
 
 
 def test_the_table_of_the_cheapest_counts_what_is_done_once(tmp_path: Path, read_pdf: Reader) -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from eitsim.cache import key_of
 from reports import measured_code
-from reports.staleness import CURRENT, STALE, UNKNOWN, cautions, state
+from reports.staleness import CURRENT, STALE, UNKNOWN, cautions, other_code, state
 
 BENCHMARK = '"""A benchmark."""\nfrom eitsim import law  # the law\nfrom conditions import quick\n\nprint(law.TWO)\n'
 LAW = '"""A law."""\nTWO = 2\n'
@@ -55,3 +56,10 @@ def test_old_code_old_versions_and_no_record_are_told_apart(folder: Path) -> Non
     stale, unknown = cautions(states)
     assert "1.csv, 2.csv, 3.csv." in stale
     assert unknown.endswith("4.csv.")
+
+
+def test_sweeps_of_other_code_are_told_from_those_of_this() -> None:
+    here, before = {"code": key_of({})}, {"code": "0" * 64}
+    assert [other_code(one) for one in ({}, here, here | {"earlier_code": []})] == [""] * 3
+    for manifest in (before, here | {"earlier_code": [before]}):
+        assert other_code(manifest) == "other code or libraries than are here solved its rows"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ import pandas as pd
 from eitsim import dataset
 from eitsim.sweep_omissions import LEFT_OUT, Omission
 from eitsim.sweep_runs import RUNS, Run
+from reports import simulation
 from reports.sweep import report
 
 
@@ -53,3 +55,13 @@ def test_runs_and_omissions_are_told(write_set: Callable[..., Path]) -> None:
 def test_older_sets_have_their_whole_cost_in_one_stage(write_set: Callable[..., Path]) -> None:
     made = report(write_set(8))
     assert [row[:2] for row in made.tables["stages"].rows] == [["planning and the rest of rows", "8"]]
+
+
+def test_rows_of_other_code_are_marked(write_set: Callable[..., Path], tmp_path: Path,
+                                       read_pdf: Callable[[Path], Any]) -> None:
+    folder = write_set(8)
+    assert not report(folder).cautions
+    dataset.write_manifest(folder, {**dataset.read_manifest(folder), "code": "0" * 64})
+    simulation.write(folder, tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "Stale: other code or libraries than are here solved its rows." in text
