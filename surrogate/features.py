@@ -72,5 +72,14 @@ def carried(directions: Directions, signal_V: Array, slope: Array, noise_V: floa
     features."""
     if noise_V == 0:
         return np.zeros(slope.shape[:2])
-    by_signal = slope @ feature_slopes(directions, signal_V)
-    return noise_V**2 * np.sum(by_signal**2, axis=2)
+    return noise_V**2 * np.sum(by_signal(directions, signal_V, slope) ** 2, axis=2)
+
+
+def by_signal(directions: Directions, signal_V: Array, slope: Array) -> Array:
+    """(n, outputs, readings) derivatives by the signal, per V, of outputs with slopes (n, outputs, k + 1) by the
+    features: the slopes times `feature_slopes`, which need not be there whole."""
+    size = np.linalg.norm(signal_V, axis=1)[:, None]
+    unit = signal_V / size
+    along, by_size = slope[..., :-1], slope[..., -1]
+    radial = by_size / directions.log_sd - np.einsum("nok,nk->no", along, unit @ directions.axes.T)
+    return (along @ directions.axes + radial[..., None] * unit[:, None, :]) / size[..., None]

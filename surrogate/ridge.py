@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.estimate import Estimate
-from surrogate.features import Directions, feature_slopes, features, learn_directions
+from surrogate.features import Directions, carried, features, learn_directions
 
 Array = NDArray[np.float64]
 
@@ -16,42 +17,59 @@ COMPONENTS = (4, 6, 8, 11, 15, 20, 27, 36)
 PENALTIES = np.logspace(-8, 3, 34)
 
 
-@dataclass(frozen=True)
-class Line:
-    """One output as a linear function of the centred products."""
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Some outputs as linear functions of the same centred products."""
 
     directions: Directions
     # (m,) mean of each product, and its standard deviation
     mean: Array
     sd: Array
-    # (m,) coefficients, and their offset
-    coefficients: Array
-    offset: float
-    # (m, r) axes of the coefficients' covariance times their standard deviations, and the variance outside them
+    # (r, m) principal axes of the products
     axes: Array
-    prior_variance: float
-    # variance of the residual by leave-one-out
-    noise: float
+    # (k,) which outputs these are
+    columns: NDArray[np.int64]
+    # (k, m) coefficients, and (k,) their offsets
+    coefficients: Array
+    offset: Array
+    # (k,) variance of the coefficients before the rows were seen, and (k, r) what these took of it along each axis
+    prior_variance: Array
+    taken: Array
+    # (k,) variance of the residual by leave-one-out
+    noise: Array
 
 
 @dataclass(frozen=True)
 class Ridge:
-    """One line an output."""
+    """Every output on the products that suit it."""
 
-    lines: tuple[Line, ...]
+    lines: tuple[Lines, ...]
+
+    @property
+    def sizes(self) -> list[dict[str, int]]:
+        """Components and products of each output."""
+        found = {int(column): {"components": len(one.directions.axes), "products": len(one.mean)}
+                 for one in self.lines for column in one.columns}
+        return [found[column] for column in sorted(found)]
 
 
 def learn(signal_V: Array, target: Array) -> Ridge:
     """Fit signals (n, readings) to targets (n, outputs); components and penalty by leave-one-out error, each output."""
     bases = [_basis(signal_V, k) for k in COMPONENTS if k < len(signal_V)]
-    return Ridge(tuple(_line(bases, y) for y in target.T))
+    errors = np.array([[[_leave_one_out(basis, y, penalty) for penalty in PENALTIES] for basis in bases]
+                       for y in target.T])
+    which = errors.min(axis=2).argmin(axis=1)
+    return Ridge(tuple(_lines(basis, target, np.flatnonzero(which == k), errors[:, k])
+                       for k, basis in enumerate(bases) if np.any(which == k)))
 
 
 def estimate(ridge: Ridge, signal_V: Array, noise_V: float) -> Estimate:
     """Outputs of signals (n, readings) under white noise."""
-    found = [_predict(line, signal_V, noise_V) for line in ridge.lines]
-    return Estimate(np.column_stack([value for value, _ in found]), np.sqrt(np.column_stack([v for _, v in found])),
-                    np.ones(len(signal_V)), np.ones(len(signal_V), bool))
+    outputs = sum(len(one.columns) for one in ridge.lines)
+    value, variance = np.empty((len(signal_V), outputs)), np.empty((len(signal_V), outputs))
+    for one in ridge.lines:
+        value[:, one.columns], variance[:, one.columns] = _predict(one, signal_V, noise_V)
+    return Estimate(value, np.sqrt(variance), np.ones(len(signal_V)), np.ones(len(signal_V), bool))
 
 
 @dataclass(frozen=True)
@@ -65,19 +83,24 @@ class _Basis:
     right: Array
 
 
+@lru_cache(maxsize=len(COMPONENTS))
+def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.triu_indices(count)
+
+
 def _products(f: Array) -> Array:
-    i, j = np.triu_indices(f.shape[1])
+    i, j = _pairs(f.shape[1])
     return np.column_stack([f, f[:, i] * f[:, j]])
 
 
-def _slope(line: Line, f: Array) -> Array:
-    """(n, k + 1) derivative of the line by its features."""
+def _slopes(lines: Lines, f: Array) -> Array:
+    """(n, outputs, features) derivatives of the lines by the features f (n, features)."""
     q = f.shape[1]
-    i, j = np.triu_indices(q)
-    weight = line.coefficients / line.sd
-    second = np.zeros((q, q))
-    np.add.at(second, (i, j), weight[q:])
-    return weight[:q] + f @ (second + second.T)
+    weight = lines.coefficients / lines.sd
+    second = np.zeros((len(weight), q, q))
+    second[:, *_pairs(q)] = weight[:, q:]
+    both = (second + second.transpose(0, 2, 1)).transpose(1, 0, 2).reshape(q, -1)
+    return weight[:, :q] + (f @ both).reshape(len(f), len(weight), q)
 
 
 def _basis(signal_V: Array, components: int) -> _Basis:
@@ -88,16 +111,15 @@ def _basis(signal_V: Array, components: int) -> _Basis:
     return _Basis(directions, mean, sd, left, singular, right)
 
 
-def _line(bases: list[_Basis], y: Array) -> Line:
-    errors = np.array([[_leave_one_out(basis, y, penalty) for penalty in PENALTIES] for basis in bases])
-    which, penalty_index = np.unravel_index(np.argmin(errors), errors.shape)
-    basis, penalty = bases[which], PENALTIES[penalty_index] * len(y)
-    noise = float(errors[which, penalty_index])
-    shrunk = basis.singular / (basis.singular**2 + penalty)
-    coefficients = basis.right.T @ (shrunk * (basis.left.T @ (y - y.mean())))
-    saved = 1 / penalty - 1 / (basis.singular**2 + penalty)
-    return Line(basis.directions, basis.mean, basis.sd, coefficients, float(y.mean()),
-                basis.right.T * np.sqrt(noise * saved), noise / penalty, noise)
+def _lines(basis: _Basis, target: Array, columns: NDArray[np.intp], errors: Array) -> Lines:
+    """Lines of the outputs of these columns; errors: (outputs, penalties) by leaving one out."""
+    best = errors[columns].argmin(axis=1)
+    noise, penalty = errors[columns, best], PENALTIES[best] * len(target)
+    y = target[:, columns]
+    kept = basis.singular**2 + penalty[:, None]
+    coefficients = (basis.singular / kept * (basis.left.T @ (y - y.mean(0))).T) @ basis.right
+    return Lines(basis.directions, basis.mean, basis.sd, basis.right, columns.astype(np.int64), coefficients, y.mean(0),
+                 noise / penalty, noise[:, None] * (1 / penalty[:, None] - 1 / kept), noise)
 
 
 def _leave_one_out(basis: _Basis, y: Array, penalty: float) -> float:
@@ -109,13 +131,13 @@ def _leave_one_out(basis: _Basis, y: Array, penalty: float) -> float:
     return float(np.mean(((centred - fitted) / (1 - leverage)) ** 2))
 
 
-def _predict(line: Line, signal_V: Array, noise_V: float) -> tuple[Array, Array]:
-    f = features(line.directions, signal_V)
-    products = (_products(f) - line.mean) / line.sd
-    value = line.offset + products @ line.coefficients
-    explained = line.prior_variance * np.sum(products**2, axis=1) - np.sum((products @ line.axes) ** 2, axis=1)
-    variance = line.noise + np.maximum(explained, 0.0)
+def _predict(lines: Lines, signal_V: Array, noise_V: float) -> tuple[Array, Array]:
+    """(n, k) values and variances."""
+    f = features(lines.directions, signal_V)
+    products = (_products(f) - lines.mean) / lines.sd
+    along = products @ lines.axes.T
+    left = np.sum(products**2, axis=1)[:, None] * lines.prior_variance - along**2 @ lines.taken.T
+    variance = lines.noise + np.maximum(left, 0.0)
     if noise_V > 0:
-        by_signal = np.einsum("nq,nqk->nk", _slope(line, f), feature_slopes(line.directions, signal_V))
-        variance = variance + noise_V**2 * np.sum(by_signal**2, axis=1)
-    return value, variance
+        variance = variance + carried(lines.directions, signal_V, _slopes(lines, f), noise_V)
+    return lines.offset + products @ lines.coefficients.T, variance

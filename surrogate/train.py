@@ -130,8 +130,7 @@ def _learn(training: Samples, method: str, names: tuple[str, ...], chosen: list[
             from surrogate import ridge
 
             lines = ridge.learn(signal, target)
-            return lines, {name: {"components": len(line.directions.axes), "products": len(line.mean)}
-                           for name, line in zip(names, lines.lines, strict=True)}
+            return lines, dict(zip(names, lines.sizes, strict=True))
         case _:
             from surrogate import feature_process
 

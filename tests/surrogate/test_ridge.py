@@ -28,6 +28,8 @@ def test_feature_slopes_equal_finite_differences(synthetic: Synthetic) -> None:
         move = h * np.eye(208)[k]
         change = features.features(directions, signal[:2] + move) - features.features(directions, signal[:2] - move)
         assert np.allclose(slopes[..., k], change / (2 * h), rtol=1e-5, atol=1e-5 * np.abs(slopes).max())
+    by = np.random.default_rng(0).normal(size=(2, 3, 7))
+    assert np.allclose(features.by_signal(directions, signal[:2], by), by @ slopes, rtol=1e-9)
 
 
 def test_an_untouched_frame_has_no_features(synthetic: Synthetic) -> None:
