@@ -27,7 +27,7 @@ NAMES = {"T1": "Table 1", "C": "Open choices"}
 ELSEWHERE = "Figure 2 is a photograph of the test set-up and has no counterpart here."
 # figures 1 and 3 to 19
 FIGURES = 18
-RECORDED = ("cpu_s", "wall_s", "machine", "date", "key", "results")
+RECORDED = ("cpu_s", "wall_s", "machine", "date", "key", "code", "results")
 
 
 def make(run: Run, work: Path, say: Callable[[str], None] = print) -> None:
@@ -138,14 +138,25 @@ def _full_words(run: Run, full: pd.DataFrame | None) -> str:
     if full is None or not FULL_STAGES.is_file():
         return "The numbers of a run at full size are not there."
     rows = pd.read_csv(FULL_STAGES)
-    stale_ones = rows.loc[rows["state"] == "stale", "stage"].tolist()
-    marked = (f" Of it, {', '.join(stale_ones)} was made by other code or another card than the rest." if stale_ones
-              else "")
+    marked = _other_code(run, rows)
     scenes = full.loc[(full["figure"] == "12") & (full["quantity"] == "scenes"), "value"]
     count = f" of {scenes.iloc[0]:.0f} scenes" if len(scenes) else ""
     return (f"Columns “full run” hold the committed numbers of a run at full size{count}, made "
             f"{', '.join(sorted(set(rows['date'].dropna())))} on {', '.join(sorted(set(rows['machine'].dropna())))}."
             f"{marked}")
+
+
+def _other_code(run: Run, rows: pd.DataFrame) -> str:
+    """Which stages of the run at full size were made by other code than is here, or do not tell, in words."""
+    mixed = rows.loc[rows["state"] == "stale", "stage"].tolist()
+    told = [f" Of it, {', '.join(mixed)} was made by other code or another card than the rest."] if mixed else []
+    codes = rows["code"] if "code" in rows else pd.Series(index=rows.index, dtype=object)
+    here = rows["stage"].map({name: stage.code for name, stage in run.stages.items()})
+    if old := rows.loc[here.notna() & codes.notna() & (codes != here), "stage"].tolist():
+        told.append(f" Stale, made by other code than is here: {', '.join(old)}.")
+    if unknown := rows.loc[here.notna() & codes.isna(), "stage"].tolist():
+        told.append(f" Not known to be of this code, since their record does not tell: {', '.join(unknown)}.")
+    return "".join(told)
 
 
 def stage_table(run: Run) -> pd.DataFrame:

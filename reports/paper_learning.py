@@ -86,8 +86,10 @@ def _scored(figure: str, names: tuple[str, ...], predictions: pd.DataFrame,
     for method, outputs in scores.items():
         for name in names:
             numbers += _numbers(name, outputs[name], method)
-    plates = tuple(renamed(parity.plate(name, parity.points(predictions, name), networks[name]),
-                           f"figure_{figure}{'ab'[k] if len(names) > 1 else ''}") for k, name in enumerate(names))
+    drawn = [parity.plate(name, parity.points(predictions, name), networks[name], f" by the {METHODS[NETWORKS]}")
+             for name in names]
+    plates = tuple(renamed(plate, f"figure_{figure}{'ab'[k] if len(names) > 1 else ''}")
+                   for k, plate in enumerate(drawn))
     title = " and ".join(parity.label(name).lower() for name in names)
     return Section(figure, f"{title}, predicted against target", _says(figure, names),
                    OPEN.get(figure, "MSE is in the unit squared, which the caption's unit is not."),

@@ -183,4 +183,4 @@ def _convergence_caption(found: Mapping[tuple[str, int], Course]) -> str:
         told.append(f"{COURSES[column][0]}, {ORDERS[order]}: {how}, "
                     f"{percent(own.error[-1] / abs(own.value[-1]))} at the finest")
     return ("Convergence with elements that halve from mesh to mesh; bars are Richardson's estimates of the error, "
-            f"none at the first mesh. {'; '.join(told)}.")
+            f"none at the first mesh: {'; '.join(told)}.")

@@ -118,7 +118,7 @@ def made(stage: Stage) -> bool:
     _prepare(stage, now)
     began, before = time.perf_counter(), _child_cpu_s()
     _run(stage)
-    write_json({"name": stage.name, "key": now, "results": content(stage.folder).sha256,
+    write_json({"name": stage.name, "key": now, "code": stage.code, "results": content(stage.folder).sha256,
                 "cpu_s": _child_cpu_s() - before, "wall_s": time.perf_counter() - began, "machine": machine(),
                 "date": datetime.now(UTC).date().isoformat()}, stage.folder / RECORD)
     return True

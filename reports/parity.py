@@ -40,8 +40,9 @@ def points(predictions: pd.DataFrame, name: str) -> pd.DataFrame:
     return pd.DataFrame(predictions.loc[predictions["output"] == name])
 
 
-def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
-    """Value over target of one output with its 90 % intervals; `parts` are its scores."""
+def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "") -> Plate:
+    """Value over target of one output with its 90 % intervals; `parts` are its scores, `by` may say what predicted it,
+    as " by the networks"."""
     title, sign = label(name), unit(parts)
     shown = [part for part in ("train", "test") if part in parts] or list(parts)
     figure = style.sheet(66, 83 * len(shown) if len(shown) < 3 else style.TEXT_WIDTH_MM)
@@ -54,7 +55,7 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> Plate:
         style.label(axes, f"{title}, target ({sign})", "", TITLES.get(part, part))
     style.label(panels[0], f"{title}, target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
-    return Plate(f"parity_{name}", figure, _caption(title, sign, shown, parts),
+    return Plate(f"parity_{name}", figure, _caption(f"{title}, predicted{by}", sign, shown, parts),
                  {f"parity_{name}": rows.filter(items=kept)})
 
 
@@ -70,7 +71,7 @@ def _scatter(axes: Axes, drawn: np.ndarray, ends: Sequence[float]) -> None:
     axes.plot(target, value, "o", ms=2 if target.size <= BARS else 1.4, color=style.ACCENT, mew=0, zorder=3)
 
 
-def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) -> str:
+def _caption(predicted: str, sign: str, shown: list[str], parts: Mapping[str, Any]) -> str:
     told = []
     for part in shown:
         score = parts[part]
@@ -78,7 +79,7 @@ def _caption(title: str, sign: str, shown: list[str], parts: Mapping[str, Any]) 
         told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
     last, most = parts[shown[-1]], max(parts[part]["n"] for part in shown)
     drawn = "bars, cut at the frame" if most <= BARS else f"bars of at most {BARS} rows a panel, cut at the frame"
-    return (f"{title}, predicted against target: {'; '.join(told)}. The 90 % intervals ({drawn}) hold "
+    return (f"{predicted} against target: {'; '.join(told)}. The 90 % intervals ({drawn}) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 
 

@@ -155,6 +155,16 @@ def test_committed_numbers_of_the_full_run_answer_all_that_the_paper_states() ->
     assert set(zip(asked["figure"], asked["quantity"], asked["unit"], strict=True)) <= known
 
 
+def test_full_numbers_of_other_code_are_told(run: Run) -> None:
+    here = {"stage": "forward", "state": "current", "code": run.stages["forward"].code}
+    rows = [here, here | {"stage": "networks", "code": "0" * 64}, here | {"stage": "touch", "code": None},
+            {"stage": "sweep", "state": "stale", "code": None}]
+    assert paper._other_code(run, pd.DataFrame(rows[:1])) == ""
+    assert paper._other_code(run, pd.DataFrame(rows)) == (
+        " Of it, sweep was made by other code or another card than the rest. Stale, made by other code than is here: "
+        "networks. Not known to be of this code, since their record does not tell: touch, sweep.")
+
+
 def test_a_comparison_sets_paper_run_and_full_run_side_by_side() -> None:
     section = Section("10", "", "", "", "", (), numbers=(Number("drive current", "mA", 4.0),))
     full = pd.DataFrame({"figure": ["10"], "quantity": ["drive current"], "unit": ["mA"], "method": [""],
