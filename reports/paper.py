@@ -151,7 +151,8 @@ def _other_code(run: Run, rows: pd.DataFrame) -> str:
     mixed = rows.loc[rows["state"] == "stale", "stage"].tolist()
     told = [f" Of it, {', '.join(mixed)} was made by other code or another card than the rest."] if mixed else []
     codes = rows["code"] if "code" in rows else pd.Series(index=rows.index, dtype=object)
-    here = rows["stage"].map({name: stage.code for name, stage in run.stages.items()})
+    code_of = {name: stage.code for name, stage in run.stages.items()}
+    here = pd.Series([code_of.get(name) for name in rows["stage"]], index=rows.index, dtype=object)
     if old := rows.loc[here.notna() & codes.notna() & (codes != here), "stage"].tolist():
         told.append(f" Stale, made by other code than is here: {', '.join(old)}.")
     if unknown := rows.loc[here.notna() & codes.isna(), "stage"].tolist():
