@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from matcal.errors import TestFileError
-from reports import noise_plates, parity, provenance, surrogate_tables, training_plates
+from reports import limit_plates, noise_plates, parity, provenance, surrogate_tables, training_plates
 from reports.numerals import counted, number, percent, r_squared
 from reports.page import Plate, Report, write_pdf
 from reports.style import house
@@ -55,6 +55,9 @@ def report(model_dir: Path) -> Report:
     plates += _history(model_dir, model)
     tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
     absent = {}
+    if (found := limit_file.read_map(model_dir)) is not None:
+        sources.append(provenance.source(model_dir / limit_file.MAP))
+        plates += limit_plates.plates(found)
     if evaluation["noise"]:
         tables["noise"] = surrogate_tables.noise(scores, evaluation["noise"], limits)
         plates.append(noise_plates.plate(scores, evaluation["noise"], limits))

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from matcal.terminal import JsonOption, check_apart, check_out, counter, numbers, print_json
+
+if TYPE_CHECKING:
+    from eitsim.scene import Scene
+    from matcal.card import MaterialCard
+    from surrogate.limit_material import MaterialSpread
 
 
 def limit(card: Annotated[Path, typer.Argument(metavar="CARD", help="Card of the foam and the skin.")],
@@ -21,29 +26,39 @@ def limit(card: Annotated[Path, typer.Argument(metavar="CARD", help="Card of the
                                                                     "too.")] = False,
           rim: Annotated[bool, typer.Option("--rim", help="Of one touch: count what the rim changes of the "
                                                           "mechanics.")] = False,
-          out: Annotated[Path | None, typer.Option(help="CSV to write.")] = None, as_json: JsonOption = False) -> None:
+          over_disc: Annotated[bool, typer.Option("--map", help="Of one touch: the limit of its punch anywhere on the "
+                                                                "disc, in some 50 CPU seconds.")] = False,
+          out: Annotated[Path | None, typer.Option(help="CSV to write; as MODEL_DIR/limits.csv (of a data set) or "
+                                                        "limit_map.csv (of a map) reports show it.")] = None,
+          as_json: JsonOption = False) -> None:
     """Tell the physical limit of x0, y0, d and F under noise; of a data set that of the mechanical outputs, too.
 
-    Example: surrogate limit card.json --data sweep --noise-db 80,60 --material
+    Example: surrogate limit card.json --data sweep --noise-db 80,60 --material --out model/limits.csv
     """
     import pandas as pd
 
     if (data is None) == (scene is None):
         raise ValueError("give either --data DIR, for the least error over its touches, or --scene FILE, for the limit "
                          "at one touch.")
-    if rim and scene is None:
-        raise ValueError("--rim is for one touch; give --scene, or leave it out.")
+    for given, name in ((rim, "--rim"), (over_disc, "--map")):
+        if given and scene is None:
+            raise ValueError(f"{name} is for one touch; give --scene, or leave it out.")
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [card, *([scene] if scene is not None else [])])
     levels = numbers(noise_db, "--noise-db", "80,60")
-    rows = _of_data(data, card, levels, material) if data is not None else _of_scene(scene, card, levels, material, rim)
+    if data is not None:
+        rows, title = _of_data(data, card, levels, material), "least RMS error over the prior"
+    elif over_disc:
+        rows, title = _of_map(scene, card, levels, material, rim), "standard deviation over the disc"
+    else:
+        rows, title = _of_scene(scene, card, levels, material, rim), "standard deviation at this touch"
     if out is not None:
         pd.DataFrame(rows).to_csv(out, index=False, float_format="%.6g")
     if as_json:
         print_json({"card": card, "limits": rows})
     else:
-        _print(rows, "least RMS error over the prior" if data is not None else "standard deviation at this touch")
+        _print(_ends(rows) if over_disc else rows, title)
         if out is not None:
             print(f"limits: {out}")
 
@@ -61,18 +76,49 @@ def _of_data(folder: Path, card: Path, levels: list[float], material: bool) -> l
 
 def _of_scene(path: Path | None, card_path: Path, levels: list[float], material: bool, rim: bool
               ) -> list[dict[str, Any]]:
-    from eitsim.scene import read_scene
-    from matcal.card import read_card
-    from surrogate.limit_material import known_material, spread_of
     from surrogate.limit_slopes import derivatives_of
     from surrogate.limit_touch import limits_of
 
-    assert path is not None
-    card = read_card(card_path)
-    found = derivatives_of(read_scene(path), card, rim=rim)
-    spreads = {"known": known_material()} | ({"posterior": spread_of(card, card_path)} if material else {})
+    scene, card, spreads = _touch(path, card_path, material)
+    found = derivatives_of(scene, card, rim=rim)
     return [row for level in levels for which, spread in spreads.items()
             for row in limits_of(found, spread, level, which)]
+
+
+def _of_map(path: Path | None, card_path: Path, levels: list[float], material: bool, rim: bool
+            ) -> list[dict[str, Any]]:
+    from surrogate.limit_map import over_disc
+
+    return over_disc(*_touch(path, card_path, material), levels, rim=rim, each=_counted).to_dict("records")
+
+
+def _touch(path: Path | None, card_path: Path, material: bool
+           ) -> tuple[Scene, MaterialCard, dict[str, MaterialSpread]]:
+    """A scene, its card, and what is open of the material."""
+    from eitsim.scene import read_scene
+    from matcal.card import read_card
+    from surrogate.limit_material import known_material, spread_of
+
+    assert path is not None
+    card = read_card(card_path)
+    spreads = {"known": known_material()} | ({"posterior": spread_of(card, card_path)} if material else {})
+    return read_scene(path), card, spreads
+
+
+def _ends(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Of a map the value at the centre, its first row, the least and the largest, as rows that can be printed."""
+    from surrogate import outputs
+
+    found = []
+    for level, material in dict.fromkeys((row["noise_db"], row["material"]) for row in rows):
+        part = [row for row in rows if (row["noise_db"], row["material"]) == (level, material)]
+        for name in outputs.NAMES[:outputs.TOUCH]:
+            unit = outputs.of(name).unit
+            each = [row[f"sd_{name}_{unit}"] for row in part]
+            found += [{"noise_db": level, "material": material, "output": f"{name}, {word}", "unit": unit,
+                       "limit": value} for word, value in (("centre", each[0]), ("least", min(each)),
+                                                           ("largest", max(each)))]
+    return found
 
 
 def _counted(items: Iterable[int]) -> Iterator[int]:

@@ -1,8 +1,9 @@
-"""limits.csv beside a model: the least errors that any reading of its data set can reach, under noise."""
+"""Files of `surrogate limit` beside a model: the least errors that any reading of its data set can reach under noise,
+and standard deviations over the disc."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,9 @@ import pandas as pd
 
 from matcal.errors import TestFileError
 
-LIMITS = "limits.csv"
+LIMITS, MAP = "limits.csv", "limit_map.csv"
 COLUMNS = ("dataset", "noise_db", "material", "output", "limit")
+MAP_COLUMNS = ("noise_db", "material", "x_mm", "y_mm", "d_mm", "F_N", "sd_x0_mm", "sd_y0_mm", "sd_d_mm", "sd_F_N")
 # what `surrogate limit` calls the material, and what the least errors are called for it
 MATERIALS = {"known": "least possible, material known", "posterior": "least possible, material uncertain"}
 
@@ -19,14 +21,22 @@ MATERIALS = {"known": "least possible, material known", "posterior": "least poss
 def read_limits(model_dir: Path) -> pd.DataFrame | None:
     """What `surrogate limit --data DIR --out MODEL_DIR/limits.csv` wrote, one row a level, material and output; None
     where it is not there, TestFileError where it lacks a column."""
-    path = model_dir / LIMITS
+    return _read(model_dir / LIMITS, COLUMNS, f"--data DIR --out {LIMITS}")
+
+
+def read_map(model_dir: Path) -> pd.DataFrame | None:
+    """What `surrogate limit --scene FILE --map --out MODEL_DIR/limit_map.csv` wrote, one row a level, material and
+    place, as read_limits."""
+    return _read(model_dir / MAP, MAP_COLUMNS, f"--scene FILE --map --out {MAP}")
+
+
+def _read(path: Path, columns: Sequence[str], options: str) -> pd.DataFrame | None:
     if not path.is_file():
         return None
-    limits = pd.read_csv(path)
-    if missing := [name for name in COLUMNS if name not in limits.columns]:
-        raise TestFileError(path, f"column {missing[0]} is missing; write it with `surrogate limit CARD --data DIR "
-                                  f"--out {LIMITS}`.")
-    return limits
+    table = pd.read_csv(path)
+    if missing := [name for name in columns if name not in table.columns]:
+        raise TestFileError(path, f"column {missing[0]} is missing; write it with `surrogate limit CARD {options}`.")
+    return table
 
 
 def of_dataset(limits: pd.DataFrame | None, scores: Mapping[str, Any]) -> pd.DataFrame | None:

@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection
 
 from matcal.errors import TestFileError
 from reports import parity
-from reports.surrogates import write
+from reports.surrogates import report, write
 from surrogate.metrics import score
 
 Reader = Callable[[Path], Any]
@@ -109,11 +109,30 @@ def test_the_floor_of_the_physics_stands_beside_the_errors_under_noise(tmp_path:
     assert "1.23" in text
     assert "1.50 to 2.44 times as large (most: position x at 60.0 dB)" in text
     limits.assign(dataset="00" * 32).to_csv(tmp_path / "model" / "limits.csv", index=False)
-    write(tmp_path / "model", tmp_path / "s.pdf")
-    assert "limits.csv is of another data set" in read_pdf(tmp_path / "s.pdf").whole
+    assert "limits.csv is of another data set" in str(report(tmp_path / "model").prose["limits"])
     limits.drop(columns="limit").to_csv(tmp_path / "model" / "limits.csv", index=False)
     with pytest.raises(TestFileError, match="column limit is missing"):
-        write(tmp_path / "model", tmp_path / "s.pdf")
+        report(tmp_path / "model")
+
+
+def test_maps_of_the_limit_are_drawn_by_level(tmp_path: Path, read_pdf: Reader) -> None:
+    """Made-up maps: the force is known best near the rim."""
+    write_model(tmp_path / "model")
+    angle = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    x, y = (np.r_[0.0, 50 * f(angle), 93 * f(angle)] for f in (np.cos, np.sin))
+    sd = 0.2 - 0.0015 * np.hypot(x, y)
+    rows = [pd.DataFrame({"noise_db": level, "material": material, "x_mm": x, "y_mm": y, "d_mm": 14.0, "F_N": 1.0,
+                          "sd_x0_mm": 2 * sd * k, "sd_y0_mm": 2 * sd * k, "sd_d_mm": 9 * sd * k, "sd_F_N": sd * k})
+            for level, k in ((60.0, 1.0), (80.0, 0.1)) for material in ("known", "posterior")]
+    pd.concat(rows).to_csv(tmp_path / "model" / "limit_map.csv", index=False)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    for words in ("noise 60.0 dB below", "a punch of 14.0 mm under 1.00 N", "force 0.200 and 0.0605 N"):
+        assert words in text
+    assert len(pd.read_csv(tmp_path / "s_files" / "limit_map_80dB.csv")) == 2 * len(x)
+    rows[0].drop(columns="sd_F_N").to_csv(tmp_path / "model" / "limit_map.csv", index=False)
+    with pytest.raises(TestFileError, match="column sd_F_N is missing"):
+        report(tmp_path / "model")
 
 
 def test_the_training_of_networks_is_drawn(tmp_path: Path, read_pdf: Reader) -> None:
@@ -121,7 +140,8 @@ def test_the_training_of_networks_is_drawn(tmp_path: Path, read_pdf: Reader) -> 
     write_model(tmp_path / "model")
     step = np.arange(1.0, 21.0)
     history = np.column_stack([28 / step**2, step, 30 - step, 0.1 * step, step**2])
-    np.savez(tmp_path / "model" / "arrays.npz", **{f"learner.networks.trainings.{i}.history": history for i in (0, 1)})
+    arrays = {f"learner.networks.trainings.{i}.history": history for i in (0, 1)}
+    np.savez(tmp_path / "model" / "arrays.npz", allow_pickle=False, **arrays)
     description = json.loads((tmp_path / "model" / "model.json").read_text())
     description["outputs"] = [{"name": name, "unit": unit} for name, unit in UNITS.items()]
     (tmp_path / "model" / "model.json").write_text(json.dumps(description))

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from eitsim.electrodes import Electrodes
 from eitsim.materials import Cards
+from eitsim.scene import Punch, Scene
 from matcal.card import MaterialCard
 from matcal.conductivity import Conductivity
 from matcal.draws import Draws
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import nominal_stress
-from surrogate import multipole
+from surrogate import limit_map, multipole
 from surrogate.limit import Prior, Slopes, correlation, information, local_covariance
 from surrogate.limit_field import domain, least_error
 from surrogate.limit_material import MaterialSpread, known_material, spread_over
 from surrogate.limit_set import least_rms
+from surrogate.limit_slopes import Derivatives
 from surrogate.limit_table import SlopeTable, at_pressure, derivatives_at
+from surrogate.limit_touch import covariance_at
 from surrogate.ring import Ring
 
 Array = NDArray[np.float64]
@@ -187,3 +193,27 @@ def test_draws_whose_stresses_agree_leave_little_open_however_far_their_moduli_l
     naive = np.sqrt(slope @ np.cov(np.hstack([mu, alpha]).T) @ slope)
     assert told == pytest.approx(np.std(exact, ddof=1), rel=0.1)
     assert naive > 2 * told
+
+
+def test_a_map_turns_with_the_ring(ring: Ring, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every place of the map has the limit of a touch there, of synthetic readings."""
+    def derivatives(x_mm: float, y_mm: float, punch: Punch) -> Derivatives:
+        touch = np.array([[x_mm, y_mm, punch.diameter_m * 1e3, punch.force_N]])
+        return Derivatives(("x_mm", "y_mm", "d_mm", "F_N"), by_touch(ring, touch)[0], np.ones(208))
+
+    def of_scene(scene: Scene, card: MaterialCard, *, rim: bool) -> Derivatives:
+        (punch,) = scene.punches
+        return derivatives(punch.x_m * 1e3, punch.y_m * 1e3, punch)
+
+    monkeypatch.setattr(limit_map, "derivatives_of", of_scene)
+    scene = replace(Scene(), punches=(Punch(force_N=0.5),))
+    card = MaterialCard("synthetic", None, None, None)
+    found = limit_map.over_disc(scene, card, {"known": known_material()}, [80.0])
+    assert len(found) == 1 + 16 * 4 * limit_map.RADII
+    for _, row in found.iloc[::37].iterrows():
+        here = derivatives(row["x_mm"], row["y_mm"], scene.punches[0])
+        own = np.sqrt(np.diag(covariance_at(here, known_material(), 80.0)))
+        assert row[["sd_x0_mm", "sd_y0_mm", "sd_d_mm", "sd_F_N"]].to_numpy(float) == pytest.approx(own, rel=1e-5)
+    assert np.hypot(found["x_mm"], found["y_mm"]).max() == pytest.approx(93.0)
+    with pytest.raises(ValueError, match="does not look the same"):
+        limit_map.places(replace(scene, electrodes=Electrodes(width_m=(0.01, *[0.02] * 15))))
