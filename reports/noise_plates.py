@@ -14,6 +14,8 @@ from reports.page import Plate
 from surrogate.limit_file import MATERIALS, floor
 
 NAME = "noise"
+# least span of a panel, upper over lower end
+NARROW = 1.2
 # how the least error is drawn, by what `surrogate limit` calls the material
 DASHES = {"known": "--", "posterior": ":"}
 
@@ -47,13 +49,20 @@ def _panel(axes: Axes, output: str, parts: Mapping[str, Any], measured: list[tup
             axes.plot(*zip(*sorted(least.items()), strict=True), DASHES[material], marker="s", color=style.SECOND,
                       label=words)
     axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    if high < NARROW * low:
+        axes.set_ylim((low * high / NARROW) ** 0.5, (low * high * NARROW) ** 0.5)
     style.plain_log(axes.yaxis)
     axes.invert_xaxis()
     style.label(axes, "Noise below baseline (dB)", f"RMSE ({parity.unit(parts)})", parity.label(output))
 
 
 def _caption(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None) -> str:
-    said = f"RMSE of unseen rows under {counted(len(levels), 'level')} of white noise, by output."
+    loudest = min(levels, key=lambda level: level["db_below_baseline"])
+    grown = _grown(by_output, loudest)
+    said = (f"RMSE of unseen rows under {counted(len(levels), 'level')} of white noise, by output: at "
+            f"{number(loudest['db_below_baseline'])} dB {number(min(grown))} to {number(max(grown))} times that "
+            "without noise.")
     ratios = {}
     for output, parts in by_output.items():
         for level in levels:
@@ -67,3 +76,9 @@ def _caption(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], 
     return (f"{said} Against the least that any method can reach with a known material, the error is "
             f"{number(min(ratios.values()))} to {number(most)} times as large (most: {parity.label(output).lower()} at "
             f"{number(level)} dB).")
+
+
+def _grown(by_output: Mapping[str, Any], level: Mapping[str, Any]) -> list[float]:
+    """RMSE under a level of noise over that without, by output."""
+    unseen = {output: parity.unseen(parts) for output, parts in by_output.items()}
+    return [level["outputs"][output][part]["rmse"] / by_output[output][part]["rmse"] for output, part in unseen.items()]

@@ -18,6 +18,8 @@ from reports.touch_plates import sensor
 
 # a histogram of values that span more than this has a logarithmic axis
 SPREAD = 100
+# least area of a mark that must be seen among thousands, points squared
+LEAST_CROSS = 14.0
 # columns of a data set, each (scenes,) numbers
 Columns = Mapping[str, Array]
 
@@ -45,9 +47,10 @@ def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any
                         zorder=3, label="ok")
     lost = failed["x_mm"].size
     if lost:
-        axes.scatter(failed["x_mm"], failed["y_mm"], marker="x", color=style.SECOND, s=size, lw=0.7, zorder=3,
-                     label="another outcome")
-        axes.legend(loc="upper left", bbox_to_anchor=(0, 1.09), ncols=2)
+        axes.scatter(failed["x_mm"], failed["y_mm"], marker="x", color=style.SECOND, s=max(size, LEAST_CROSS), lw=0.9,
+                     zorder=4, label="another outcome")
+        for dot in axes.legend(loc="upper left", bbox_to_anchor=(0, 1.12), ncols=2).legend_handles:
+            dot.set_sizes([LEAST_CROSS])  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]
     bar = figure.colorbar(dots, ax=axes, label=f"RMS of the signal ΔV ({unit})", shrink=0.85)
     if isinstance(norm, LogNorm):
         style.plain_log(bar.ax.yaxis)
