@@ -1,64 +1,133 @@
 """Errors of the inversion on unseen touches, any diameter allowed, over the least that white noise allows.
 
-RMSE of x0, y0, d and F over the root mean Cramer-Rao variance of the same touches, with a Gaussian prior of the
-training touches' variances. Derivatives are those of the learned forward map, so the floor is as right as these.
-Run as `python benchmarks/inversion_limit.py MODEL_DIR DATA_SET`; writes results/inversion_limit.csv.
+Three floors of the same noise, root mean squares of x0, y0, d and F. `prior`: the least error of any estimator over the
+data set's prior, by the simulator's derivatives and Van Trees' inequality (`surrogate limit --data`; within 80 mm its
+places are weighed anew by a cubic in the square of the distance from the centre). `rows`: Cramer-Rao variances at the
+scored touches by the simulator's derivatives there, which leave out what the rim changes of the mechanics, with a
+Gaussian prior of the data set's variances. `map`: the same by the learned map's own derivatives. The first bounds
+what anyone can do; the others are exact where readings are linear in the touch within its deviation, which (d, F) at
+60 dB is not. Run as `python benchmarks/inversion_limit.py MODEL_DIR DATA_SET CARD`, MODEL_DIR of method forward, CARD
+the one of DATA_SET; writes results/inversion_limit.csv. The table of the prior is kept between runs (TOUCHCAL_CACHE).
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 from numpy.typing import NDArray
 
 from eitsim.measurement import below
+from eitsim.scene import Scene
+from matcal.card import MaterialCard, read_card
 from surrogate import store
 from surrogate.forward_map import ForwardMap
 from surrogate.invert import invert
+from surrogate.limit import Prior, local_covariance
+from surrogate.limit_material import known_material
+from surrogate.limit_set import example_of, least_rms, prior_of
+from surrogate.limit_slopes import derivatives_of, slopes_of
+from surrogate.limit_table import Nodes, SlopeTable, table_for
 from surrogate.metrics import rms
 from surrogate.samples import read_samples
 from surrogate.split import PARTS
 from surrogate.touch_inversion import TouchInversion
 
 Array = NDArray[np.float64]
-NAMES, LEVELS_DB, ROWS, REACH_MM = ("x0", "y0", "d", "F"), (80.0, 60.0), 150, 80.0
+NAMES, LEVELS_DB, REACH_MM = ("x0", "y0", "d", "F"), (80.0, 60.0), 80.0
+# Test rows that are inverted, and those of them whose derivatives are solved.
+ROWS, SOLVED = quick((600, 100), (40, 4))
+NODES = quick(Nodes(), Nodes(2, 1, 2))
 
 
-def rows(forward: ForwardMap, signal: Array, touch: Array, level_db: float, noise_V: float) -> list[dict[str, object]]:
-    """Errors and floors at one noise level, over the whole disc and within REACH_MM."""
-    noisy = signal + noise_V * np.random.default_rng(0).normal(size=signal.shape)
-    found = invert(forward, noisy, noise_V)
-    squared, variance = (found.touch - touch) ** 2, np.einsum("npp->np", found.peak.noise)
-    within = np.hypot(touch[:, 0], touch[:, 1]) <= REACH_MM
-    out = []
-    for region, kept in (("disc", np.ones_like(within)), (f"within {REACH_MM:g} mm", within)):
-        rmse, floor = np.sqrt(squared[kept].mean(axis=0)), np.sqrt(variance[kept].mean(axis=0))
-        out += [{"noise_db": level_db, "region": region,
-                 "rows": int(kept.sum()), "output": name, "rmse": rmse[k], "floor": floor[k],
-                 "ratio": rmse[k] / floor[k] if floor[k] else np.nan} for k, name in enumerate(NAMES)]
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Part of the disc."""
+
+    name: str
+    # (n,) which touches lie there
+    rows: NDArray[np.bool_]
+    # the prior's table with the weights of its places there
+    table: SlopeTable
+
+
+def regions(touch: Array, table: SlopeTable, prior: Prior) -> list[Region]:
+    """The whole disc, and within REACH_MM."""
+    part = (REACH_MM / float(prior.reach_mm(sum(prior.d_mm) / 2))) ** 2
+    return [Region("disc", np.ones(len(touch), bool), table),
+            Region(f"within {REACH_MM:g} mm", np.hypot(*touch[:, :2].T) <= REACH_MM,
+                   replace(table, weight=weights(len(table.weight), part)))]
+
+
+def weights(places: int, part: float) -> Array:
+    """Weights of the table's places, Gauss-Legendre points on [0, 1], of the mean over [0, part] of the polynomial
+    through them."""
+    nodes = (1 + np.polynomial.legendre.leggauss(places)[0]) / 2
+    powers = np.arange(places)
+    return np.asarray(np.linalg.solve(nodes ** powers[:, None], part**powers / (powers + 1)), np.float64)
+
+
+def solved(scene: Scene, card: MaterialCard, touch: Array, prior: Prior, noise_V: list[float]) -> Array:
+    """(levels, n, 4) Cramer-Rao variances at touches (n, 4) by the simulator's derivatives."""
+    out = np.empty((len(noise_V), len(touch), 4))
+    for k, (x, y, d, force) in enumerate(touch.tolist()):
+        punch = replace(scene.punches[0], x_m=x / 1e3, y_m=y / 1e3, diameter_m=d / 1e3, force_N=force, depth_m=None)
+        slopes = slopes_of(derivatives_of(replace(scene, punches=(punch,)), card), known_material())
+        out[:, k] = [np.diag(local_covariance(slopes, noise, prior)) for noise in noise_V]
     return out
 
 
+def rows(region: Region, level: float, squared: Array, variance: dict[str, Array], prior: dict[str, float]
+         ) -> Iterator[dict[str, object]]:
+    """One row an output: squared errors (n, 4), variances by the map (n, 4) and of the first touches by the simulator,
+    and the least error over the prior."""
+    for k, name in enumerate(NAMES):
+        floor = {kind: root_mean(one[region.rows[:len(one)], k]) for kind, one in variance.items()}
+        told = {"rmse": root_mean(squared[region.rows, k])}
+        of_solved = root_mean(squared[:len(variance["rows"])][region.rows[:len(variance["rows"])], k])
+        yield {"noise_db": level, "region": region.name, "rows": int(region.rows.sum()), "output": name, **told,
+               "floor_prior": prior[name], "ratio_prior": told["rmse"] / prior[name],
+               "floor_map": floor["map"], "ratio_map": told["rmse"] / floor["map"],
+               "solved_rows": int(region.rows[:len(variance["rows"])].sum()), "rmse_solved": of_solved,
+               "floor_rows": floor["rows"], "ratio_rows": of_solved / floor["rows"]}
+
+
+def root_mean(squares: Array) -> float:
+    """Root of the mean."""
+    return float(np.sqrt(np.mean(squares)))
+
+
+def inverted(forward: ForwardMap, signal: Array, touch: Array, noise_V: float) -> tuple[Array, Array]:
+    """(n, 4) squared errors under noise, and the variances that the map's derivatives leave."""
+    noisy = signal + noise_V * np.random.default_rng(0).normal(size=signal.shape)
+    found = invert(forward, noisy, noise_V)
+    return (found.touch - touch) ** 2, np.einsum("npp->np", found.peak.noise)
+
+
 def main() -> None:
-    if len(sys.argv) != 3:
-        raise SystemExit("inversion_limit.py: give a forward model and the data set that it was trained on.")
-    model, samples = store.load(Path(sys.argv[1])), read_samples(sys.argv[2])
+    if len(sys.argv) != 4:
+        raise SystemExit("inversion_limit.py: give a forward model, the data set that it was trained on, and its card.")
+    model, samples, card = store.load(Path(sys.argv[1])), read_samples(sys.argv[2]), read_card(Path(sys.argv[3]))
     if not isinstance(model.learner, TouchInversion):
         raise SystemExit(f"inversion_limit.py: {sys.argv[1]} is of method {model.method}; give one of method forward.")
     tests = model.rows.row_hash[model.rows.part == PARTS.index("test")]
     some = np.flatnonzero(np.isin(samples.row_hash, tests))[:ROWS]
-    forward, volts = model.learner.forward, rms(samples.baseline_V)
-    free = replace(forward, known_mm=np.zeros(0))
-    found = [row for level in LEVELS_DB
-             for row in rows(free, samples.signal_V[some], samples.target[some, :4], level, below(level, volts))]
-    table = pd.DataFrame(found).assign(**conditions())
-    table.to_csv(RESULTS / "inversion_limit.csv", index=False, float_format="%.4g")
-    print(table.iloc[:, :7].to_string(index=False, float_format="%.3g"))
+    signal, touch = samples.signal_V[some], samples.target[some, :4]
+    prior, scene = prior_of(samples), example_of(sys.argv[2])
+    noise_V = [below(level, rms(samples.baseline_V)) for level in LEVELS_DB]
+    by_simulator = solved(scene, card, touch[:SOLVED], prior, noise_V)
+    parts = regions(touch, table_for(scene, card, prior, NODES), prior)
+    free, found = replace(model.learner.forward, known_mm=np.zeros(0)), []
+    for level, noise, variance in zip(LEVELS_DB, noise_V, by_simulator, strict=True):
+        squared, of_map = inverted(free, signal, touch, noise)
+        for part in parts:
+            least = least_rms(part.table, prior, noise, known_material())
+            found += rows(part, level, squared, {"map": of_map, "rows": variance}, least)
+    shown(written(found, "inversion_limit"))
 
 
 if __name__ == "__main__":

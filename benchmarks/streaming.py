@@ -14,15 +14,14 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from conditions import RESULTS, conditions
+from conditions import quick, shown, written
 
 from surrogate import store
 from surrogate.model import Model
 from surrogate.predict import prepare
 from surrogate.stream import BATCH, Columns, answers
 
-FRAMES, NOISE_V = 512, 1e-6
+FRAMES, LONE, NOISE_V = *quick((512, 128), (64, 8)), 1e-6
 
 
 def row(model: Model, most: int, frames: int) -> dict[str, object]:
@@ -41,16 +40,15 @@ def row(model: Model, most: int, frames: int) -> dict[str, object]:
     spent = time.process_time() - begun
     return {"method": model.method, "outputs": len(model.names), "rows": len(model.rows.part),
             "mode": "lone" if most == 1 else "waiting", "frames": frames, "ms_a_frame": spent / frames * 1e3,
-            "frames_per_s": frames / spent, "start_s": start_s, **conditions()}
+            "frames_per_s": frames / spent, "start_s": start_s}
 
 
 def main() -> None:
-    RESULTS.mkdir(exist_ok=True)
     models = [store.load(Path(name)) for name in sys.argv[1:]]
-    rows = [row(model, most, frames) for model in models for most, frames in ((BATCH, FRAMES), (1, 64))]
-    found = pd.DataFrame(rows)
-    found.to_csv(RESULTS / "streaming.csv", index=False, float_format="%.4g")
-    print(found.iloc[:, :8].to_string(index=False))
+    if not models:
+        raise SystemExit("streaming.py: give folders of models, from `surrogate train`.")
+    shown(written([row(model, most, frames) for model in models for most, frames in ((BATCH, FRAMES), (1, LONE))],
+                  "streaming"))
 
 
 if __name__ == "__main__":

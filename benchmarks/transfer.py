@@ -1,13 +1,14 @@
 """Whether intervals hold on what a surrogate was not trained on: unseen cards, another card, another mesh, under noise.
 
-    python benchmarks/transfer.py POSTERIOR ONE_CARD [MESH] [--models MODEL ...]
+    python benchmarks/transfer.py POSTERIOR ONE_CARD [MESH] [--fidelity SWEEP] [--models MODEL ...]
 
 POSTERIOR is a sweep with [material] draws, ONE_CARD one of the same design with one card, MESH one with that card whose
-touches are solved afresh on a finer mesh. Forward models are trained on rows of three quarters of the posterior's
-cards, with the cards ("carried") and with the same rows as if they had one ("left out"), and on ONE_CARD ("one card").
-They are scored on rows of the other quarter of the cards, on rows of ONE_CARD that they have not seen, and on MESH;
-"one card, calibrated" has its intervals from half of MESH and is scored on the other half, SPLITS times. Noise is
-white, in dB below the RMS of the baseline voltages, and told to the model. Writes results/transfer.csv.
+touches are solved afresh on a finer mesh; --fidelity gives one of a lower accuracy. Forward models are trained on rows
+of three quarters of the posterior's cards, with the cards ("carried") and with the same rows as if they had one ("left
+out"), and on ONE_CARD ("one card"). They are scored on rows of the other quarter of the cards, on rows of ONE_CARD that
+they have not seen, and on MESH; "one card, calibrated" has its intervals from half of MESH and is scored on the other
+half, SPLITS times. Noise is white, in dB below the RMS of the baseline voltages, and told to the model. Writes
+results/transfer.csv.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from surrogate import outputs
 from surrogate.estimate import Estimate
 from surrogate.intervals import conformal_scale
 from surrogate.metrics import COVERAGES, rms, score
-from surrogate.model import Model, estimate, interval_scales
+from surrogate.model import Model, discrete, estimate, interval_scales
 from surrogate.samples import Samples, read_samples, take
 from surrogate.train import train
 
@@ -92,7 +93,8 @@ def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:
     error, covered = found.value - mesh.target, []
     for _ in range(SPLITS):
         used, apart = np.array_split(rng.permutation(len(mesh)), 2)
-        scales = np.array([conformal_scale(error[used], found.sd[used], len(used), c) for c in COVERAGES])
+        scales = np.array([conformal_scale(error[used], found.sd[used], len(used), c, discrete(model))
+                           for c in COVERAGES])
         covered.append(np.mean(np.abs(error[apart]) <= found.sd[apart] * scales[:, None], axis=1))
     held = np.mean(covered, axis=0)
     for k, row in enumerate(scored("one card, calibrated", "mesh, other half", np.inf, mesh, found,
@@ -116,6 +118,7 @@ def main() -> None:
     options.add_argument("posterior", type=Path, nargs="?")
     options.add_argument("one_card", type=Path, nargs="?")
     options.add_argument("mesh", type=Path, nargs="?")
+    options.add_argument("--fidelity", type=Path)
     options.add_argument("--models", nargs="+", choices=MODELS, default=MODELS)
     given = options.parse_args()
     if given.one_card is None:
@@ -127,6 +130,7 @@ def main() -> None:
     last = np.arange(len(own)) >= len(own) - 2 * SCORED
     sets = {"unseen cards": unseen, "one card": some(own, last, SCORED)}
     sets |= {"mesh": mesh} if mesh else {}
+    sets |= {"fidelity": read_samples(given.fidelity)} if given.fidelity else {}
     trained = dict(zip(MODELS, (some(own, ~last, ROWS), seen, replace(seen, material=seen.material[:, :0])),
                        strict=True))
     for name in given.models:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import Collection
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -31,7 +32,8 @@ def _plate(found: pd.DataFrame, level: float) -> Plate:
     figure = style.sheet(14 + 46 * len(materials))
     panels = figure.subplots(len(materials), len(OUTPUTS), squeeze=False, sharex=True, sharey=True)
     for column, (output, (name, unit)) in enumerate(OUTPUTS.items()):
-        shades = LogNorm(float(found[name].min()), float(found[name].max()))
+        values = found[name].to_numpy(float)
+        shades = LogNorm(float(values.min()), float(values.max()))
         drawn = [_panel(axes, pd.DataFrame(found.loc[found["material"] == material]), name, shades)
                  for axes, material in zip(panels[:, column], materials, strict=True)]
         bar = figure.colorbar(drawn[0], ax=list(panels[:, column]), location="bottom", shrink=0.9, aspect=18,
@@ -48,7 +50,7 @@ def _plate(found: pd.DataFrame, level: float) -> Plate:
     return Plate(name, figure, _caption(found, level, materials), {name: found})
 
 
-def _panel(axes: Axes, part: pd.DataFrame, name: str, shades: LogNorm):
+def _panel(axes: Axes, part: pd.DataFrame, name: str, shades: LogNorm) -> Collection:
     x, y = part["x_mm"].to_numpy(float), part["y_mm"].to_numpy(float)
     drawn = axes.tripcolor(Triangulation(x, y), part[name].to_numpy(float), norm=shades, cmap=style.SEQUENTIAL,
                            shading="gouraud", rasterized=True)

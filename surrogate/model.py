@@ -131,11 +131,11 @@ def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) ->
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
     noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
     found = estimate(model, noisy, noise_V)
-    error, discrete = found.value - target, _discrete(model)
-    return np.array([conformal_scale(error, found.sd, len(rows.target), c, discrete) for c in coverages])
+    error, few = found.value - target, discrete(model)
+    return np.array([conformal_scale(error, found.sd, len(rows.target), c, few) for c in coverages])
 
 
-def _discrete(model: Model) -> NDArray[np.bool_]:
+def discrete(model: Model) -> NDArray[np.bool_]:
     """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
     if model.method != "forward":
         return np.zeros(len(model.names), bool)
