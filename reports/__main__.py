@@ -13,7 +13,11 @@ from matcal.terminal import application, check_out, run
 if TYPE_CHECKING:
     from reports.page import Report
 
-app = application("Reports: the paper walked through, and the stored results of benchmarks.")
+app = application("""PDFs of more than one result: the source paper walked through, and what the benchmarks measured.
+
+The report of one card, touch, data set or model is written by `matcal report`, `eitsim report` and `surrogate report`.
+
+Example: python -m reports paper""")
 
 # where the walk through the paper is written by default, and where benchmarks write
 PAPER, RESULTS = Path("reports/out/paper"), Path("benchmarks/results")
@@ -28,7 +32,10 @@ def reports() -> None:
 
 @app.command()
 def precision(out: Out, results: Results = RESULTS) -> None:
-    """Write a PDF of error against CPU time, and of the cheapest method for a wanted error.
+    """Write a PDF of error against CPU time of every benchmark.
+
+    For a wanted error it names the cheapest method and its cost. Nothing is run: tables that are not there, or were
+    measured by other code than is here, are said to be so.
 
     Example: python -m reports precision --out precision.pdf
     """
@@ -39,7 +46,10 @@ def precision(out: Out, results: Results = RESULTS) -> None:
 
 @app.command()
 def stability(out: Out, results: Results = RESULTS) -> None:
-    """Write a PDF of stiff and extreme cases: what holds, what holds with a caution and what is lost.
+    """Write a PDF of stiff and extreme cases: kept, doubtful or lost.
+
+    Maps of laws, random scenes, relaxation, electrics, and surrogates under noise, from the tables that benchmarks
+    wrote; no cell is left out.
 
     Example: python -m reports stability --out stability.pdf
     """
@@ -53,7 +63,9 @@ def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run 
              out: Annotated[Path, typer.Option(help="Folder to write touch.png and precision.png in.")]
              = Path("reports/pictures"),
              results: Results = RESULTS) -> None:
-    """Draw the two pictures of the README: a touch, and error against run time.
+    """Draw the two pictures of the README as PNG.
+
+    One is a touch (strain of the skin, and its readings), the other error against run time with peers.
 
     Example: python -m reports pictures reports/out/touch.json
     """
@@ -87,11 +99,12 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
           workers: Annotated[int, typer.Option(help="Processes of sweep and training.", min=1)] = 2,
           draw_only: Annotated[bool, typer.Option("--draw-only", help="Make no stage; draw what is there, and mark "
                                                   "what is stale or missing.")] = False) -> None:
-    """Walk through the source paper with our own data: figures 1, 3 to 19 and Table 1 beside what the paper states.
+    """Set the source paper's figures and table beside our own.
 
-    Fits the card, solves touches and a sweep, trains the networks and writes paper.pdf, its figures (SVG, PNG, CSV)
-    and its numbers. A run that was stopped goes on where it was: stages whose inputs, code and command are the same
-    are kept.
+    Fits the card, solves touches and a sweep, trains the networks and writes paper.pdf with figures 1, 3 to 19 and
+    Table 1 beside what the paper states, its figures (SVG, PNG, CSV) and its numbers; ten CPU minutes. It is made from
+    the checkout's data_raw and examples. A run that was stopped goes on where it was: stages whose inputs, code and
+    command are the same are kept.
 
     Example: python -m reports paper --out reports/out/paper
 
