@@ -134,6 +134,7 @@ def read_pdf() -> Callable[[Path], Text]:
         pages = PdfReader(path).pages
         text = Text(tuple(page.extract_text() for page in pages))
         words = set(re.findall(r"[A-Za-z]+", text.whole))
+        assert len(words) > 10
         assert not words & {"nan", "NaN", "None", "inf", "TODO", "null", "placeholder"}
         return text
 

@@ -170,3 +170,10 @@ def test_figures_of_pages_are_checked(tmp_path: Path, drawn: list[Figure]) -> No
     spoilt.figure.axes[0].set_xlabel("Time")
     with pytest.raises(AssertionError, match="scene: 'Time' has no unit"):
         render(make_report(tmp_path, spoilt), tmp_path / "a.pdf")
+
+
+@pytest.mark.parametrize("finding", ["It falls by nan N.", "It falls by None.", "TODO"])
+def test_the_check_of_pages_finds_what_is_wanting(tmp_path: Path, read_pdf: Reader, finding: str) -> None:
+    render(make_report(tmp_path, findings=[finding]), tmp_path / "a.pdf")
+    with pytest.raises(AssertionError):
+        read_pdf(tmp_path / "a.pdf")
