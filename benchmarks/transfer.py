@@ -109,7 +109,7 @@ def with_others(rows: list[Row]) -> pd.DataFrame:
     if not path.exists():
         return fresh
     old = pd.read_csv(path)
-    return pd.concat([old[~old["model"].isin(fresh["model"])], fresh], ignore_index=True)
+    return pd.concat([pd.DataFrame(old[~old["model"].isin(fresh["model"].tolist())]), fresh], ignore_index=True)
 
 
 def main() -> None:
