@@ -84,7 +84,13 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
         prose |= _words(section, old)
     absent = {section.figure: section.missing for section in parts if section.missing}
     return Report("paper", "The paper, walked through", _subtitle(run), _footer(run), _findings(parts, old), plates,
-                  tables, absent, prose, list(old.values()))
+                  tables, absent, prose, _cautions(old))
+
+
+def _cautions(old: Mapping[str, str]) -> list[str]:
+    """One sentence for the stages that are stale for one reason."""
+    return [f"Stale: {', '.join(name for name in old if old[name] == why)}: {why}"
+            for why in dict.fromkeys(old.values())]
 
 
 def _words(section: Section, old: Mapping[str, str]) -> dict[str, str]:

@@ -150,11 +150,11 @@ def json_number(value: Any) -> str:
 
 
 def stale(run: Run) -> dict[str, str]:
-    """Name of each stage whose results are there but not made from what lies there now -> one sentence on it."""
-    told = {name: f"Stage “{name}” is stale: its command, inputs, code or files changed after it was made. Run the "
-                  "report again without --draw-only." for name, stage in run.stages.items() if state(stage) == "stale"}
+    """Name of each stage whose results are there but not made from what lies there now -> what changed, in words."""
+    told = {name: "command, inputs, code or files changed since. Run the report again without --draw-only."
+            for name, stage in run.stages.items() if state(stage) == "stale"}
     if run.given_sweep and (why := _differs(run)):
-        told[SWEEP] = f"The sweep that was given is stale: {why}."
+        told[SWEEP] = f"as it was given, {why}."
     return told
 
 
