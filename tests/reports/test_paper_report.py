@@ -102,7 +102,8 @@ def test_what_is_there_is_drawn_and_what_is_not_is_said(run: Run, tmp_path: Path
                   "Figure 9: a held touch", "Mean contact pressure (kPa)", "Time from the end of loading (s)",
                   f"{lost:.1f} % are lost in 2 s", "Not there: the card was not fitted.",
                   "Not there: the networks were not trained.", "Stale: convergence. See the first page.",
-                  "Stale: hold_force, hold_depth, convergence: command, inputs", "Stale: hold_force, hold_depth", "quantity unit paper this run"):
+                  "Stale: hold_force, hold_depth, convergence: command, inputs",
+                  "Stale: hold_force, hold_depth. See", "quantity unit paper this run"):
         assert words in text, words
     assert sorted(path.name for path in (tmp_path / "paper_files").glob("*.svg")) == ["figure_8.svg", "figure_9.svg"]
     numbers = pd.read_csv(tmp_path / "numbers.csv", dtype={"figure": str})
