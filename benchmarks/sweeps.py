@@ -71,6 +71,8 @@ KINDS: dict[str, tuple[Mapping[str, Any], bool | None, int, int]] = {
     "holds of 60 s": ({"punch": PUNCH | INTERIOR, "hold": {"time_s": 60.0}}, None, 8, 1),
     "two touches": ({"punch": [PUNCH | {"x_mm": [-38.0, -15.0], "y_mm": [-30.0, 30.0]},
                                PUNCH | {"x_mm": [15.0, 38.0], "y_mm": [-30.0, 30.0]}]}, False, 16, 1)}
+# kinds whose tables hold what the rim changes
+RIM = {"table, near the rim", "table, whole disc"}
 # of these rows a quick run takes one in so many, and of these kinds
 FEWER, QUICK_KINDS = quick(1, 8), quick((*KINDS,), ("table, interior", "afresh, interior", "two touches"))
 SCENES, CORES = quick(1_000_000, 10_000), (1, 2, 100, 1000)
@@ -122,11 +124,11 @@ def workers_row() -> dict[str, Any]:
             "memory_MB": memory_MB}
 
 
-def table_row(card: Path) -> dict[str, Any]:
-    """What a worker takes to hold the tables, from the cache."""
+def table_row(card: Path, rim: bool) -> dict[str, Any]:
+    """What a worker takes to hold the tables that rows were solved from, from the cache; with the rim's, or without."""
     design = design_from({"punch": PUNCH}, 1)
     begun = time.process_time()
-    table, _ = table_for(design_shape(design, read_card(card)), rim=True)
+    table, _ = table_for(design_shape(design, read_card(card)), rim=rim)
     spent = time.process_time() - begun
     return {"what": "tables, read from the cache", "cpu_s_median": spent,
             "memory_MB": len(pickle.dumps(table)) / 1e6}
@@ -165,7 +167,7 @@ def measure(given: argparse.Namespace) -> None:
             print(pd.Series(row).to_string(), flush=True)
         rows.append(workers_row())
         if any(KINDS[kind][1] for kind in costs):
-            rows.append(table_row(card))
+            rows.append(table_row(card, rim=not RIM.isdisjoint(costs)))
     written(rows, "sweeps")
     written(told, "sweeps_stages")
     for two in (row for row in rows if row.get("workers") == 2):
