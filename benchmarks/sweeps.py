@@ -30,32 +30,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from conditions import quick, written
+from finer import finely_solved
 from materials import SKIN_LAW, TABLE_1
 from schedule import schedule
 
-from eitsim.axisymmetric import solve_touch
 from eitsim.dataset import parts, read_dataset, read_manifest
 from eitsim.design import Design, card_number, design_from, read_design, scene_at
-from eitsim.electrics import solve
 from eitsim.materials import Material, card_at, cards_for
-from eitsim.mesh import default_element_m
-from eitsim.near_rim import WHOLE, Fineness, corrected
-from eitsim.plan import law_of, near_rim
-from eitsim.results import Readings, Touch
 from eitsim.reuse import design_shape, table_for
-from eitsim.scene import Scene
 from eitsim.simulate import simulate
 from eitsim.sweep import Progress, sweep
 from eitsim.sweep_account import Accounted, account_of
 from eitsim.workers import processes
-from matcal.card import MaterialCard, read_card, require, write_card
+from matcal.card import MaterialCard, read_card, write_card
 from matcal.errors import NotConverged
 from matcal.hyperfoam import Hyperfoam
 from matcal.prony import Prony
 
 PUNCH = {"diameter_mm": {"choice": [10, 12, 14, 16, 18]}, "force_N": [0.1, 2.0]}
-# what rows are checked against: the change by the rim, and the wanted error of the readings
-FINEST, FINELY = Fineness(2.0, 11, 22, np.inf), 2e-4
 INTERIOR = {"x_mm": [-35.0, 35.0], "y_mm": [-35.0, 35.0]}
 # kind -> design without its count, whether from a table (None: as the sweep chooses), rows, workers
 KINDS: dict[str, tuple[Mapping[str, Any], bool | None, int, int]] = {
@@ -246,19 +238,6 @@ def against_fresh(row: Mapping[str, Any], design: Design, card: MaterialCard) ->
                    "depth_deviation": abs(row["delta_max_mm"] / touch.depth_m / 1e3 - 1), "row_error": row_error,
                    "row_stated": row["signal_error"], "fresh_error": fresh_error,
                    "times_smaller": row_error / fresh_error}
-
-
-def finely_solved(scene: Scene, card: MaterialCard) -> tuple[Touch, Readings]:
-    """A touch axisymmetric on elements of a quarter of the default size, or near the rim on half of it with the change
-    by finer meshes of the whole disc; its readings on a mesh of the skin. What the plan leaves out stays so."""
-    (punch,), law = scene.punches, law_of(scene, card)
-    near, element_m = near_rim(scene, punch), default_element_m(scene.body, punch)
-    touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=element_m / (2 if near else 4))
-    if near:
-        touch = corrected(touch, law, scene.body, punch, strain=scene.skin.strain, coarse=WHOLE, fine=FINEST)
-    readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((punch, touch),),
-                     require(card, "conductivity", "the skin"), signal=FINELY, method="mesh")
-    return touch, readings
 
 
 def main() -> None:

@@ -1,0 +1,32 @@
+"""A touch and its readings on finer meshes than a plan takes: what benchmarks of whole scenes are measured against."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eitsim.axisymmetric import solve_touch
+from eitsim.electrics import solve
+from eitsim.mesh import default_element_m
+from eitsim.near_rim import WHOLE, Fineness, corrected
+from eitsim.plan import law_of, near_rim
+from eitsim.results import Readings, Touch
+from eitsim.scene import Scene
+from matcal.card import MaterialCard, require
+
+# meshes of the change by the rim, and the wanted error of the readings
+FINEST, FINELY = Fineness(2.0, 11, 22, np.inf), 2e-4
+
+
+def finely_solved(scene: Scene, card: MaterialCard, *, rim: bool = False) -> tuple[Touch, Readings]:
+    """A touch on elements of a quarter of the default size, near the rim on half of it with the change by finer meshes
+    of the whole disc, with `rim` anywhere both; its readings on a mesh of the skin. What else the plan leaves out stays
+    so."""
+    (punch,), law = scene.punches, law_of(scene, card)
+    near, element_m = rim or near_rim(scene, punch), default_element_m(scene.body, punch)
+    size = element_m / (2 if near and not rim else 4)
+    touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=size)
+    if near:
+        touch = corrected(touch, law, scene.body, punch, strain=scene.skin.strain, coarse=WHOLE, fine=FINEST)
+    readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((punch, touch),),
+                     require(card, "conductivity", "the skin"), signal=FINELY, method="mesh")
+    return touch, readings
