@@ -40,7 +40,7 @@ from surrogate.touch_inversion import TouchInversion
 Array = NDArray[np.float64]
 NAMES, LEVELS_DB, REACH_MM = ("x0", "y0", "d", "F"), (80.0, 60.0), 80.0
 # Test rows that are inverted, and those of them whose derivatives are solved.
-ROWS, SOLVED = quick((600, 100), (40, 4))
+ROWS, SOLVED = quick((600, 24), (40, 4))
 NODES = quick(Nodes(), Nodes(2, 1, 2))
 
 

@@ -21,7 +21,7 @@ from matcal.card import MaterialCard, require
 from matcal.hyperfoam import Hyperfoam
 from matcal.modes import nominal_stress
 from surrogate.limit import Prior
-from surrogate.limit_slopes import Derivatives, derivatives_of
+from surrogate.limit_slopes import MESH_HALVINGS, Derivatives, derivatives_of
 
 Array = NDArray[np.float64]
 
@@ -66,8 +66,8 @@ def table_for(scene: Scene, card: MaterialCard, prior: Prior, nodes: Nodes | Non
     law = law_of(scene, card)
     d_mm, pressure, scale = _axes(law, prior, nodes)
     places = list(_places(scene, nodes))
-    key = {"limit": asdict(nodes), "places": places, "prior": asdict(prior), "scene": scene_tables(scene),
-           "law": _told(law), "skin": _told(require(card, "conductivity", "the limit"))}
+    key = {"limit": asdict(nodes), "halvings": MESH_HALVINGS, "places": places, "prior": asdict(prior),
+           "scene": scene_tables(scene), "law": _told(law), "skin": _told(require(card, "conductivity", "the limit"))}
     touches = [_punch(scene, prior, place, d, d**2 * p) for place in places for d in d_mm for p in pressure]
 
     def make() -> dict[str, Array]:
