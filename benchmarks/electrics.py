@@ -6,14 +6,14 @@ mesh of a family of its own (circles of Apollonius, `electrics_random`); referen
 template, of yet another family, is off from it. The touches are solved with Table 1's foam and are axisymmetric also
 near the rim, so that every method solves the same problem.
 
-cpu_ms is the least CPU time of several runs after the first and counts all that another touch at another place costs;
-for a fixed mesh not its order of elimination and the untouched skin, for a condensed update only what another
+cpu_ms is the least CPU time of a run, over batches after the first, and counts all that another touch at another place
+costs; for a fixed mesh not its order of elimination and the untouched skin, for a condensed update only what another
 conductance of the same touched part costs. kept_ms is what was left out so.
 """
 
 from __future__ import annotations
 
-import time
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -23,6 +23,7 @@ from condensed import condensed
 from conditions import quick, shown, written
 from electrics_random import BODY, DRIVE, ELECTRODES, FINEST, SKIN, distance, reference_mesh, signal_on
 from materials import SKIN_LAW, TABLE_1
+from timing import least_cpu_s
 
 from eitsim.alike import alike_mesh
 from eitsim.axisymmetric import solve_touch
@@ -77,16 +78,6 @@ def linear(mesh: SkinMesh) -> SkinMesh:
     return replace(mesh, cells=cells, under=edges, electrode=np.repeat(mesh.electrode, 2), element="P1")
 
 
-def milliseconds(run: Callable[[], object], repeats: int = 1) -> float:
-    """Least CPU time of so many runs."""
-    spent = []
-    for _ in range(repeats):
-        begun = time.process_time()
-        run()
-        spent.append(1e3 * (time.process_time() - begun))
-    return min(spent)
-
-
 def conductance(mesh: SkinMesh, punch: Punch, touch: Touch) -> np.ndarray:
     return sheet_conductance(quadrature_points(mesh), punch, touch, SKIN, SKIN_LAW)
 
@@ -97,7 +88,7 @@ def untouched(mesh: SkinMesh) -> np.ndarray:
 
 def direct(mesh: SkinMesh, punch: Punch, touch: Touch, method: str, setting: str) -> Way:
     """On a mesh that stays: its order of elimination and the untouched skin are kept."""
-    kept = milliseconds(lambda: impedance(mesh, untouched(mesh), Z_OHM_M, order=dissection(mesh)))
+    kept = 1e3 * least_cpu_s(lambda: impedance(mesh, untouched(mesh), Z_OHM_M, order=dissection(mesh)), 2)
     order = dissection(mesh)
     before = impedance(mesh, untouched(mesh), Z_OHM_M, order=order)
     return Way(method, setting, len(mesh.cells), len(mesh.nodes_m) + mesh.count - 1, lambda: read_out(
@@ -108,7 +99,7 @@ def update(made: Callable[[], SkinMesh], punch: Punch, touch: Touch, method: str
     """Condensed to the cells about the touch; the untouched skin is updated in the same way."""
     mesh, same = made(), untouched_conductance(SKIN_LAW, SKIN)
     inside = changed_cells(mesh, punch, touch)
-    kept = milliseconds(lambda: condensed(made(), inside, same, Z_OHM_M))
+    kept = 1e3 * least_cpu_s(lambda: condensed(made(), inside, same, Z_OHM_M), 2)
     patch, to_impedance = condensed(mesh, inside, same, Z_OHM_M)
     before = to_impedance(untouched(patch))
     return Way(method, setting, len(patch.cells), len(np.unique(patch.cells)) + mesh.count - 1, lambda: read_out(
@@ -170,14 +161,14 @@ def rows(punch: Punch, place: str) -> Iterator[dict[str, object]]:
         signal = way.run()
         yield {"touch": problem, "method": way.method, "setting": way.setting, "elements": way.elements,
                "unknowns": way.unknowns, "dv_error": distance(signal, exact),
-               "cpu_ms": milliseconds(way.run, REPEATS), "kept_ms": way.kept_ms, "reference_change": change}
+               "cpu_ms": 1e3 * least_cpu_s(way.run, REPEATS), "kept_ms": way.kept_ms, "reference_change": change}
 
 
 def sensor() -> dict[str, object]:
     """What a new card costs once: the untouched skin."""
-    conductances = iter(6e-4 * (1 + 0.01 * np.arange(REPEATS + 1)))
+    conductances = (6e-4 * (1 + 0.01 * k) for k in itertools.count())
     return {"touch": "untouched, once a card", "method": "rim integral equation",
-            "cpu_ms": milliseconds(lambda: solve_rim(BODY, ELECTRODES, next(conductances)), REPEATS)}
+            "cpu_ms": 1e3 * least_cpu_s(lambda: solve_rim(BODY, ELECTRODES, next(conductances)), REPEATS)}
 
 
 def main() -> None:
