@@ -141,8 +141,9 @@ BENCHES = (
           _with_kind, _element_and_rest, lambda row: row["setting"], "depth_error", "Relative error of the depth (–)"),
     Bench("scenes", "scenes.csv", "whole scenes, from the plan to 208 readings", lambda row: row["scene"],
           lambda row: row["method"], _asked, _one, "dv_error", "Relative error of ΔV (–)",
-          note="No other program of the comparison solves touch and readings together: its peers stand in the diagrams "
-          "of the mechanics and of the readings."),
+          note="Against finer solutions, whose own told error is in the file (reference_error). No other program "
+          "of the comparison solves touch and readings together: its peers stand in the diagrams of the mechanics and "
+          "of the readings."),
     Bench("sweep", "sweeps_ways.csv", "rows of the paper's sweep", lambda row: row["place"],
           lambda row: row["way"], lambda row: f"{row['rows']} rows", _one, "dv_error",
           "Relative error of ΔV, median row (–)", once="tables_cpu_s_per_row", writer="sweeps", note="Against the same "
