@@ -168,7 +168,8 @@ def measure(given: argparse.Namespace) -> None:
                **{key: two[key] for key in (
                    "parent_ms_per_part", "writing_ms_per_part", "bytes_per_row", "rows_per_part")}}
         planned += [{"rows_as": drawn} | row for row in schedules(costs[drawn], run)]
-    written(planned, "sweeps_schedule")
+    if planned:
+        written(planned, "sweeps_schedule")
 
 
 def run_paper(given: argparse.Namespace) -> None:
