@@ -2,7 +2,8 @@
 
 Three floors of the same noise, root mean squares of x0, y0, d and F. `prior`: the least error of any estimator over the
 data set's prior, by the simulator's derivatives and Van Trees' inequality (`surrogate limit --data`; within 80 mm its
-places are weighed anew by a cubic in the square of the distance from the centre). `rows`: Cramer-Rao variances at the
+places are weighed anew by a cubic in the square of the distance from the centre); its diameters are even over their
+range, where the paper's sweep has five of 1.22 times that standard deviation. `rows`: Cramer-Rao variances at the
 scored touches by the simulator's derivatives there, which leave out what the rim changes of the mechanics, with a
 Gaussian prior of the data set's variances. `map`: the same by the learned map's own derivatives. The first bounds
 what anyone can do; the others are exact where readings are linear in the touch within its deviation, which (d, F) at
