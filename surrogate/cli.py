@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from matcal.terminal import JsonOption, application, check_apart, check_out, counter, numbers, print_json, run
+from matcal.terminal import JsonOption, application, check_out, counter, numbers, print_json, run
 from surrogate.limit_cli import limit
+from surrogate.predict_cli import ModelFolder, predict
 
 if TYPE_CHECKING:
-    from eitsim.frames import Frames
-    from surrogate.dead_channels import Mask
     from surrogate.model import Model
-    from surrogate.predict import Untouched
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -27,7 +24,6 @@ app = application("Learn touches from electrode voltages: the paper's networks, 
 # Training rows that a forward model is scored on after its training, at most: it reads frames at some 20 ms each.
 MOST_TRAINED = 600
 DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
-ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 
 
 @app.command()
@@ -113,34 +109,6 @@ def evaluate(model_folder: ModelFolder,
 
 
 @app.command()
-def predict(model_folder: ModelFolder,
-            frames: Annotated[str, typer.Argument(metavar="FRAMES", help="CSV, one frame of voltages a row; - reads "
-                                                                         "lines from standard input and answers each "
-                                                                         "as it comes.")],
-            baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first row of FRAMES. "
-                                                               "Two or more of them also give the noise.")] = None,
-            noise_v: Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, "
-                                                                            "where known.")] = None,
-            out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None) -> None:
-    """Read touches from recorded frames, or from frames as they come.
-
-    Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
-    """
-    from surrogate import store
-
-    if out is not None:
-        check_out(out)
-        check_apart({"--out": out}, [Path(path) for path in (frames, baseline) if path not in (None, "-")])
-    if noise_v is not None and not noise_v >= 0:
-        raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
-    model = store.load(model_folder)
-    if frames == "-":
-        _predict_stream(model, baseline, noise_v, out)
-    else:
-        _predict_file(model, Path(frames), baseline, noise_v, out)
-
-
-@app.command()
 def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="TorchScript file to write.")]) -> None:
     """Write a network as TorchScript: differences to the untouched frame in V to outputs in their units.
 
@@ -172,90 +140,12 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+app.command()(predict)
 app.command()(limit)
 
 
 def _levels(text: str) -> list[float]:
     return numbers(text, "--noise-db", "80,60") if text else []
-
-
-def _predict_file(model: Model, path: Path, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
-    from surrogate.predict import predict_frames
-
-    frames, reference, dead = _frames(model, path, baseline)
-    noise = _noise(model, reference, noise_V)
-    table = predict_frames(model, frames, reference, noise, dead)
-    text = table.to_csv(index=False, float_format="%.6g")
-    if out is None:
-        print(text, end="")
-    else:
-        out.write_text(text, encoding="utf-8")
-        print(f"{out}: {_counted(len(table), sum(bool(flag) for flag in table['flag']))}")
-
-
-def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
-    from contextlib import nullcontext
-
-    from surrogate.predict import Untouched
-    from surrogate.stream import answer, widen_pipe
-
-    reference = None if baseline is None else _untouched(model, baseline)[0]
-    noise = _noise(model, reference or Untouched(model.baseline_V, None), noise_V)
-    widen_pipe(sys.stdin.fileno())
-    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
-          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
-        counts = answer(model, source, sink, noise, None if reference is None else reference.volts,
-                        _say)
-    if out is not None:
-        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
-
-
-def _counted(frames: int, flagged: int) -> str:
-    return f"{frames} frames, {flagged} of them flagged."
-
-
-def _noise(model: Model, reference: Untouched, given: float | None) -> float:
-    """Standard deviation of the noise, V; cautions where it is unknown, and about an untouched frame of elsewhere."""
-    from surrogate.predict import baseline_caution
-
-    if caution := baseline_caution(model, reference.volts):
-        _say(caution)
-    noise = given if given is not None else reference.noise_V
-    if noise is None:
-        _say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
-             "untouched frames with --baseline.")
-    return noise or 0.0
-
-
-def _say(words: str) -> None:
-    print(f"surrogate: {words}", file=sys.stderr)
-
-
-def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
-    """The untouched frame of a file, and its stuck channels."""
-    from eitsim.frames import read_frames
-    from surrogate.dead_channels import usable
-    from surrogate.predict import untouched
-
-    read = read_frames(baseline, len(model.baseline_V))
-    return untouched(read), usable(baseline, read, model)
-
-
-def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Frames, Untouched, Mask]:
-    """Frames of a file, their untouched frame, and channels that are stuck."""
-    from eitsim.frames import Frames, read_frames
-    from surrogate.dead_channels import usable
-    from surrogate.predict import untouched
-
-    read = read_frames(path, len(model.baseline_V))
-    dead = usable(path, read, model)
-    if baseline is not None:
-        reference, stuck = _untouched(model, baseline)
-        return read, reference, dead | stuck
-    if len(read.volts) < 2:
-        raise ValueError(f"{path}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
-                         "put the untouched frame first.")
-    return Frames(read.volts[1:], read.line[1:]), untouched(Frames(read.volts[:1], read.line[:1])), dead
 
 
 def _shown(names: tuple[str, ...]) -> Any:

@@ -93,10 +93,11 @@ def direct(simulator: Simulator, forward: ForwardMap, signal_V: Array, noise_V: 
 
     jacobian = np.vstack([whiten @ slopes.touch @ _by_state(forward, state), np.diag(1 / width)])
     end = _descend(residual_at, lambda z: _within(forward, z), state, residual(state, first.signal_V), jacobian)
-    left, by_state = (np.linalg.solve(whiten, part[:-4]) for part in (end.residual, end.jacobian))
+    left, by_state = (np.asarray(np.linalg.solve(whiten, part[:-4]), np.float64)
+                      for part in (end.residual, end.jacobian))
     misfit = float(np.sum(end.residual[:-4] ** 2)) / (len(signal_V) - 4)
     to_mm = _by_state(forward, end.state)
-    own = np.vstack([by_state / unknowns.white_V, np.diag(1 / width)])
+    own = np.asarray(np.vstack([by_state / unknowns.white_V, np.diag(1 / width)]), np.float64)
     return Direct(_touch(forward, end.state), _covariance(end.jacobian, to_mm) * max(misfit, 1.0),
                   _covariance(own, to_mm), misfit, left, signal_V + left, unknowns, by_state @ np.linalg.inv(to_mm),
                   first.told, end.solves + 1, time.process_time() - begun, end.close)

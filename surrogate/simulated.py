@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene import Scene, read_scene
+from eitsim.sensor import untouched_readings
 from eitsim.simulate import simulate
-from matcal.card import MaterialCard, read_card
+from eitsim.skin import untouched_conductance
+from matcal.card import MaterialCard, read_card, require
 from matcal.errors import NotConverged
 from surrogate.limit import Slopes
 from surrogate.limit_material import MaterialSpread, known_material, spread_of
@@ -83,6 +85,12 @@ def check_sensor(simulator: Simulator, ring: Ring) -> None:
     if not same:
         raise ValueError("the scene's disc, electrodes or drive are not those that the model was trained on. Give the "
                          "model's own data set with --data, or a --scene with its [body], [electrodes] and [drive].")
+
+
+def untouched_of(simulator: Simulator) -> Array:
+    """(readings,) of the untouched skin, V."""
+    skin = require(simulator.card, "conductivity", "the skin")
+    return untouched_readings(simulator.scene, untouched_conductance(skin, simulator.scene.skin))
 
 
 def scene_at(simulator: Simulator, touches: Array) -> Scene:

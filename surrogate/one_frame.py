@@ -1,0 +1,165 @@
+"""Rows of `surrogate predict --direct` and `--posterior`: one frame at a time, the simulator's where a card is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.frames import Frames
+from matcal.errors import NotConverged
+from surrogate import outputs, response
+from surrogate.direct import Direct, direct
+from surrogate.intervals import COVERAGE, normal
+from surrogate.invert import invert
+from surrogate.model import Model
+from surrogate.posterior import Posterior, posterior_of
+from surrogate.predict import MISFIT, OTHER_BASELINE, Predictions, Predictor, predict
+from surrogate.simulated import Simulator
+from surrogate.touch_inversion import TouchInversion
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+# Misfit of a frame from which neither noise nor what is told of the simulator explains it.
+UNEXPLAINED = 2.0
+# Effective draws below which quantiles are rough.
+FEW = 100.0
+# Standard deviation of a diameter, mm, below which the learned map is sure of a known punch.
+SURE_MM = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class One:
+    """One touched frame and what the learned map makes of it."""
+
+    line: int
+    # (readings,) touched minus untouched, V
+    signal_V: Array
+    learned: Predictions
+
+
+def learner_of(model: Model) -> TouchInversion:
+    """The forward map of a model; ValueError for other methods."""
+    if not isinstance(model.learner, TouchInversion):
+        raise ValueError(f"this asks for a map from touches to readings, and the model is of method {model.method}. "
+                         "Train one with --method forward.")
+    if model.learner.forward.materials:
+        raise ValueError("the model was trained on several cards, whose readings the simulator of one card has not. "
+                         "Train one on a sweep without [material] draws.")
+    if missing := [name for name in outputs.NAMES[:outputs.TOUCH] if name not in model.names]:
+        raise ValueError(f"the model does not tell {missing[0]}, and --direct and --posterior read x0, y0, d and F. "
+                         "Train one with --outputs all.")
+    return model.learner
+
+
+def ones(predictor: Predictor, frames: Frames) -> Iterator[One]:
+    """The frames in turn; ValueError for dead channels, which these two do not leave out."""
+    if predictor.dead.any():
+        raise ValueError(f"channel {int(np.argmax(predictor.dead))} (from 0) is dead, and --direct and --posterior "
+                         "need all. Mend it, or predict without them.")
+    for line, volts in zip(frames.line.tolist(), frames.volts, strict=True):
+        yield One(line, volts - predictor.baseline_V, predict(predictor, volts[None]))
+
+
+def check_baseline(simulated_V: Array, baseline_V: Array) -> None:
+    """ValueError where an untouched frame is not the simulator's."""
+    apart = float(np.linalg.norm(simulated_V - baseline_V) / np.linalg.norm(simulated_V))
+    if apart > OTHER_BASELINE:
+        raise ValueError(f"the untouched frame differs by {apart:.0%} from the simulator's: card, scene and frames are "
+                         "not of one sensor, drive and unit. Give the --card and --data or --scene of these frames.")
+
+
+def direct_row(model: Model, simulator: Simulator, one: One, noise_V: float) -> Row:
+    """Values and 90 % intervals of x0, y0, d and F, whose they are, and what they cost.
+
+    The learned map's are kept where the simulator has no readings or does not explain the frame better, where noise
+    leaves d and F on several branches, which one covariance cannot tell, and where they are told better.
+    """
+    learner = learner_of(model)
+    names = outputs.NAMES[:outputs.TOUCH]
+    if not np.isfinite(one.learned.value).any():
+        return _direct_row(one, np.full(4, np.nan), np.full(4, np.nan), "none", None, one.learned.flag[0])
+    found = invert(learner.forward, one.signal_V[None], noise_V)
+    sure = len(learner.forward.known_mm) > 0 and float(np.sqrt(found.covariance[0, 2, 2])) < SURE_MM
+    kept, half = (np.array([part[0, model.names.index(name)] for name in names])
+                  for part in (one.learned.value, one.learned.half_width))
+    flag = one.learned.flag[0]
+    try:
+        own = direct(simulator, learner.forward, one.signal_V, noise_V, found.touch[0], known_d=sure)
+    except NotConverged as error:
+        return _direct_row(one, kept, half, "learned", None, _joined(flag, str(error)))
+    why = _why_learned(own, bool(found.broad[0]), half / normal(COVERAGE))
+    if own.misfit > UNEXPLAINED:
+        flag = _joined(flag, "the simulator does not explain this frame")
+    if why:
+        shared = np.sqrt(np.maximum(np.diag(own.covariance) - np.diag(own.own) * max(own.misfit, 1.0), 0.0))
+        return _direct_row(one, kept, np.hypot(half, shared * normal(COVERAGE)), "learned", own, _joined(flag, why))
+    return _direct_row(one, own.touch, np.sqrt(np.diag(own.covariance)) * normal(COVERAGE), "simulator", own, flag)
+
+
+def _why_learned(own: Direct, broad: bool, learned_sd: Array) -> str:
+    """Why the learned map's answer is kept; empty where it is not."""
+    if broad:
+        return "d and F are broad: ask for --posterior"
+    if not own.converged:
+        return "the simulator's search ended short"
+    told = np.sqrt(np.diag(own.own)) * np.sqrt(max(own.misfit, 1.0))
+    if np.sum(np.log(told / np.maximum(learned_sd, 1e-9))) > 0:
+        return "the learned map tells this touch closer"
+    return ""
+
+
+def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | None, flag: str) -> Row:
+    row: Row = {"line": one.line}
+    for name, v, h in zip(outputs.NAMES[:outputs.TOUCH], value, half, strict=True):
+        unit = outputs.of(name).unit
+        row |= {f"{name}_{unit}": v, f"{name}_lo90_{unit}": v - h, f"{name}_hi90_{unit}": v + h}
+    cost = {"misfit": np.nan, "residual_V": np.nan, "left_out_error": np.nan, "simulations": 0, "cpu_s": np.nan}
+    if own is not None:
+        cost = {"misfit": own.misfit, "residual_V": float(np.sqrt(np.mean(own.residual_V**2))),
+                "left_out_error": own.told, "simulations": own.simulations, "cpu_s": own.cpu_s}
+    return row | {"by": taken} | cost | {"flag": flag}
+
+
+def posterior_row(model: Model, simulator: Simulator | None, one: One, noise_V: float, seed: int) -> Row:
+    """Median, standard deviation, 5 and 95 % of every output of the model, correlation of d and F, and how good the
+    chains are; without numbers where the frame has no touch."""
+    learner = learner_of(model)
+    if not np.isfinite(one.learned.value).any():
+        return {"line": one.line, "flag": one.learned.flag[0]}
+    try:
+        found = posterior_of(learner.forward, one.signal_V, noise_V, simulator, seed)
+    except NotConverged as error:
+        return {"line": one.line, "flag": _joined(one.learned.flag[0], str(error))}
+    row: Row = {"line": one.line}
+    for name, values in _values(model, learner, found, seed).items():
+        unit, (low, middle, high) = outputs.of(name).unit, np.quantile(values, (0.05, 0.5, 0.95))
+        row |= {f"{name}_median_{unit}": middle, f"{name}_sd_{unit}": values.std(), f"{name}_q05_{unit}": low,
+                f"{name}_q95_{unit}": high}
+    row |= {"correlation_d_F": float(np.asarray(np.corrcoef(found.draws[:, 2:].T))[0, 1]),
+            "likelihood": "simulator" if found.simulated else "learned map", "misfit": found.misfit,
+            "held_out_error": found.held_out, "effective_draws": found.effective}
+    row |= {key: found.checks[key] for key in ("rhat", "ess", "autocorrelation_steps", "steps", "acceptance")}
+    flags = [one.learned.flag[0], "" if found.checks["converged"] else "the chains did not converge",
+             "few draws are left of the emulator's" if found.effective < FEW else "",
+             MISFIT if found.misfit > UNEXPLAINED else ""]
+    return row | {"simulations": found.simulations, "cpu_s": found.cpu_s, "flag": _joined(*flags)}
+
+
+def _values(model: Model, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:
+    """Draws of every output of the model: the touch, and its learned response with that one's own scatter."""
+    values = dict(zip(outputs.NAMES, found.draws.T, strict=False))
+    mechanical = [name for name in model.names if name in outputs.NAMES[outputs.TOUCH:]]
+    if mechanical:
+        answer = response.respond(learner.response, found.draws, np.zeros((len(found.draws), 0)))
+        scatter = np.random.default_rng([seed, 7]).normal(size=answer.sd.shape)
+        values |= dict(zip(mechanical, (answer.value + answer.sd * scatter).T, strict=True))
+    return {name: values[name] for name in model.names}
+
+
+def _joined(*flags: str) -> str:
+    return "; ".join(dict.fromkeys(flag for flag in flags if flag))

@@ -1,0 +1,211 @@
+"""`surrogate predict`: touches from recorded frames, from frames as they come, and one frame in depth."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from matcal.terminal import JsonOption, check_apart, check_out, counter, print_json
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from eitsim.frames import Frames
+    from surrogate.dead_channels import Mask
+    from surrogate.model import Model
+    from surrogate.predict import Untouched
+    from surrogate.simulated import Simulator
+
+ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
+CARD_HELP = "Card of foam and skin: the simulator itself reads the frames, one by one."
+
+
+def predict(model_folder: ModelFolder,
+            frames: Annotated[str, typer.Argument(metavar="FRAMES", help="CSV, one frame of voltages a row; - reads "
+                                                                         "lines from standard input and answers each "
+                                                                         "as it comes.")],
+            baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first row of FRAMES. "
+                                                               "Two or more of them also give the noise.")] = None,
+            noise_v: Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, "
+                                                                            "where known.")] = None,
+            direct: Annotated[bool, typer.Option("--direct", help="Invert the simulator itself, from the learned "
+                                                                  "answer on; needs --card.")] = False,
+            posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior of each frame with "
+                                                                        "emcee; with --card that of the simulator.")
+                                 ] = False,
+            card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
+            data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
+            scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card.")] = None,
+            seed: Annotated[int, typer.Option(help="Seed of --posterior.")] = 0,
+            out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
+            as_json: JsonOption = False) -> None:
+    """Read touches from recorded frames, or from frames as they come.
+
+    Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
+    """
+    from surrogate import store
+
+    if out is not None:
+        check_out(out)
+        check_apart({"--out": out}, [Path(path) for path in (frames, baseline, card, scene) if path not in (None, "-")])
+    if noise_v is not None and not noise_v >= 0:
+        raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
+    _check_choice(frames, direct, posterior, card, data or scene, as_json)
+    model = store.load(model_folder)
+    if frames == "-":
+        _predict_stream(model, baseline, noise_v, out)
+        return
+    read, reference, dead = _frames(model, Path(frames), baseline)
+    noise = _noise(model, reference, noise_v)
+    if not (direct or posterior):
+        from surrogate.predict import predict_frames
+
+        _written(predict_frames(model, read, reference, noise, dead), model_folder, out, as_json)
+        return
+    simulator = None if card is None else _simulator(model, card, data, scene, reference)
+    rows = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
+    _written(rows, model_folder, out, as_json)
+
+
+def _check_choice(frames: str, direct: bool, posterior: bool, card: Path | None, sensor: Path | None,
+                  as_json: bool) -> None:
+    """ValueError where options do not go together."""
+    if direct and posterior:
+        raise ValueError("give --direct or --posterior, not both: the posterior holds what --direct tells, and more.")
+    if frames == "-" and (direct or posterior or as_json):
+        raise ValueError("frames from standard input are answered within milliseconds; --direct and --posterior take "
+                         "seconds a frame, and --json waits for the last. Give a file of frames.")
+    if direct and card is None:
+        raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
+                         "or --scene FILE for the sensor.")
+    if (card is not None or sensor is not None) and not (direct or posterior):
+        raise ValueError("--card, --data and --scene tell the simulator of --direct and --posterior; add one of these.")
+    if card is None and sensor is not None:
+        raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
+
+
+def _simulator(model: Model, card: Path, data: Path | None, scene: Path | None, reference: Untouched) -> Simulator:
+    from surrogate.one_frame import check_baseline
+    from surrogate.simulated import check_sensor, simulator_of, untouched_of
+
+    simulator = simulator_of(card, data=data, scene=scene)
+    check_sensor(simulator, model.ring)
+    check_baseline(untouched_of(simulator), reference.volts)
+    if not simulator.spread.parameters:
+        _say(f"{card} has no posterior, so the material is taken as exact.")
+    return simulator
+
+
+def _in_depth(model: Model, simulator: Simulator | None, frames: Frames, reference: Untouched, dead: Mask,
+              noise: float, seed: int | None) -> pd.DataFrame:
+    """A row a frame, by the posterior where there is a seed; each shows on a terminal as it is done."""
+    import pandas as pd
+
+    from surrogate.one_frame import direct_row, learner_of, ones, posterior_row
+    from surrogate.predict import prepare
+
+    learner_of(model)
+    if seed is not None:
+        _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
+             "punches these share; " + ("the likelihood is the simulator's." if simulator is not None else "without "
+             "--card the likelihood is the learned map's, its error counted, the material taken as the model's."))
+    rows = []
+    for one in _counted_off(list(ones(prepare(model, reference.volts, noise, dead), frames))):
+        if seed is not None:
+            rows.append(posterior_row(model, simulator, one, noise, seed))
+        elif simulator is not None:
+            rows.append(direct_row(model, simulator, one, noise))
+    names = dict.fromkeys(name for row in rows for name in row if name != "flag")
+    return pd.DataFrame(rows, columns=[*names, "flag"])
+
+
+def _counted_off(items: list[Any]) -> Iterator[Any]:
+    with counter(len(items), "frames") as advance:
+        for done, item in enumerate(items, start=1):
+            yield item
+            advance(done)
+
+
+def _written(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool) -> None:
+    if out is not None:
+        table.to_csv(out, index=False, float_format="%.6g")
+    if as_json:
+        print_json({"model": model, "frames": [_plain(row) for row in table.to_dict("records")]})
+    elif out is None:
+        print(table.to_csv(index=False, float_format="%.6g"), end="")
+    else:
+        print(f"{out}: {_counted(len(table), sum(bool(flag) for flag in table['flag']))}")
+
+
+def _plain(row: dict[Any, Any]) -> dict[str, Any]:
+    """A row without NaN, which JSON has not."""
+    return {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
+
+
+def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
+    from contextlib import nullcontext
+
+    from surrogate.predict import Untouched
+    from surrogate.stream import answer, widen_pipe
+
+    reference = None if baseline is None else _untouched(model, baseline)[0]
+    noise = _noise(model, reference or Untouched(model.baseline_V, None), noise_V)
+    widen_pipe(sys.stdin.fileno())
+    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
+          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
+        counts = answer(model, source, sink, noise, None if reference is None else reference.volts,
+                        _say)
+    if out is not None:
+        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
+
+
+def _counted(frames: int, flagged: int) -> str:
+    return f"{frames} frames, {flagged} of them flagged."
+
+
+def _noise(model: Model, reference: Untouched, given: float | None) -> float:
+    """Standard deviation of the noise, V; cautions where it is unknown, and about an untouched frame of elsewhere."""
+    from surrogate.predict import baseline_caution
+
+    if caution := baseline_caution(model, reference.volts):
+        _say(caution)
+    noise = given if given is not None else reference.noise_V
+    if noise is None:
+        _say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
+             "untouched frames with --baseline.")
+    return noise or 0.0
+
+
+def _say(words: str) -> None:
+    print(f"surrogate: {words}", file=sys.stderr)
+
+
+def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
+    """The untouched frame of a file, and its stuck channels."""
+    from eitsim.frames import read_frames
+    from surrogate.dead_channels import usable
+    from surrogate.predict import untouched
+
+    read = read_frames(baseline, len(model.baseline_V))
+    return untouched(read), usable(baseline, read, model)
+
+
+def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Frames, Untouched, Mask]:
+    """Frames of a file, their untouched frame, and channels that are stuck."""
+    from eitsim.frames import Frames, read_frames
+    from surrogate.dead_channels import usable
+    from surrogate.predict import untouched
+
+    read = read_frames(path, len(model.baseline_V))
+    dead = usable(path, read, model)
+    if baseline is not None:
+        reference, stuck = _untouched(model, baseline)
+        return read, reference, dead | stuck
+    if len(read.volts) < 2:
+        raise ValueError(f"{path}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
+                         "put the untouched frame first.")
+    return Frames(read.volts[1:], read.line[1:]), untouched(Frames(read.volts[:1], read.line[:1])), dead
