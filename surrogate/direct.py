@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 # Most scenes solved after the first, and the step, in standard deviations of the answer, that is not worth one.
 STEPS, CLOSE = 8, 0.05
 # Damping at the start, and what a step that is no gain multiplies it by.
-DAMPING, WORSE = 1e-4, 30.0
+DAMPING, WORSE = 1e-8, 100.0
 # Standard deviation of log d where the punch is known.
 KNOWN = 1e-4
 # How far beyond the training touches an answer may go, in log d and log F.

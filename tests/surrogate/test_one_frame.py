@@ -1,0 +1,143 @@
+"""One frame in depth: direct inversion, the posterior of one touch, and the options of `surrogate predict` for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from matcal.errors import NotConverged
+from surrogate import direct as direct_module
+from surrogate import emulator, punch_ridge
+from surrogate.direct import direct
+from surrogate.forward_map import ForwardMap, learn, linearise
+from surrogate.limit import Slopes
+from surrogate.loading import to_unknown
+from surrogate.posterior import posterior_of
+from surrogate.predict_cli import predict
+from surrogate.ring import Ring
+from surrogate.simulated import Simulator, Solved, Unknowns, unknowns_of
+
+Array = NDArray[np.float64]
+Draw = Callable[..., tuple[Array, Array]]
+
+
+@pytest.fixture(scope="module")
+def forward(ring: Ring, synthetic: Draw) -> ForwardMap:
+    return learn(ring, *synthetic(120, 1))
+
+
+def test_a_whitening_is_a_root_of_the_inverse_covariance() -> None:
+    columns = np.random.default_rng(0).normal(size=(9, 3))
+    whiten = Unknowns(0.3, columns).whitening
+    assert whiten @ (0.09 * np.eye(9) + columns @ columns.T) @ whiten.T == pytest.approx(np.eye(9), abs=1e-10)
+
+
+def test_the_simulator_s_own_error_counts_beside_noise_and_material() -> None:
+    signal, material = np.arange(1.0, 5.0), np.ones((4, 1))
+    found = unknowns_of(Solved(signal, signal, 0.01, 0.1), Slopes(np.ones((4, 4)), material), 0.02)
+    assert found.white_V**2 == pytest.approx(0.02**2 + 1e-4 * np.mean(signal**2))
+    assert found.columns == pytest.approx(np.column_stack([material, 0.01 * signal]))
+
+
+def test_direct_inversion_recovers_a_touch_of_its_own_simulator(monkeypatch: pytest.MonkeyPatch, forward: ForwardMap
+                                                                ) -> None:
+    """The simulator is the learned map made 3 % stronger and turned a little; derivatives are those at the start."""
+    calls: list[Array] = []
+
+    def signal(touch: Array) -> Array:
+        x, y, d, force = touch
+        turned = np.array([[x + 0.01 * y, y - 0.01 * x, d, 1.03 * force]])
+        return linearise(forward, to_unknown(turned, forward.p0)).signal_V[0]
+
+    def solved(_: Simulator, touch: Array) -> Solved:
+        calls.append(touch)
+        return Solved(signal(touch), np.ones(208), 1e-6, 1e-6)
+
+    def slopes_at(_: Simulator, touch: Array) -> Slopes:
+        steps = 1e-4 * np.eye(4)
+        return Slopes(np.stack([(signal(touch + s) - signal(touch - s)) / 2e-4 for s in steps], axis=1),
+                      np.empty((208, 0)))
+
+    monkeypatch.setattr(direct_module, "solved", solved)
+    monkeypatch.setattr(direct_module, "slopes_at", slopes_at)
+    truth = np.array([20.0, -11.0, 14.0, 0.9])
+    simulator = Simulator.__new__(Simulator)
+    found = direct(simulator, forward, signal(truth), 1e-5, truth + np.array([0.5, 0.4, 0.3, -0.05]))
+    assert found.converged
+    assert found.simulations == len(calls)
+    assert np.all(np.abs(found.touch - truth) < 0.3 * np.sqrt(np.diag(found.covariance)))
+    known = direct(simulator, forward, signal(truth), 1e-5, truth + np.array([0.5, 0.4, 0.0, -0.05]), known_d=True)
+    assert known.covariance[2, 2] < found.covariance[2, 2]
+    assert known.touch == pytest.approx(truth, abs=3e-3)
+
+
+def test_a_simulator_without_readings_at_the_start_says_so(monkeypatch: pytest.MonkeyPatch, forward: ForwardMap
+                                                           ) -> None:
+    def solved(_: Simulator, touch: Array) -> Solved:
+        raise NotConverged("no readings", estimate=touch)
+
+    monkeypatch.setattr(direct_module, "solved", solved)
+    with pytest.raises(NotConverged, match="no readings"):
+        direct(Simulator.__new__(Simulator), forward, np.ones(208), 1e-4, np.array([0.0, 0.0, 14.0, 1.0]))
+
+
+def test_an_emulator_of_a_polynomial_is_exact_and_knows_no_more_than_its_points() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-1, 1, size=(emulator.wanted(4), 4))
+
+    def residual(u: Array) -> Array:
+        return np.column_stack([u[:, 0] * u[:, 1] - 1, u[:, 2] ** 4, u[:, 3] + u[:, 0] ** 3, 1 + 0 * u[:, 0]])
+
+    made, other = emulator.fit(points, residual(points)), rng.uniform(-0.9, 0.9, size=(20, 4))
+    assert emulator.chi_squared(made, other) == pytest.approx(np.sum(residual(other) ** 2, axis=1), abs=1e-9)
+    assert np.isinf(emulator.chi_squared(made, np.full((1, 4), 2.0))).all()
+
+
+def test_a_straightened_ridge_is_the_best_place_and_load_of_each_diameter() -> None:
+    def whitened(u: Array) -> tuple[Array, Array]:
+        left = np.column_stack([u[:, 0] - np.sin(u[:, 2]), u[:, 1], 5 * (u[:, 3] - u[:, 2] ** 2), 0.1 * u[:, 2]])
+        slope = np.zeros((len(u), 4, 4))
+        slope[:, 0, 0], slope[:, 1, 1], slope[:, 2, 3], slope[:, 3, 2] = 1, 1, 5, 0.1
+        slope[:, 0, 2], slope[:, 2, 2] = -np.cos(u[:, 2]), -10 * u[:, 2]
+        return left, slope
+
+    ridge = punch_ridge.find(whitened, np.zeros(4), (-1.0, 1.0), lambda d: (0 * d - 2, 0 * d + 2), lambda u: u)
+    nodes = np.linspace(-1, 1, punch_ridge.DIAMETERS)
+    best = np.column_stack([np.sin(nodes), 0 * nodes, nodes, nodes**2])
+    straight = punch_ridge.straightened(ridge, best)
+    assert straight == pytest.approx(np.outer(nodes, [0, 0, 1, 0]), abs=1e-6)
+    assert punch_ridge.bent(ridge, straight) == pytest.approx(best)
+    assert ridge.spread[0] == pytest.approx(np.diag([1, 1, 0.04]), rel=1e-6)
+
+
+@pytest.mark.slow
+def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(forward: ForwardMap, synthetic: Draw) -> None:
+    touch, signal = synthetic(5, 5, reach_mm=50.0)
+    noise, inside = 2e-4, []
+    for k, (truth, clean) in enumerate(zip(touch, signal, strict=True)):
+        frame = clean + noise * np.random.default_rng(k).normal(size=clean.size)
+        found = posterior_of(replace(forward, known_mm=np.zeros(0)), frame, noise, seed=k)
+        low, high = np.quantile(found.draws, (0.05, 0.95), axis=0)
+        inside.append((truth > low) & (truth < high))
+        assert found.checks["converged"]
+        assert not found.simulated
+    held = np.mean(inside)
+    print(f"90 % intervals hold {held:.0%} of {np.size(inside)}")
+    assert held >= 0.75
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"direct": True, "posterior": True}, "not both"),
+    ({"direct": True}, "--card"),
+    ({"card": Path("card.json")}, "add one of these"),
+    ({"posterior": True, "scene": Path("scene.toml")}, "needs --card"),
+    ({"posterior": True, "frames": "-"}, "standard input")])
+def test_options_that_do_not_go_together_are_refused_with_the_mend(options: dict[str, object], words: str) -> None:
+    given = {"model_folder": Path("model"), "frames": "frames.csv"} | options
+    with pytest.raises(ValueError, match=words):
+        predict(**given)  # pyright: ignore[reportArgumentType]
