@@ -7,7 +7,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection
 from matplotlib.colors import LogNorm
-from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.tri import Triangulation
 
@@ -54,17 +53,11 @@ def _panel(axes: Axes, part: pd.DataFrame, name: str, shades: LogNorm) -> Collec
     x, y = part["x_mm"].to_numpy(float), part["y_mm"].to_numpy(float)
     drawn = axes.tripcolor(Triangulation(x, y), part[name].to_numpy(float), norm=shades, cmap=style.SEQUENTIAL,
                            shading="gouraud", rasterized=True)
-    axes.add_patch(Circle((0, 0), _rim_mm(part), fill=False, edgecolor=style.GREY, lw=0.6))
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.set_xticks([-100, 0, 100])
     axes.set_yticks([-100, 0, 100])
     return drawn
-
-
-def _rim_mm(part: pd.DataFrame) -> float:
-    """Radius of the disc: the outermost punch touches the rim."""
-    return float(np.hypot(part["x_mm"], part["y_mm"]).max() + part["d_mm"].iloc[0] / 2)
 
 
 def _caption(found: pd.DataFrame, level: float, materials: list[str]) -> str:

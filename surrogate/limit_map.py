@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 # Distances from the centre, the centre aside, which lie closer towards the rim, and angles of a sector.
 RADII, ANGLES = 8, 4
+# Least distance of the punch's edge from the rim, over the radius of the disc; the skin's mesh refines towards none.
+GAP = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Solved:
@@ -39,7 +41,7 @@ class Solved:
 
 
 def places(scene: Scene, radii: int = RADII, angles: int = ANGLES) -> list[tuple[float, float]]:
-    """Radius, mm, and angle, rad, of the places of a sector: the centre, then out to where the punch touches the rim.
+    """Radius, mm, and angle, rad, of the places of a sector: the centre, then out to GAP from the rim.
 
     ValueError where the sensor has no such sectors or the scene not one punch.
     """
@@ -48,7 +50,7 @@ def places(scene: Scene, radii: int = RADII, angles: int = ANGLES) -> list[tuple
     if not _turns(scene):
         raise ValueError("the sensor does not look the same from each electrode to the next, and a map is solved in "
                          "one sector. Give equal, evenly spaced electrodes and a named pattern.")
-    reach = (scene.body.radius_m - scene.punches[0].diameter_m / 2) * 1e3
+    reach = ((1 - GAP) * scene.body.radius_m - scene.punches[0].diameter_m / 2) * 1e3
     radius = reach * np.sin(np.pi / 2 * np.arange(1, radii + 1) / radii)
     angle = 2 * np.pi / scene.electrodes.count * np.arange(angles) / angles
     return [(0.0, 0.0), *((float(r), float(a)) for r in radius for a in angle)]
