@@ -58,6 +58,8 @@ class ForwardMap:
     bounds: Array
     # diameters of the known punches that training rows share, mm; none where these vary
     known_mm: Array
+    # training rows
+    rows: int
 
     @property
     def materials(self) -> int:
@@ -101,7 +103,7 @@ def learn(ring: Ring, touch: Array, signal_V: Array, material: Array | None = No
                                               touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, sign, processes, polarization.none_of(), rim_effect.none_of(ring), p0, floor,
                         unknown.mean(0), np.maximum(unknown.std(0), 1e-6), _bounds(touch),
-                        known_mm(touch[:, 2]))
+                        known_mm(touch[:, 2]), len(touch))
     return _with_rim(series, z, unknown, signal_V, material)
 
 
@@ -144,10 +146,11 @@ def _series(ring: Ring, z: NDArray[np.complex128], inputs: Array, force_N: Array
     return field, sign, tuple(processes), max(float(floor), MIN_FLOOR)
 
 
-def floor_at(forward: ForwardMap, place_mm: Array) -> Array:
-    """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at places (n, 2)."""
+def floor_at(forward: ForwardMap, place_mm: Array, load: Array) -> Array:
+    """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at places (n, 2) and loads g
+    (n,); as large as it counts among readings that are taken for independent ones."""
     z, spread = _place(forward.ring, place_mm), np.sqrt(max(forward.rim.directions.shape[2], 1))
-    return rim_effect.error_at(forward.rim, z, forward.floor * spread) / spread
+    return rim_effect.error_at(forward.rim, z, load, forward.floor * spread) / spread * np.sqrt(forward.ring.copies)
 
 
 def _bounds(touch: Array) -> Array:

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import known_punches
+from surrogate import bounded, known_punches
 from surrogate.forward_map import INTERIOR, ForwardMap, floor_at, linearise
 from surrogate.known_punches import Settled
 from surrogate.levenberg import Minimum, inverse, minimise
-from surrogate.loading import to_touch, touch_slope
+from surrogate.loading import to_touch, to_unknown, touch_slope
 from surrogate.locate import Located, locate, on_disc
 from surrogate.multipole import combined
 from surrogate.punches import Posterior, make_table, moments, posterior, resolved, starts
@@ -33,6 +33,12 @@ SHORT, LONG = 6, 100
 BRANCHES, HELD = 2, 20
 # Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
 NOISY = 2.0
+# Column of F in a touch, and that of g among the unknowns.
+FORCE, LOAD = 3, 3
+# Standard deviation of g from which known punches are tried aside of an end, too, and how many of these aside.
+WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
+# Least diameter and force that a regression may leave before it is held to the training touches, mm and N.
+TINY = 1e-6
 # How far beyond the training touches a solution may go, in log d and log F.
 MARGIN = 0.1
 
@@ -73,34 +79,32 @@ class Inversion:
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
-    energy = np.sum(signal**2, axis=1)
-    located = locate(forward, signal, np.sqrt(noise_V**2 + forward.floor**2 * energy))
-    floor = floor_at(forward, located.place_mm) * np.sqrt(energy)
-    sd = np.hypot(noise_V, floor)
+    size = np.linalg.norm(signal, axis=1)
+    located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
     punches = posterior(forward, make_table(forward), located)
-    frames = np.repeat(np.arange(len(signal)), BANDS)
-
-    def descend(state: Array, frame: NDArray[np.intp], steps: int) -> Minimum:
-        return minimise(lambda s, which: _residuals(forward, signal[frame[which]], sd[frame[which]], s), state, steps,
-                        lambda s: _within(forward, s))
-
-    short = descend(_starts(forward, signal, located, punches), frames, SHORT)
-    order = np.argsort(short.cost.reshape(-1, BANDS), axis=1) + BANDS * np.arange(len(signal))[:, None]
-    free = descend(short.state[order[:, 0]], np.arange(len(signal)), LONG)
-    settled = _settled(forward, signal, sd, free, _beside(free, _rows(short, order[:, 1])))
+    usual = floor_at(forward, located.place_mm, np.full(len(signal), forward.mean[3])) * size
+    short = _descend(forward, signal, np.hypot(noise_V, usual), _starts(forward, signal, located, punches), SHORT)
+    start = _unknown(forward, _best(short, len(signal), 1).state)
+    floor = floor_at(forward, start[:, :2], start[:, 3]) * size
+    sd = np.hypot(noise_V, floor)
+    branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, LONG)
+    settled = _settled(forward, signal, sd, _best(branches, len(signal), 1), branches)
     found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, (noise_V / sd) ** 2)
-    return _broadened(_mixed(forward, found, settled))
+    return _broadened(_bounded(forward, _mixed(forward, found, settled)))
 
 
-def _rows(ends: Minimum, rows: NDArray[np.intp]) -> Minimum:
+def _descend(forward: ForwardMap, signal: Array, sd: Array, state: Array, steps: int) -> Minimum:
+    """Minima from states (m, p), the same number of each frame."""
+    frames = np.repeat(np.arange(len(signal)), len(state) // len(signal))
+    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], sd[frames[which]], s), state, steps,
+                    lambda s: _within(forward, s))
+
+
+def _best(ends: Minimum, frames: int, most: int) -> Minimum:
+    """The best ends of each frame, in order of their cost."""
+    cost = ends.cost.reshape(frames, -1)
+    rows = (np.argsort(cost, axis=1)[:, :most] + cost.shape[1] * np.arange(frames)[:, None]).ravel()
     return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
-
-
-def _beside(one: Minimum, other: Minimum) -> Minimum:
-    """The ends of each frame's two branches, in turn."""
-    pairs = ((one.state, other.state), (one.cost, other.cost), (one.normal, other.normal),
-             (one.residual, other.residual))
-    return Minimum(*(np.stack(pair, axis=1).reshape(-1, *pair[0].shape[1:]) for pair in pairs))
 
 
 def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branches: Minimum) -> Settled:
@@ -109,8 +113,9 @@ def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branc
     if not len(forward.known_mm):
         return Settled(free, free.state[:, None], np.ones((len(signal), 1)))
     log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]
+    branches = _spread(branches, WIDE / forward.sd[3])
     worth = known_punches.worth_trying(free, branches, log_d).ravel()
-    frames = np.repeat(np.arange(len(signal)), BRANCHES * len(log_d))[worth]
+    frames = np.repeat(np.arange(len(signal)), len(branches.cost) // len(signal) * len(log_d))[worth]
 
     def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
         frame = frames[which]
@@ -118,7 +123,19 @@ def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branc
 
     start = _within(forward, known_punches.starts(branches, log_d).reshape(len(worth), -1))
     tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
-    return known_punches.settle(free, known_punches.filled(tried, worth, start), len(log_d))
+    return known_punches.settle(free, known_punches.filled(tried, worth, start), len(log_d),
+                                1 / (forward.rows + 2))
+
+
+def _spread(ends: Minimum, wide: float) -> Minimum:
+    """Each end, and others on either side along its regression on g at the same diameter, of no promise where g is not
+    wide."""
+    sd = np.sqrt(inverse(ends.normal)[:, LOAD, LOAD])
+    along = known_punches.by_load(ends.normal, LOAD) * sd[:, None]
+    state = ends.state[:, None] + ASIDE[:, None] * along[:, None]
+    cost = np.where((ASIDE == 0) | (sd[:, None] > wide), ends.cost[:, None], np.inf)
+    return Minimum(state.reshape(-1, ends.state.shape[1]), cost.ravel(), np.repeat(ends.normal, len(ASIDE), axis=0),
+                   np.repeat(ends.residual, len(ASIDE), axis=0))
 
 
 def _mixed(forward: ForwardMap, found: Inversion, settled: Settled) -> Inversion:
@@ -130,6 +147,21 @@ def _mixed(forward: ForwardMap, found: Inversion, settled: Settled) -> Inversion
     joint[:, :4, :4] += covariance
     return replace(found, touch=mean, covariance=joint[:, :4, :4],
                    peak=replace(found.peak, joint=joint, known=found.peak.known + covariance))
+
+
+def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
+    """With forces that may be among those of the training touches held to these, a uniform prior; the covariance is
+    left as wide as it was."""
+    mean = bounded.held(np.column_stack([found.touch, found.material]), found.peak.joint, FORCE, *forward.bounds[:, 2])
+    unknown = _on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
+    touch = to_touch(unknown, forward.p0)
+    return replace(found, touch=touch, material=mean[:, 4:], inside=_inside(forward, touch))
+
+
+def _inside(forward: ForwardMap, touch: Array) -> NDArray[np.bool_]:
+    """(n,) whether radius, d and F of touches (n, 4) lie among those of the training touches."""
+    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
+    return np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
 
 
 def _broadened(found: Inversion) -> Inversion:
@@ -151,11 +183,9 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDA
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
     peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), share)
-    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
-    inside = np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
-    in_table = noisy & (extent[:, 0] <= INTERIOR * forward.ring.radius_mm)
-    return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit, inside,
-                     resolved(punches) & in_table, punches)
+    in_table = noisy & (np.hypot(touch[:, 0], touch[:, 1]) <= INTERIOR * forward.ring.radius_mm)
+    return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit,
+                     _inside(forward, touch), resolved(punches) & in_table, punches)
 
 
 def _peak(forward: ForwardMap, normal: Array, slope: Array, widened: Array, share: Array) -> Peak:
@@ -185,7 +215,7 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
     near = np.hypot(*located.place_mm.T) > INTERIOR * forward.ring.radius_mm
     if len(forward.rim.radius) and np.any(near):
-        unknown[near] = rim_starts(forward, signal[near], BANDS)
+        unknown[near] = rim_starts(forward, signal[near], located.place_mm[near], BANDS)
     scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd
     return np.column_stack([scaled, np.zeros((len(scaled), forward.doubts))])
 
@@ -206,10 +236,15 @@ def _unknown(forward: ForwardMap, state: Array) -> Array:
 
 def _within(forward: ForwardMap, state: Array) -> Array:
     """States held to the training touches and a margin about them."""
-    unknown = _unknown(forward, state)
-    unknown[:, :2] = on_disc(forward, unknown[:, :2])
+    return np.column_stack([(_on_range(forward, _unknown(forward, state)) - forward.mean) / forward.sd, state[:, 4:]])
+
+
+def _on_range(forward: ForwardMap, unknown: Array) -> Array:
+    """Touches (n, 4) as (x, y, log d, g) held to the training touches and a margin about them."""
+    held = unknown.copy()
+    held[:, :2] = on_disc(forward, unknown[:, :2])
     (d_lo, f_lo), (d_hi, f_hi) = forward.bounds[:, 1:] * np.exp(MARGIN * np.array([[-1], [1]]))
-    unknown[:, 2] = np.clip(unknown[:, 2], np.log(d_lo), np.log(d_hi))
-    area = np.exp(2 * unknown[:, 2]) * forward.p0
-    unknown[:, 3] = np.clip(unknown[:, 3], np.arcsinh(f_lo / area), np.arcsinh(f_hi / area))
-    return np.column_stack([(unknown - forward.mean) / forward.sd, state[:, 4:]])
+    held[:, 2] = np.clip(unknown[:, 2], np.log(d_lo), np.log(d_hi))
+    area = np.exp(2 * held[:, 2]) * forward.p0
+    held[:, 3] = np.clip(unknown[:, 3], np.arcsinh(f_lo / area), np.arcsinh(f_hi / area))
+    return held

@@ -17,8 +17,6 @@ from surrogate.levenberg import Minimum, inverse
 
 Array = NDArray[np.float64]
 
-# Prior probability of a diameter that no training row has.
-OTHER = 1e-3
 # Most diameters that are taken for those of known punches, and fewest rows of each.
 MOST, ROWS = 12, 40
 # Cost above the free fit's from which a punch is not tried, were the signal linear.
@@ -67,6 +65,16 @@ def starts(ends: Minimum, log_d: Array) -> Array:
     return out
 
 
+def by_load(normal: Array, load: int) -> Array:
+    """(n, p) change of the most probable state with the unknown `load`, at the same diameter, of normal matrices
+    (n, p, p)."""
+    rest = np.delete(np.arange(normal.shape[1]), (LOG_D, load))
+    out = np.zeros(normal.shape[:2])
+    out[:, load] = 1.0
+    out[:, rest] = -np.linalg.solve(normal[:, rest[:, None], rest], normal[:, rest, load][..., None])[..., 0]
+    return out
+
+
 def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> NDArray[np.bool_]:
     """(n branches, punches) which of `starts` the normal matrices do not rule out; of each frame's first branch always
     the nearest."""
@@ -91,24 +99,37 @@ def filled(tried: Minimum, worth: NDArray[np.bool_], start: Array) -> Minimum:
     return out
 
 
-def settle(free: Minimum, candidates: Minimum, punches: int) -> Settled:
-    """Weigh the free fit of each frame against candidates (n several punches) with held diameters."""
+def settle(free: Minimum, candidates: Minimum, punches: int, other: float) -> Settled:
+    """Weigh the free fit of each frame, of prior probability `other`, against candidates (n branches punches) with held
+    diameters; branches that end in one minimum count once."""
     n = len(free.cost)
-    log_weight = _evidence(candidates).reshape(n, -1, punches) + np.log((1 - OTHER) / punches)
-    best = log_weight.argmax(axis=1)
-    row = (np.arange(n)[:, None] * log_weight.shape[1] + best) * punches + np.arange(punches)
-    of_known = np.take_along_axis(log_weight, best[:, None], axis=1)[:, 0]
-    weight = np.column_stack([_evidence(free) + np.log(OTHER), of_known])
+    log_weight = _evidence(candidates).reshape(n, -1, punches) + np.log((1 - other) / punches)
+    log_weight[_again(candidates, n, punches)] = -np.inf
+    weight = np.column_stack([_evidence(free) + np.log(other), log_weight.reshape(n, -1)])
     probability = np.exp(weight - weight.max(axis=1, keepdims=True))
     probability /= probability.sum(axis=1, keepdims=True)
     chosen = probability.argmax(axis=1)
-    known = row[np.arange(n), np.maximum(chosen - 1, 0)]
+    known = np.arange(n) * log_weight[0].size + np.maximum(chosen - 1, 0)
     normal = candidates.normal.copy()
     normal[:, LOG_D, LOG_D] = HELD
     parts = ((free.state, candidates.state), (free.cost, candidates.cost), (free.normal, normal),
              (free.residual, candidates.residual))
-    end = Minimum(*(_picked(chosen > 0, one, other[known]) for one, other in parts))
-    return Settled(end, np.concatenate([free.state[:, None], candidates.state[row]], axis=1), probability)
+    end = Minimum(*(_picked(chosen > 0, one, held[known]) for one, held in parts))
+    states = candidates.state.reshape(n, -1, candidates.state.shape[1])
+    return Settled(end, np.concatenate([free.state[:, None], states], axis=1), probability)
+
+
+def _again(candidates: Minimum, n: int, punches: int) -> NDArray[np.bool_]:
+    """(n, branches, punches) whether a branch ends where one before it does, to within its standard deviation."""
+    count = candidates.state.shape[1]
+    state = candidates.state.reshape(n, -1, punches, count)
+    normal = candidates.normal.reshape(n, -1, punches, count, count)
+    again = np.zeros(state.shape[:3], bool)
+    for later in range(1, state.shape[1]):
+        for earlier in range(later):
+            off = state[:, later] - state[:, earlier]
+            again[:, later] |= np.einsum("nkp,nkpq,nkq->nk", off, normal[:, later], off) < 1
+    return again
 
 
 def between(settled: Settled, touch: Callable[[Array], Array]) -> tuple[Array, Array]:

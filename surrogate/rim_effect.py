@@ -25,8 +25,8 @@ ACROSS = 0.03
 LEFT_OUT = 1e-4
 # Distances to the rim are felt as log(SOFT - |z|); lengths along it count ALONG times.
 SOFT, ALONG = 1.06, 5.0
-# Bins of the radius in which the error is told.
-BINS = 8
+# Bins of the radius, and of the load in each, in which the error is told.
+BINS, LOADS = 8, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,10 @@ class RimEffect:
     # (maps, readings, components) directions of the effect at touches that each map folds
     directions: Array
     process: Matern
-    # (bins,) radius over the disc's, and the RMS error of the signal by the other rows, over its norm
+    # (bins,) radius over the disc's, (bins, LOADS) load g, and the RMS error of the signal by the other rows, over its
+    # norm
     radius: Array
+    load: Array
     error: Array
     # (all readings of the ring, readings) all of them by those that frames have
     fill: Array
@@ -48,8 +50,8 @@ def none_of(ring: Ring) -> RimEffect:
     """No effect anywhere."""
     identity = Symmetry(np.ones(1, complex), np.zeros(1, bool), np.eye(len(ring.read))[None])
     process = Matern(np.zeros((0, 4)), np.ones(4), np.zeros((0, 0)))
-    return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, np.zeros(0), np.zeros(0),
-                     np.eye(len(ring.read)))
+    return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, np.zeros(0),
+                     np.zeros((0, LOADS)), np.zeros((0, LOADS)), np.eye(len(ring.read)))
 
 
 def learn(ring: Ring, z: Complex, punch: Array, residual: Array, size: Array, norm: Array) -> RimEffect:
@@ -68,9 +70,10 @@ def learn(ring: Ring, z: Complex, punch: Array, residual: Array, size: Array, no
     axes = axes[:int(np.argmax(left < LEFT_OUT)) + 1]
     process, left_out = matern.fit(_inputs(place, punch[near][of]), folded @ axes.T)
     own = left_out[:len(near)] @ axes + folded[:len(near)] - folded[:len(near)] @ axes.T @ axes
-    radius, error = _by_radius(np.abs(z[near]), np.linalg.norm(own, axis=1) * np.abs(size[near]) / norm[near])
+    radius, load, error = _by_bin(np.abs(z[near]), punch[near, 1],
+                                  np.linalg.norm(own, axis=1) * np.abs(size[near]) / norm[near])
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
-    return RimEffect(symmetry, back @ axes.T, process, radius, error, np.eye(len(ring.read)))
+    return RimEffect(symmetry, back @ axes.T, process, radius, load, error, np.eye(len(ring.read)))
 
 
 def effect(rim: RimEffect, z: Complex, punch: Array) -> Effect:
@@ -96,11 +99,14 @@ def reaches(rim: RimEffect, z: Complex) -> NDArray[np.bool_]:
     return (np.abs(z) > FROM) & (len(rim.process.nodes) > 0)
 
 
-def error_at(rim: RimEffect, z: Complex, interior: float) -> Array:
-    """(n,) RMS error of the signal over its norm, that of the interior where no effect is learned."""
+def error_at(rim: RimEffect, z: Complex, load: Array, interior: float) -> Array:
+    """(n,) RMS error of the signal over its norm at places z and loads g (n,), that of the interior where no effect is
+    learned."""
     if not len(rim.radius):
         return np.full(len(z), interior)
-    error = np.interp(np.abs(z), rim.radius, rim.error)
+    loads, errors = (np.column_stack([np.interp(np.abs(z), rim.radius, column) for column in table.T])
+                     for table in (rim.load, rim.error))
+    error = np.array([np.interp(*one) for one in zip(load, loads, errors, strict=True)])
     return np.where(np.abs(z) > FROM, np.maximum(error, interior), interior)
 
 
@@ -128,7 +134,9 @@ def _with_images(symmetry: Symmetry, place: Complex, folded: Array) -> tuple[Com
     return np.concatenate(places), np.concatenate(rows), np.concatenate(signals)
 
 
-def _by_radius(radius: Array, error: Array) -> tuple[Array, Array]:
-    """Mean radius and RMS error of rows in bins of equal count."""
+def _by_bin(radius: Array, load: Array, error: Array) -> tuple[Array, Array, Array]:
+    """Mean radius (bins,), mean load and RMS error (bins, LOADS) of rows in bins of equal count."""
     bins = np.array_split(np.argsort(radius), BINS)
-    return np.array([radius[b].mean() for b in bins]), np.array([np.sqrt(np.mean(error[b] ** 2)) for b in bins])
+    each = [[b[part] for part in np.array_split(np.argsort(load[b]), LOADS)] for b in bins]
+    return (np.array([radius[b].mean() for b in bins]), np.array([[load[b].mean() for b in parts] for parts in each]),
+            np.array([[np.sqrt(np.mean(error[b] ** 2)) for b in parts] for parts in each]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,15 @@ class Ring:
     ground: Index
     # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
     modes: Array
+
+    @cached_property
+    def copies(self) -> float:
+        """Readings over independent ones: by reciprocity two readings with driving and reading exchanged are one
+        impedance, which a map then has wrong twice alike."""
+        unit = np.eye(len(self.angle_rad))
+        drive, read = unit[self.source] - unit[self.sink], unit[self.read] - unit[self.ground]
+        both = drive[:, :, None] * read[:, None, :]
+        return len(read) / int(np.linalg.matrix_rank((both + both.transpose(0, 2, 1)).reshape(len(read), -1)))
 
 
 def same_ring(one: Ring, other: Ring) -> bool:

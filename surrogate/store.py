@@ -22,7 +22,7 @@ from surrogate import outputs
 from surrogate.model import METHODS, Calibration, Model, Range, Rows, learner_class
 from surrogate.ring import Ring
 
-SCHEMA = 5
+SCHEMA = 6
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 Arrays = Mapping[str, NDArray[Any]]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from surrogate import forward_map, known_punches
 from surrogate.forward_map import ForwardMap
 from surrogate.invert import invert
+from surrogate.levenberg import Minimum
 from surrogate.ring import Ring
 
 Array = NDArray[np.float64]
@@ -41,3 +42,15 @@ def test_an_unknown_punch_is_not_taken_for_a_known_one(learned: ForwardMap, synt
     found = invert(learned, signal)
     print("diameters read:", np.quantile(found.touch[:, 2], [0.1, 0.5, 0.9]), "mm")
     assert np.quantile(np.abs(found.touch[:, 2] - touch[:, 2]), 0.8) < 0.3
+
+
+def test_branches_of_one_punch_are_all_weighed_and_one_minimum_counts_once() -> None:
+    """Two minima of equal evidence share the probability, however many starts ended in each."""
+    ends = np.zeros((4, 5))
+    ends[2:, 3] = 1.0
+    normal = np.tile(np.eye(5) * 400.0, (4, 1, 1))
+    branches = Minimum(ends, np.zeros(4), normal, np.zeros((4, 6)))
+    free = Minimum(np.zeros((1, 5)), np.full(1, 40.0), normal[:1], np.zeros((1, 6)))
+    settled = known_punches.settle(free, branches, 1, 1e-3)
+    print("probabilities:", settled.probability)
+    assert settled.probability[0] == pytest.approx([0.0, 0.5, 0.0, 0.5, 0.0], abs=1e-12)
