@@ -17,7 +17,6 @@ from surrogate.limit_file import MATERIALS
 
 OUTPUTS = {"x0": ("sd_x0_mm", "mm"), "y0": ("sd_y0_mm", "mm"), "d": ("sd_d_mm", "mm"), "F": ("sd_F_N", "N")}
 WORDS = {"known": "material known", "posterior": "material uncertain"}
-LEVELS = 12
 
 
 def plates(found: pd.DataFrame) -> list[Plate]:
@@ -42,7 +41,7 @@ def _plate(found: pd.DataFrame, level: float) -> Plate:
         bar.ax.xaxis.set_minor_formatter(NullFormatter())
         panels[0, column].set_title(parity.label(output))
     for axes, material in zip(panels[:, 0], materials, strict=True):
-        style.label(axes, "", f"{WORDS[material]}\ny (mm)")
+        style.label(axes, "", f"{WORDS[material]}\ny (mm)", axes.get_title("left"))
     for axes in panels[-1]:
         style.label(axes, "x (mm)", axes.get_ylabel(), axes.get_title("left"))
     name = f"limit_map_{level:g}dB".replace(".", "_")

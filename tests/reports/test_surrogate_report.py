@@ -14,6 +14,7 @@ from matplotlib.collections import LineCollection
 
 from matcal.errors import TestFileError
 from reports import parity
+from reports import limit_plates, style
 from reports.surrogates import report, write
 from surrogate.metrics import score
 
@@ -130,6 +131,9 @@ def test_maps_of_the_limit_are_drawn_by_level(tmp_path: Path, read_pdf: Reader) 
     for words in ("noise 60.0 dB below", "a punch of 14.0 mm under 1.00 N", "force 0.200 and 0.0605 N"):
         assert words in text
     assert len(pd.read_csv(tmp_path / "s_files" / "limit_map_80dB.csv")) == 2 * len(x)
+    with style.house():
+        titles = [axes.get_title("left") for axes in limit_plates.plates(pd.concat(rows))[0].figure.axes[:4]]
+    assert titles == ["Position x", "Position y", "Punch diameter", "Force"]
     rows[0].drop(columns="sd_F_N").to_csv(tmp_path / "model" / "limit_map.csv", index=False)
     with pytest.raises(TestFileError, match="column sd_F_N is missing"):
         report(tmp_path / "model")
