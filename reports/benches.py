@@ -101,6 +101,10 @@ def _start(row: Mapping[str, Any]) -> str:
     return f"{row['method']}, {first}" if first.startswith("from") else row["method"]
 
 
+def _place(row: Mapping[str, Any]) -> str:
+    return row["scene"].replace(", d = 14 mm", "")
+
+
 def _asked(row: Mapping[str, Any]) -> str:
     return f"asked for {row['wanted']:.2g} of the signal"
 
@@ -139,7 +143,7 @@ BENCHES = (
           lambda _: "eitsim", _element, _one, "depth_error", "Relative error of the depth (–)"),
     Bench("peers_mechanics", "peers_mechanics.csv", "depth of one touch by peers", lambda row: row["touch"],
           _with_kind, _element_and_rest, lambda row: row["setting"], "depth_error", "Relative error of the depth (–)"),
-    Bench("scenes", "scenes.csv", "whole scenes, from the plan to 208 readings", lambda row: row["scene"],
+    Bench("scenes", "scenes.csv", "whole scenes of a 14 mm punch, from the plan to 208 readings", _place,
           lambda row: row["method"], _asked, _one, "dv_error", "Relative error of ΔV (–)",
           note="Against finer solutions, whose own told error is in the file (reference_error). No other program "
           "of the comparison solves touch and readings together: its peers stand in the diagrams of the mechanics and "

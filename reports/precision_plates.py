@@ -18,19 +18,21 @@ from reports.page import Plate
 from reports.staleness import CURRENT, State
 
 # height of a row of panels and of a line of the legend, mm
-ROW_MM, LINE_MM = 54.0, 4.2
+ROW_MM, LINE_MM = 49.0, 4.2
 # letters of the longest method above which the legend has two columns instead of three
 LONG = 30
+# problems above which panels stand in three columns, and the span of an axis below which it has plain numbers
+FEW, NARROW = 4, 50.0
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
 
 
 def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Plate:
     """The plate of a benchmark's points, of so many rows of its file, which stands so to the code."""
     problems, methods = by_problem(found), list(dict.fromkeys(p.method for p in found))
-    columns, across = min(2, len(problems)), 2 if max(map(len, methods)) > LONG else 3
+    columns, across = min(2 if len(problems) <= FEW else 3, len(problems)), 2 if max(map(len, methods)) > LONG else 3
     down = math.ceil(len(problems) / columns)
     figure = style.sheet(ROW_MM * down + LINE_MM * math.ceil(len(methods) / across) + 6,
-                         style.TEXT_WIDTH_MM if columns == 2 else 116)
+                         style.TEXT_WIDTH_MM if columns > 1 else 116)
     panels = figure.subplots(down, columns, sharex=True, sharey=True, squeeze=False)
     for i, (axes, (problem, own)) in enumerate(zip(panels.flat, problems.items(), strict=False)):
         panel(axes, bench, own, methods)
@@ -39,6 +41,10 @@ def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Pl
         style.label(axes, "CPU time (s)" if last else "", "" if i % columns else bench.label, problem)
     for axes in panels.flat[len(problems):]:
         axes.set_visible(False)
+    shared = panels[0, 0]
+    for axis, (low, high) in ((shared.xaxis, shared.get_xlim()), (shared.yaxis, shared.get_ylim())):
+        if high < NARROW * low:
+            style.plain_log(axis)
     lines = {line.get_label(): line for axes in panels.flat for line in axes.get_lines()}
     figure.legend([lines[method] for method in methods], methods, loc="outside lower center", ncols=across)
     return Plate(bench.name, figure, _caption(bench, found, rows, state), {bench.name: _frame(bench, found)})
