@@ -1,4 +1,4 @@
-"""Rows of `surrogate predict --direct` and `--posterior`: one frame at a time, the simulator's where a card is told."""
+"""Rows of `surrogate predict` with --direct, --posterior or --touches 2: one frame at a time."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from surrogate import outputs, response
 from surrogate.direct import Direct, direct
 from surrogate.intervals import COVERAGE, normal
 from surrogate.invert import invert
+from surrogate.loading import to_unknown
 from surrogate.model import Model
 from surrogate.posterior import Posterior, posterior_of
-from surrogate.predict import MISFIT, OTHER_BASELINE, Predictions, Predictor, predict
+from surrogate.predict import MISFIT, NO_TOUCH, OTHER_BASELINE, WEAK, Predictions, Predictor, predict
 from surrogate.simulated import Simulator
 from surrogate.touch_inversion import TouchInversion
+from surrogate.two_touches import read_pair
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -111,6 +113,25 @@ def _why_learned(own: Direct, broad: bool, learned_sd: Array) -> str:
     if np.sum(np.log(told / np.maximum(learned_sd, 1e-9))) > 0:
         return "the learned map tells this touch closer"
     return ""
+
+
+def pair_row(model: Model, line: int, signal_V: Array, noise_V: float) -> Row:
+    """Two touches of a signal (readings,), V, with standard deviations, and whether it needs two."""
+    forward = learner_of(model).forward
+    if np.linalg.norm(signal_V) < WEAK * model.trained.weakest_V:
+        return {"line": line, "flag": NO_TOUCH}
+    alone = invert(forward, signal_V[None], noise_V).touch
+    found = read_pair(forward, signal_V, noise_V, to_unknown(alone, forward.p0)[0])
+    row: Row = {"line": line, "touches": 2 if found.two else 1}
+    sd = np.sqrt(np.diag(found.covariance)).reshape(2, 4)
+    for k in range(2):
+        for name, value, spread in zip(outputs.NAMES, found.touch[k], sd[k], strict=False):
+            unit = outputs.of(name).unit
+            row |= {f"{name}_{k + 1}_{unit}": value, f"{name}_{k + 1}_sd_{unit}": spread}
+    flag = _joined("" if found.two else "one touch explains this frame as well",
+                   "the two are too near each other to be told apart" if found.too_near else "",
+                   MISFIT if found.misfit > UNEXPLAINED else "")
+    return row | {"gain": found.gain, "misfit": found.misfit, "misfit_of_one": found.misfit_of_one, "flag": flag}
 
 
 def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | None, flag: str) -> Row:

@@ -37,6 +37,8 @@ def predict(model_folder: ModelFolder,
             posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior of each frame with "
                                                                         "emcee; with --card that of the simulator.")
                                  ] = False,
+            touches: Annotated[int, typer.Option(min=1, max=2, help="2 reads two touches from each frame, and says "
+                                                                    "where one explains it as well.")] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
             data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
             scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card.")] = None,
@@ -54,13 +56,22 @@ def predict(model_folder: ModelFolder,
         check_apart({"--out": out}, [Path(path) for path in (frames, baseline, card, scene) if path not in (None, "-")])
     if noise_v is not None and not noise_v >= 0:
         raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
-    _check_choice(frames, direct, posterior, card, data or scene, as_json)
+    _check_choice(frames, direct or posterior, card, data or scene, touches == 2 or as_json)
+    if direct + posterior + (touches == 2) > 1:
+        raise ValueError("give one of --direct, --posterior and --touches 2: the posterior holds what --direct tells, "
+                         "and both read one touch.")
+    if direct and card is None:
+        raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
+                         "or --scene FILE for the sensor.")
     model = store.load(model_folder)
     if frames == "-":
         _predict_stream(model, baseline, noise_v, out)
         return
     read, reference, dead = _frames(model, Path(frames), baseline)
     noise = _noise(model, reference, noise_v)
+    if touches == 2:
+        _written(_pairs(model, read, reference, dead, noise), model_folder, out, as_json)
+        return
     if not (direct or posterior):
         from surrogate.predict import predict_frames
 
@@ -71,21 +82,29 @@ def predict(model_folder: ModelFolder,
     _written(rows, model_folder, out, as_json)
 
 
-def _check_choice(frames: str, direct: bool, posterior: bool, card: Path | None, sensor: Path | None,
-                  as_json: bool) -> None:
+def _check_choice(frames: str, in_depth: bool, card: Path | None, sensor: Path | None, whole: bool) -> None:
     """ValueError where options do not go together."""
-    if direct and posterior:
-        raise ValueError("give --direct or --posterior, not both: the posterior holds what --direct tells, and more.")
-    if frames == "-" and (direct or posterior or as_json):
-        raise ValueError("frames from standard input are answered within milliseconds; --direct and --posterior take "
-                         "seconds a frame, and --json waits for the last. Give a file of frames.")
-    if direct and card is None:
-        raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
-                         "or --scene FILE for the sensor.")
-    if (card is not None or sensor is not None) and not (direct or posterior):
+    if frames == "-" and (in_depth or whole):
+        raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
+                         "--touches 2 and --json need a file of frames.")
+    if (card is not None or sensor is not None) and not in_depth:
         raise ValueError("--card, --data and --scene tell the simulator of --direct and --posterior; add one of these.")
     if card is None and sensor is not None:
         raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
+
+
+def _pairs(model: Model, frames: Frames, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
+    """A row a frame, two touches each."""
+    import pandas as pd
+
+    from surrogate.one_frame import pair_row
+
+    if dead.any():
+        raise ValueError("a channel is dead, and --touches 2 needs all. Mend it, or predict without it.")
+    signals = zip(frames.line.tolist(), frames.volts - reference.volts, strict=True)
+    rows = [pair_row(model, line, signal, noise) for line, signal in _counted_off(list(signals))]
+    names = max((list(row) for row in rows), key=len)
+    return pd.DataFrame(rows, columns=names)
 
 
 def _simulator(model: Model, card: Path, data: Path | None, scene: Path | None, reference: Untouched) -> Simulator:

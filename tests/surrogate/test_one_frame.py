@@ -132,7 +132,8 @@ def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(forwar
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"direct": True, "posterior": True}, "not both"),
+    ({"direct": True, "posterior": True}, "give one of"),
+    ({"direct": True, "touches": 2}, "give one of"),
     ({"direct": True}, "--card"),
     ({"card": Path("card.json")}, "add one of these"),
     ({"posterior": True, "scene": Path("scene.toml")}, "needs --card"),
