@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,11 @@ class ForwardMap:
     def materials(self) -> int:
         """States of the material."""
         return len(self.strengths[0].centre) - TOUCH_INPUTS
+
+    @cached_property
+    def series(self) -> NDArray[np.complex128]:
+        """(FIELDS, modes, electrodes) series of the electrodes' fields."""
+        return multipole.field_series(self.ring, self.field, FIELDS)
 
     @property
     def doubts(self) -> int:
@@ -161,11 +167,13 @@ def _bounds(touch: Array) -> Array:
     return np.array([np.maximum(lowest - gap, lowest / 2), highest + gap])
 
 
-def linearise(forward: ForwardMap, unknown: Array) -> Linearised:
-    """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, g)."""
-    fields = multipole.electrode_fields(forward.ring, forward.field, _place(forward.ring, unknown), FIELDS)
+def linearise(forward: ForwardMap, unknown: Array, doubt: Array | None = None) -> Linearised:
+    """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, g); `doubt` (n, orders) is that
+    of the strengths, `strength_doubt` there or, cheaper, close by."""
+    fields = multipole.fields_at(forward.series, _place(forward.ring, unknown))
     base, by_x, by_y = multipole.basis_and_slopes(forward.ring, fields)
-    value, slope, sd, by_card = _strengths(forward, unknown)
+    value, slope, by_card = _strengths(forward, unknown)
+    sd = strength_doubt(forward, unknown) if doubt is None else doubt
     jacobian = base @ slope
     jacobian[..., 0] += multipole.combined(by_x, value) / forward.ring.radius_mm
     jacobian[..., 1] += multipole.combined(by_y, value) / forward.ring.radius_mm
@@ -188,7 +196,7 @@ def _along(base: Array, signal: Array, dipole: Array, change: Array) -> Array:
 def by_material(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders, k) derivatives of log |p_1| and of the ratios p_n / p_1 by the states of the material, at touches
     (n, 4) given as (x, y, log d, g)."""
-    return _strengths(forward, unknown)[3]
+    return _strengths(forward, unknown)[2]
 
 
 def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
@@ -230,28 +238,32 @@ def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
     return np.concatenate([by_input[..., 2:3] * radial, by_input[..., :2]], axis=-1)
 
 
-def _strengths(forward: ForwardMap, unknown: Array,
-               material: Array | None = None) -> tuple[Array, Array, Array, Array]:
-    """Strengths (n, orders), their slopes (n, orders, 4), the standard deviations of log p_1 and of the ratios, and
-    the derivatives (n, orders, k) of these by the material, the mean one where none is given.
+def strength_doubt(forward: ForwardMap, unknown: Array) -> Array:
+    """(n, orders) standard deviations of log p_1 and of p_n / p_1 at touches (n, 4) given as (x, y, log d, g).
 
     The scatter of log p_1 about its process (noise) is doubt; that of the ratios is mostly what least squares on one
     row leaves undetermined, which the floor stands for already.
     """
+    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
+    variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])
+    variance[:, 0] += forward.strengths[0].noise[0]
+    return np.sqrt(variance)
+
+
+def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = None) -> tuple[Array, Array, Array]:
+    """Strengths (n, orders), their slopes (n, orders, 4), and the derivatives (n, orders, k) of log p_1 and of the
+    ratios by the material, the mean one where none is given."""
     held = np.zeros((len(unknown), forward.materials)) if material is None else material
     inputs = _inputs(forward.ring, unknown, held)
-    found = [gaussian_process.predict(process, inputs) for process in forward.strengths]
+    found = [gaussian_process.mean(process, inputs) for process in forward.strengths]
     first = forward.sign * force(unknown[:, 2], unknown[:, 3], forward.p0) * np.exp(found[0][0])
-    ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _, _ in found[1:]])
+    ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _ in found[1:]])
     value = first[:, None] * ratio
     by_first = found[0][1].copy()
     by_first[:, 0] += 2.0
     by_first[:, 1] += 1 / np.tanh(unknown[:, 3])
     by_input = value[..., None] * by_first[:, None, :]
-    for n, (_, gradient, _) in enumerate(found[1:], start=1):
+    for n, (_, gradient) in enumerate(found[1:], start=1):
         by_input[:, n] += first[:, None] * gradient
     slope = _by_unknown(forward.ring, unknown[:, None], by_input)
-    variance = np.column_stack([v for _, _, v in found])
-    variance[:, 0] += forward.strengths[0].noise[0]
-    gradients = np.stack([gradient[:, TOUCH_INPUTS:] for _, gradient, _ in found], axis=1)
-    return value, slope, np.sqrt(variance), gradients
+    return value, slope, np.stack([gradient[:, TOUCH_INPUTS:] for _, gradient in found], axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate import bounded, known_punches
-from surrogate.forward_map import INTERIOR, ForwardMap, floor_at, linearise
+from surrogate.forward_map import INTERIOR, ForwardMap, floor_at, linearise, strength_doubt
 from surrogate.known_punches import Settled
 from surrogate.levenberg import Minimum, inverse, minimise
 from surrogate.loading import to_touch, to_unknown, touch_slope
@@ -95,9 +95,14 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
 
 def _descend(forward: ForwardMap, signal: Array, sd: Array, state: Array, steps: int) -> Minimum:
     """Minima from states (m, p), the same number of each frame."""
-    frames = np.repeat(np.arange(len(signal)), len(state) // len(signal))
-    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], sd[frames[which]], s), state, steps,
-                    lambda s: _within(forward, s))
+    frames, doubt = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _doubt(forward, state)
+    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], sd[frames[which]], doubt[which], s),
+                    state, steps, lambda s: _within(forward, s))
+
+
+def _doubt(forward: ForwardMap, state: Array) -> Array:
+    """(m, orders) doubts of the strengths at states (m, p), which are held in a descent from these."""
+    return strength_doubt(forward, _unknown(forward, state))
 
 
 def _best(ends: Minimum, frames: int, most: int) -> Minimum:
@@ -119,9 +124,10 @@ def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branc
 
     def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
         frame = frames[which]
-        return known_punches.held(_residuals(forward, signal[frame], sd[frame], state), signal.shape[1])
+        return known_punches.held(_residuals(forward, signal[frame], sd[frame], doubt[which], state), signal.shape[1])
 
     start = _within(forward, known_punches.starts(branches, log_d).reshape(len(worth), -1))
+    doubt = _doubt(forward, start[worth])
     tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
     return known_punches.settle(free, known_punches.filled(tried, worth, start), len(log_d),
                                 1 / (forward.rows + 2))
@@ -220,10 +226,10 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     return np.column_stack([scaled, np.zeros((len(scaled), forward.doubts))])
 
 
-def _residuals(forward: ForwardMap, signal: Array, sd: Array, state: Array) -> tuple[Array, Array]:
+def _residuals(forward: ForwardMap, signal: Array, sd: Array, doubt: Array, state: Array) -> tuple[Array, Array]:
     """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + doubts: readings over their sd, then prior
     and doubts."""
-    here = linearise(forward, _unknown(forward, state))
+    here = linearise(forward, _unknown(forward, state), doubt)
     misfit = (here.signal_V + combined(here.doubt, state[:, 4:]) - signal) / sd[:, None]
     jacobian = np.concatenate([here.jacobian * forward.sd, here.doubt], axis=2) / sd[:, None, None]
     identity = np.broadcast_to(np.eye(state.shape[1]), (len(state), state.shape[1], state.shape[1]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,11 @@ class Matern:
     # (k, outputs)
     weights: Array
 
+    @cached_property
+    def moments(self) -> Array:
+        """(k, (1 + q) outputs) weights, then these times each input of the nodes."""
+        return np.hstack([self.weights, *(column[:, None] * self.weights for column in self.nodes.T)])
+
 
 def fit(x: Array, y: Array) -> tuple[Matern, Array]:
     """Fit y (n, outputs) on x (n, q), and the errors (n, outputs) that each row has by the others (Rasmussen and
@@ -47,9 +53,9 @@ def predict(process: Matern, x: Array) -> tuple[Array, Array]:
     root = _root(x, process.nodes)
     decay = np.exp(-root)
     mean = ((1 + root + root**2 / 3) * decay) @ process.weights
-    along = -5 / 3 * (1 + root) * decay
-    gradient = [(along * (x[:, j, None] - process.nodes[:, j])) @ process.weights / length
-                for j, length in enumerate(process.lengths)]
+    along = (-5 / 3 * (1 + root) * decay) @ process.moments
+    whole, *each = np.split(along, 1 + x.shape[1], axis=1)
+    gradient = [(x[:, j, None] * whole - each[j]) / length for j, length in enumerate(process.lengths)]
     return mean, np.stack(gradient, axis=2)
 
 

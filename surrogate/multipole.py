@@ -159,11 +159,22 @@ def _coefficients(q: Array, orders: int) -> Array:
     return out
 
 
-def electrode_fields(ring: Ring, q: Array, z: Complex, orders: int) -> Complex:
-    """(orders, n, electrodes) derivatives 1 ... orders of the potential of each electrode at z (n,)."""
+def field_series(ring: Ring, q: Array, orders: int) -> Complex:
+    """(orders, modes, electrodes) coefficients of the powers of z in derivatives 1 ... orders of the potential of each
+    electrode."""
     coefficients, turn = _coefficients(q, orders).T, np.exp(-1j * ring.angle_rad)
-    powers = np.ones((len(z), coefficients.shape[1]), complex)
+    turns = np.exp(-1j * np.arange(coefficients.shape[1])[:, None] * ring.angle_rad)
+    return coefficients[..., None] * turns * turn ** np.arange(1, orders + 1)[:, None, None]
+
+
+def fields_at(series: Complex, z: Complex) -> Complex:
+    """(orders, n, electrodes) derivatives of the potential of each electrode at z (n,), by their series."""
+    powers = np.ones((len(z), series.shape[1]), complex)
     powers[:, 1:] = z[:, None]
     np.cumprod(powers, axis=1, out=powers)
-    turns = np.exp(-1j * np.arange(coefficients.shape[1])[:, None] * ring.angle_rad)
-    return (coefficients[:, None] * powers) @ turns * turn ** np.arange(1, orders + 1)[:, None, None]
+    return powers @ series
+
+
+def electrode_fields(ring: Ring, q: Array, z: Complex, orders: int) -> Complex:
+    """(orders, n, electrodes) derivatives 1 ... orders of the potential of each electrode at z (n,)."""
+    return fields_at(field_series(ring, q, orders), z)
