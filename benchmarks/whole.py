@@ -23,7 +23,7 @@ RAW = HERE.parent / "data_raw"
 GIVEN = {"inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",), "streaming": ("ridge",),
          "surrogate_noise": ("sweep",)}
 # what needs the paper's sweep of 4,000 scenes, and is run by hand
-APART = ("surrogates", "transfer")
+APART = ("faithful", "surrogates", "transfer")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",

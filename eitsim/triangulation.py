@@ -24,8 +24,8 @@ Touches = tuple[tuple[Punch, Touch], ...]
 # Least distance of the other points from circles and rim, in sizes, and how often they are moved to their neighbours'
 # mean.
 _CLOSEST, _SMOOTHINGS = 0.6, 3
-# A rim edge is no longer than so many of its distances to a circle.
-_NEAR = 2.0
+# A rim edge is no longer than so many of its distances to a circle, which is no closer than so many disc radii.
+_NEAR, _TOUCHING = 2.0, 1e-9
 # Where a rim edge is cut, from an end that two electrodes share: the current density grows towards it as one over the
 # distance, until z S.
 _SHARED = (1 / 27, 1 / 9, 1 / 3)
@@ -133,6 +133,9 @@ def _rim(body: Body, electrodes: Electrodes, circles: list[_Circle], level: int,
         width = np.diff(angles, append=angles[0] + 2 * np.pi)
         middle = body.radius_m * np.exp(1j * (angles + width / 2))
         away = [np.abs(middle - complex(*circle.centre_m)) - circle.radius_m for circle in circles]
+        if np.min(away) < _TOUCHING * body.radius_m:
+            raise ValueError("the edge of a punch or of its contact touches the rim, and a mesh needs a gap between "
+                             "them; move the punch inwards by a thousandth of a millimetre or more.")
         long = np.flatnonzero(body.radius_m * width > _NEAR * np.min(away, axis=0))
         if not len(long):
             return angles, electrode

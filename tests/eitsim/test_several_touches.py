@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -158,3 +159,11 @@ def test_touches_that_overlap_are_refused():
         readings(at(-5, 0), at(5, 0), method="mesh")
     with pytest.raises(ValueError, match="no touch"):
         readings()
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 1e-12])
+def test_no_mesh_is_sought_without_end_where_a_punch_touches_the_rim(gap_m: float) -> None:
+    touching = at(93, 0)
+    touching = replace(touching[0], x_m=0.1 - 0.007 - gap_m), touching[1]
+    with pytest.raises(ValueError, match="touches the rim"):
+        triangulation(Body(), Electrodes(), (touching,), 1)
