@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 
 # Bands of loads that each give one start.
 BANDS = 5
-# Steps of every start, and of the best start of each frame after that.
-SHORT, LONG = 6, 100
+# Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
+SHORT, MIDDLE, LONG = 6, 12, 60
 # Branches of each frame that known punches are tried from, and the steps of each.
 BRANCHES, HELD = 2, 20
 # Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
@@ -87,8 +87,9 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     start = _unknown(forward, _best(short, len(signal), 1).state)
     floor = floor_at(forward, start[:, :2], start[:, 3]) * size
     sd = np.hypot(noise_V, floor)
-    branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, LONG)
-    settled = _settled(forward, signal, sd, _best(branches, len(signal), 1), branches)
+    branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
+    free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
+    settled = _settled(forward, signal, sd, free, branches)
     found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, (noise_V / sd) ** 2)
     return _broadened(_bounded(forward, _mixed(forward, found, settled)))
 
