@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 # Bands of loads that each give one start.
 BANDS = 5
 # Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
-SHORT, MIDDLE, LONG = 6, 12, 60
+SHORT, MIDDLE, LONG = 6, 12, 100
 # Branches of each frame that known punches are tried from, and the steps of each.
 BRANCHES, HELD = 2, 20
 # Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Residuals = Callable[[Array, NDArray[np.intp]], tuple[Array, Array]]
 
 # Damping: start, and the value that ends a problem; gain over the cost that ends one.
-START, END, ENOUGH = 1e-3, 1e8, 1e-4
+START, END, ENOUGH = 1e-3, 1e8, 1e-5
 
 
 @dataclass(frozen=True)
