@@ -7,6 +7,7 @@ only the triangular factor of B is kept, so that a touch costs a product of smal
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -61,13 +62,19 @@ def _products(unknowns: int) -> list[tuple[int, ...]]:
     return [one for degree in range(DEGREE + 1) for one in combinations_with_replacement(range(unknowns), degree)]
 
 
+@cache
+def _grown(unknowns: int) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """For each degree from 1 on: the product of one degree less, by its place among all, and the unknown it is taken
+    times."""
+    every = _products(unknowns)
+    place = {one: k for k, one in enumerate(every)}
+    of_degree = [[one for one in every if len(one) == degree] for degree in range(1, DEGREE + 1)]
+    return [(np.array([place[one[:-1]] for one in part]), np.array([one[-1] for one in part])) for part in of_degree]
+
+
 def _phi(scaled: Array) -> Array:
     """(n, k) products."""
-    powers = np.stack([scaled**k for k in range(DEGREE + 1)], axis=-1)
-    out = []
-    for one in _products(scaled.shape[1]):
-        value = np.ones(len(scaled))
-        for axis in set(one):
-            value = value * powers[:, axis, one.count(axis)]
-        out.append(value)
-    return np.stack(out, axis=1)
+    out = np.ones((len(scaled), 1))
+    for fewer, times in _grown(scaled.shape[1]):
+        out = np.hstack([out, out[:, fewer] * scaled[:, times]])
+    return out

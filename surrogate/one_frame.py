@@ -146,29 +146,25 @@ def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | N
     return row | {"by": taken} | cost | {"flag": flag}
 
 
-def posterior_row(model: Model, simulator: Simulator | None, one: One, noise_V: float, seed: int) -> Row:
+def posterior_row(model: Model, one: One, noise_V: float, seed: int) -> Row:
     """Median, standard deviation, 5 and 95 % of every output of the model, correlation of d and F, and how good the
     chains are; without numbers where the frame has no touch."""
     learner = learner_of(model)
     if not np.isfinite(one.learned.value).any():
         return {"line": one.line, "flag": one.learned.flag[0]}
-    try:
-        found = posterior_of(learner.forward, one.signal_V, noise_V, simulator, seed)
-    except NotConverged as error:
-        return {"line": one.line, "flag": _joined(one.learned.flag[0], str(error))}
+    found = posterior_of(learner.forward, one.signal_V, noise_V, seed)
     row: Row = {"line": one.line}
     for name, values in _values(model, learner, found, seed).items():
         unit, (low, middle, high) = outputs.of(name).unit, np.quantile(values, (0.05, 0.5, 0.95))
         row |= {f"{name}_median_{unit}": middle, f"{name}_sd_{unit}": values.std(), f"{name}_q05_{unit}": low,
                 f"{name}_q95_{unit}": high}
     row |= {"correlation_d_F": float(np.asarray(np.corrcoef(found.draws[:, 2:].T))[0, 1]),
-            "likelihood": "simulator" if found.simulated else "learned map", "misfit": found.misfit,
-            "held_out_error": found.held_out, "effective_draws": found.effective}
+            "misfit": found.misfit, "effective_draws": found.effective}
     row |= {key: found.checks[key] for key in ("rhat", "ess", "autocorrelation_steps", "steps", "acceptance")}
     flags = [one.learned.flag[0], "" if found.checks["converged"] else "the chains did not converge",
              "few draws are left of the emulator's" if found.effective < FEW else "",
              MISFIT if found.misfit > UNEXPLAINED else ""]
-    return row | {"simulations": found.simulations, "cpu_s": found.cpu_s, "flag": _joined(*flags)}
+    return row | {"cpu_s": found.cpu_s, "flag": _joined(*flags)}
 
 
 def _values(model: Model, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:

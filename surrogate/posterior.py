@@ -1,8 +1,8 @@
 """Posterior of one touch from one frame by emcee: (x, y, d, F) uniform over the training touches' range.
 
-The likelihood is the simulator's: the learned map with a correction, linear in the touch, through scenes solved at
-draws of the posterior itself; what those scenes scatter about it counts as noise. Without a simulator it is the learned
-map's, its own error counted. Unlike the inversion it takes any diameter for equally likely, known punches or not.
+The likelihood is the learned map's, its own error counted; the material is the one that it was trained on. Unlike the
+inversion it takes any diameter for equally likely, known punches or not. Chains run on a polynomial of the residuals;
+the map itself weighs their draws.
 """
 
 from __future__ import annotations
@@ -14,42 +14,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from matcal.chains import run_ensembles
-from matcal.errors import NotConverged
+from matcal.chains import Derived, run_ensembles
 from surrogate import emulator, punch_ridge
-from surrogate.direct import direct
 from surrogate.emulator import Emulator
 from surrogate.forward_map import ForwardMap, floor_at, linearise
 from surrogate.invert import invert
 from surrogate.limit import Prior
 from surrogate.loading import to_touch, to_unknown
 from surrogate.punch_ridge import Ridge
-from surrogate.simulated import Simulator, Unknowns, solved
+from surrogate.simulated import Unknowns
 
 Array = NDArray[np.float64]
 
 # How far points of the emulator reach, in standard deviations, and beyond the prior, over its ranges.
 REACH, MARGIN = 2.0, 0.1
 # Draws of the chains that the map itself weighs, the part that must be worth as much as draws of their own, every
-# which one is added to the emulator's points where they are not, and rounds.
-CHECKED, ENOUGH, ADDED, ROUNDS = 2000, 0.3, 5, 3
-# Scenes that the correction is learned from, beside the first, and that test it.
-DESIGN, HELD_OUT = 12, 3
+# which one is added to the emulator's points where they are not, rounds, and CPU time, s, after which none begins.
+CHECKED, ENOUGH, ADDED, ROUNDS, SPENT_S = 2000, 0.3, 5, 3, 25.0
 # Draws that are kept.
 KEPT = 1000
 # Touches that the learned map is asked for at once, to bound the memory.
 BATCH = 500
-
-
-@dataclass(frozen=True, eq=False)
-class Correction:
-    """What is added to the learned map's readings: constant, then by each of the four scaled unknowns."""
-
-    # (4,) middle and scale of the unknowns
-    middle: Array
-    scale: Array
-    # (5, readings) V
-    by: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,14 +45,9 @@ class Posterior:
     draws: Array
     # rhat, ess, autocorrelation_steps, steps, acceptance, converged, as matcal's chains tell them
     checks: dict[str, float | bool]
-    # whether the simulator's readings were the likelihood; relative error, 2-norm, of the corrected map at scenes held
-    # out of it, NaN without them
-    simulated: bool
-    held_out: float
     # draws of their own that the weighed ones of the emulator's chains are worth
     effective: float
-    # scenes solved, CPU time, s
-    simulations: int
+    # CPU time, s
     cpu_s: float
     # squared residual, a degree of freedom, at the most probable draw
     misfit: float
@@ -81,13 +61,12 @@ class _Frame:
     signal_V: Array
     prior: Prior
     whiten: Array
-    correction: Correction
 
     def whitened(self, unknown: Array) -> tuple[Array, Array]:
-        """Residuals (n, readings) of touches (n, 4), and the slopes (n, readings, 4) of the learned map's part."""
+        """Residuals (n, readings) of touches (n, 4), and their slopes (n, readings, 4)."""
         here = linearise(self.forward, unknown)
-        left = here.signal_V + corrected(self.correction, unknown) - self.signal_V
-        return left @ self.whiten.T, np.einsum("qr,nrp->nqp", self.whiten, here.jacobian, optimize=True)
+        return ((here.signal_V - self.signal_V) @ self.whiten.T,
+                np.einsum("qr,nrp->nqp", self.whiten, here.jacobian, optimize=True))
 
     def residual(self, unknown: Array) -> Array:
         """(n, readings) of many touches (n, 4)."""
@@ -103,17 +82,15 @@ class _Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sampled:
-    """Chains of one likelihood: draws (KEPT, 4) of (x, y, log d, g), and how good they are."""
+class Draws:
+    """Draws by chains on an emulator, weighed and drawn again."""
 
-    draws: Array
+    # (KEPT, p) points
+    points: Array
+    # as matcal's chains tell them; draws of their own that the weighed ones are worth; least squared residual
     checks: dict[str, float | bool]
     effective: float
-    misfit: float
-
-    def spread_out(self, count: int) -> Array:
-        """(count, 4) of the draws, evenly."""
-        return self.draws[np.linspace(0, len(self.draws) - 1, count + 2).astype(int)[1:-1]]
+    chi_squared: float
 
 
 def prior_of(forward: ForwardMap) -> Prior:
@@ -123,46 +100,12 @@ def prior_of(forward: ForwardMap) -> Prior:
     return Prior(forward.ring.radius_mm, float(gap), (float(d_low), float(d_high)), (float(f_low), float(f_high)))
 
 
-def corrected(correction: Correction, unknown: Array) -> Array:
-    """(n, readings) what a correction adds at touches (n, 4) given as (x, y, log d, g)."""
-    return _linear((unknown - correction.middle) / correction.scale) @ correction.by
-
-
-def posterior_of(forward: ForwardMap, signal_V: Array, noise_V: float, simulator: Simulator | None = None,
-                 seed: int = 0) -> Posterior:
-    """The posterior of one signal (readings,), V, under white noise; NotConverged where the simulator has no readings
-    near the learned map's touch. Chains that end short say so in `checks`."""
+def posterior_of(forward: ForwardMap, signal_V: Array, noise_V: float, seed: int = 0) -> Posterior:
+    """The posterior of one signal (readings,), V, under white noise. Chains that end short say so in `checks`."""
     begun = time.process_time()
     start = invert(replace(forward, known_mm=np.zeros(0)), signal_V[None], noise_V).touch[0]
-    constant = Correction(forward.mean, forward.sd, np.zeros((5, len(signal_V))))
-    if simulator is None:
-        found = _sampled(_framed(forward, signal_V, _of_map(forward, start, noise_V), constant), start, seed)
-        held_out, solves = np.nan, 0
-    else:
-        found, held_out, solves = _by_simulator(forward, simulator, signal_V, noise_V, start, seed)
-    return Posterior(to_touch(found.draws, forward.p0), found.checks, simulator is not None, held_out, found.effective,
-                     solves, time.process_time() - begun, found.misfit)
-
-
-def _by_simulator(forward: ForwardMap, simulator: Simulator, signal_V: Array, noise_V: float, start: Array,
-                  seed: int) -> tuple[_Sampled, float, int]:
-    """The chains, the corrected map's relative error at scenes held out of it, and how many scenes were solved."""
-    peak = direct(simulator, forward, signal_V, noise_V, start)
-    at = to_unknown(peak.touch[None], forward.p0)
-    by = np.zeros((5, len(signal_V)))
-    by[0] = peak.signal_V - linearise(forward, at).signal_V[0]
-    first = _sampled(_framed(forward, signal_V, peak.unknowns, Correction(forward.mean, forward.sd, by)), peak.touch,
-                     seed, rounds=1)
-    correction, spread_V = _learned(forward, simulator, np.vstack([at, first.spread_out(DESIGN)]))
-    unknowns = replace(peak.unknowns, white_V=float(np.hypot(peak.unknowns.white_V, spread_V)))
-    frame = _framed(forward, signal_V, unknowns, correction)
-    found = _sampled(frame, to_touch(first.spread_out(1), forward.p0)[0], seed + 1)
-    return (found, _tested(frame, simulator, found.spread_out(HELD_OUT)),
-            peak.simulations + 1 + DESIGN + HELD_OUT)
-
-
-def _framed(forward: ForwardMap, signal_V: Array, unknowns: Unknowns, correction: Correction) -> _Frame:
-    return _Frame(forward, signal_V, prior_of(forward), unknowns.whitening, correction)
+    frame = _Frame(forward, signal_V, prior_of(forward), _of_map(forward, start, noise_V).whitening)
+    return _sampled(frame, start, seed, begun)
 
 
 def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
@@ -173,68 +116,39 @@ def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
     return Unknowns(float(np.hypot(noise_V, floor)), here.doubt[0])
 
 
-def _learned(forward: ForwardMap, simulator: Simulator, unknown: Array) -> tuple[Correction, float]:
-    """The correction through scenes at touches (n, 4), and their scatter about it when left out one by one, V a
-    reading; touches without readings are left out."""
-    kept, apart = _apart(forward, simulator, unknown)
-    if len(kept) < DESIGN // 2 + 1:
-        raise NotConverged(f"the simulator solved {len(kept)} of {len(unknown)} touches of the posterior, too few to "
-                           "correct the learned map. Give a --scene that asks for less accuracy, or leave --card out.",
-                           estimate=kept)
-    middle, scale = kept.mean(axis=0), np.maximum(kept.std(axis=0), 1e-9)
-    phi = _linear((kept - middle) / scale)
-    by = np.asarray(np.linalg.lstsq(phi, apart, rcond=1e-6)[0], np.float64)
-    share = np.clip(np.einsum("nk,kn->n", phi, np.linalg.pinv(phi, rcond=1e-6)), 0, 0.9)
-    left = (apart - phi @ by) / (1 - share)[:, None]
-    return Correction(middle, scale, by), float(np.sqrt(np.mean(left**2)))
-
-
-def _tested(frame: _Frame, simulator: Simulator, unknown: Array) -> float:
-    """Relative error, RMS, of the corrected map at touches (n, 4); NaN where none has readings."""
-    kept, apart = _apart(frame.forward, simulator, unknown)
-    if not len(kept):
-        return np.nan
-    size = np.linalg.norm(linearise(frame.forward, kept).signal_V, axis=1)
-    left = np.linalg.norm(apart - corrected(frame.correction, kept), axis=1) / size
-    return float(np.sqrt(np.mean(left**2)))
-
-
-def _apart(forward: ForwardMap, simulator: Simulator, unknown: Array) -> tuple[Array, Array]:
-    """Touches that the simulator has readings of, and by how much these (n, readings), V, exceed the learned map's."""
-    kept, found = [], []
-    for one in unknown:
-        try:
-            found.append(solved(simulator, to_touch(one[None], forward.p0)[0]).signal_V)
-        except NotConverged:
-            continue
-        kept.append(one)
-    if not kept:
-        return np.empty((0, 4)), np.empty((0, len(forward.ring.read)))
-    points = np.array(kept)
-    return points, np.array(found) - linearise(forward, points).signal_V
-
-
-def _sampled(frame: _Frame, touch: Array, seed: int, rounds: int = ROUNDS) -> _Sampled:
-    """Draws of a frame by chains on an emulator of the map, weighed by the map itself; points are added to the emulator
-    where few draws are left of these."""
-    ridge = _ridge(frame, to_unknown(touch[None], frame.forward.p0)[0])
+def _sampled(frame: _Frame, touch: Array, seed: int, begun: float) -> Posterior:
+    forward, ridge = frame.forward, _ridge(frame, to_unknown(touch[None], frame.forward.p0)[0])
     points = punch_ridge.points_about(ridge, 2 * emulator.wanted(4), REACH, np.random.default_rng([seed, 5]))
     points = points[frame.allowed(punch_ridge.bent(ridge, points), MARGIN)]
-    residual = frame.residual(punch_ridge.bent(ridge, points))
-    for _ in range(rounds):
-        made = emulator.fit(points, residual)
-        chains = run_ensembles(_density(frame, ridge, made), points[np.argmin(np.sum(residual**2, axis=1))],
-                               _scale(points, residual), _derived(frame.forward, ridge), seed)
+    found = weighed_draws(lambda straight: frame.residual(punch_ridge.bent(ridge, straight)),
+                          lambda straight: log_prior(forward, frame.prior, punch_ridge.bent(ridge, straight)),
+                          _derived(forward, ridge), points, seed, begun + SPENT_S)
+    return Posterior(to_touch(punch_ridge.bent(ridge, found.points), forward.p0), found.checks, found.effective,
+                     time.process_time() - begun, found.chi_squared / (len(frame.signal_V) - 4))
+
+
+def weighed_draws(residual: Callable[[Array], Array], log_prior: Callable[[Array], Array], derived: Derived,
+                  points: Array, seed: int, until_s: float = np.inf) -> Draws:
+    """Draws of exp(log_prior(u) - |residual(u)|^2 / 2) by chains on an emulator of the residuals (n, readings), first
+    through points (n, p) about the posterior, each draw weighed by what the emulator misses.
+
+    Draws are added to the emulator's points where few are left, unless the process has used until_s of CPU time.
+    """
+    at = residual(points)
+    for _ in range(ROUNDS):
+        made = emulator.fit(points, at)
+        chains = run_ensembles(_density(log_prior, made), points[np.argmin(np.sum(at**2, axis=1))], _scale(points, at),
+                               derived, seed)
         draws = chains.spread_out(CHECKED)
-        exact = frame.residual(punch_ridge.bent(ridge, draws))
+        exact = residual(draws)
         chi2 = np.sum(exact**2, axis=1)
         weight = _weights((emulator.chi_squared(made, draws) - chi2) / 2)
-        if 1 / np.sum(weight**2) > ENOUGH * CHECKED:
+        effective = float(1 / np.sum(weight**2))
+        if effective > ENOUGH * CHECKED or time.process_time() > until_s:
             break
-        points, residual = np.vstack([points, draws[::ADDED]]), np.vstack([residual, exact[::ADDED]])
+        points, at = np.vstack([points, draws[::ADDED]]), np.vstack([at, exact[::ADDED]])
     kept = draws[np.random.default_rng([seed, 6]).choice(CHECKED, KEPT, p=weight)]
-    return _Sampled(punch_ridge.bent(ridge, kept), chains.checks, float(1 / np.sum(weight**2)),
-                    float(chi2.min()) / (exact.shape[1] - 4))
+    return Draws(kept, chains.checks, effective, float(chi2.min()))
 
 
 def _weights(log_weight: Array) -> Array:
@@ -266,12 +180,8 @@ def _scale(points: Array, residual: Array) -> Array:
     return np.sqrt(weight @ (points - mean) ** 2 / weight.sum()) + 1e-9
 
 
-def _density(frame: _Frame, ridge: Ridge, made: Emulator) -> Callable[[Array, float], Array]:
-    def density(straight: Array, share: float) -> Array:
-        prior = log_prior(frame.forward, frame.prior, punch_ridge.bent(ridge, straight))
-        return prior - share * emulator.chi_squared(made, straight) / 2
-
-    return density
+def _density(log_prior: Callable[[Array], Array], made: Emulator) -> Callable[[Array, float], Array]:
+    return lambda u, share: log_prior(u) - share * emulator.chi_squared(made, u) / 2
 
 
 def log_prior(forward: ForwardMap, prior: Prior, unknown: Array) -> Array:
@@ -284,12 +194,8 @@ def log_prior(forward: ForwardMap, prior: Prior, unknown: Array) -> Array:
     return out
 
 
-def _derived(forward: ForwardMap, ridge: Ridge) -> Callable[[Array], dict[str, Array]]:
+def _derived(forward: ForwardMap, ridge: Ridge) -> Derived:
     def derived(straight: Array) -> dict[str, Array]:
         return dict(zip(("x0", "y0", "d", "F"), to_touch(punch_ridge.bent(ridge, straight), forward.p0).T, strict=True))
 
     return derived
-
-
-def _linear(scaled: Array) -> Array:
-    return np.column_stack([np.ones(len(scaled)), scaled])
