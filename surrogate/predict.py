@@ -27,8 +27,12 @@ SLACK = 0.02
 MISFIT_FACTOR = 3.0
 # Largest factor by which a strange signal widens the intervals.
 MOST_WIDENED = 1000.0
-# Norm of a signal, over that of the strongest validation row, from which it is outside the training range.
-STRONG = 1.2
+# Norm of a signal, over that of the strongest validation row, from which it is outside the training range, and from
+# which no touch is read from it.
+STRONG, WILD = 1.2, 30.0
+# Least factor by which a touch outside the training range widens the intervals; beside the place, they are as wide as
+# the range of the training there.
+OUTSIDE_WIDENED = 10.0
 # What makes up the standard deviation of a force.
 PARTS = ("noise", "material", "model")
 # Relative difference of the untouched frame from that of the training, 2-norm, from which it is cautioned.
@@ -98,8 +102,12 @@ def baseline_caution(model: Model, baseline_V: Array) -> str:
 def prepare(model: Model, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None) -> Predictor:
     """What predicting frames needs, the calibration of the intervals included, once for a stream of frames.
 
-    dead: (readings,) channels known to be dead, beside those that the baseline shows.
+    dead: (readings,) channels known to be dead, beside those that the baseline shows. ValueError for a noise that is no
+    finite number from 0.
     """
+    if not 0 <= noise_V < np.inf:
+        raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
+                         "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     return Predictor(model, baseline_V, noise_V, interval_scale(model, noise_V),
                      learn_familiar(model.ring, model.calibration.signal_V), lost)
@@ -150,17 +158,20 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
 def _sound(predictor: Predictor, volts: Array) -> Predictions:
     """Predictions of frames that have all their channels."""
     model, signal = predictor.model, volts - predictor.baseline_V
-    touched = np.linalg.norm(signal, axis=1) >= WEAK * model.trained.weakest_V
+    size = np.linalg.norm(signal, axis=1)
+    wild = size > WILD * predictor.familiar.strongest_V
+    touched = (size >= WEAK * model.trained.weakest_V) & ~wild
     shape = (len(signal), len(model.names))
     value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
+    flags[wild] = f"{OUTSIDE}; {MISFIT}"
     parts = np.full((len(signal), _parts_told(model)), np.nan)
     if np.any(touched):
         found = estimate(model, signal[touched], predictor.noise_V)
         strange = strangeness(predictor.familiar, signal[touched], predictor.noise_V) / MISFIT_FACTOR
-        strong = np.linalg.norm(signal[touched], axis=1) > STRONG * predictor.familiar.strongest_V
+        outside = _outside(model, found) | (size[touched] > STRONG * predictor.familiar.strongest_V)
         value[touched] = found.value
-        half_width[touched] = found.sd * predictor.scale * _widening(strange)[:, None]
-        flags[touched] = _flags(model, found, strange > 1, strong)
+        half_width[touched] = _widened(model, found.sd * predictor.scale, strange, outside)
+        flags[touched] = _flags(model, found, strange > 1, outside)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, half_width[touched] / normal(COVERAGE))
     return Predictions(value, half_width, flags.tolist(), parts)
@@ -179,16 +190,24 @@ def _force_parts(model: Model, found: Estimate, sd: Array) -> Array:
     return np.column_stack([part[:, k] for part in each]) * (sd / found.sd)[:, k, None]
 
 
-def _widening(strange: Array) -> Array:
-    """Factor of the interval of a signal that is not like the trained ones, by how much it is not; no coverage is
-    promised there."""
-    return np.clip(strange, 1.0, MOST_WIDENED)
+def _widened(model: Model, half_width: Array, strange: Array, outside: Mask) -> Array:
+    """Half widths (n, outputs) of signals that are so many times as strange as trained ones, or outside their range; no
+    coverage is promised there. None is wider than the range of the training."""
+    factor = np.maximum(np.clip(strange, 1.0, MOST_WIDENED), np.where(outside, OUTSIDE_WIDENED, 1.0))
+    span = model.trained.highest - model.trained.lowest
+    told = np.array([name not in ("x0", "y0") for name in model.names])
+    wide = np.maximum(half_width * factor[:, None], np.where(outside[:, None] & told, span, 0.0))
+    return np.minimum(wide, np.where(span > 0, span, np.inf))
 
 
-def _flags(model: Model, found: Estimate, strange: Mask, strong: Mask) -> list[str]:
+def _outside(model: Model, found: Estimate) -> Mask:
+    """(n,) whether an estimate lies beyond the training range, SLACK aside."""
     slack = SLACK * (model.trained.highest - model.trained.lowest)
     beyond = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
-    outside = beyond.any(axis=1) | ~found.inside | strong
+    return beyond.any(axis=1) | ~found.inside
+
+
+def _flags(model: Model, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
     odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
     return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]
 

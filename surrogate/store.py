@@ -67,14 +67,18 @@ def load(folder: Path) -> Model:
         text = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
         raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+    if not isinstance(text, dict):
+        raise TestFileError(path, "holds no JSON object. A model is the folder that `surrogate train --out` writes; "
+                                  "train it again.")
     if text.get("schema") != SCHEMA or text.get("method") not in METHODS:
         raise TestFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one that "
                                   f"this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
     try:
         return _assemble(text, _read_arrays(folder / ARRAYS))
-    except (KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
-        raise TestFileError(folder / ARRAYS, f"does not belong to its {DESCRIPTION} or is damaged ({error}). Train the "
-                                             "model again.") from None
+    except (KeyError, TypeError, ValueError, zipfile.BadZipFile, EOFError) as error:
+        told = type(error).__name__ if "pickle" in str(error) else error
+        raise TestFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
+                                    f"({told}). Train the model again.") from None
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
@@ -85,7 +89,10 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 def _assemble(text: dict[str, Any], arrays: Arrays) -> Model:
     own = ("schema", "method", "outputs", "seed", "fit_s")
     names = tuple(outputs.of(output["name"]).name for output in text["outputs"])
-    return Model(text["method"], _rebuilt(Ring, "ring", arrays), names,
+    ring = _rebuilt(Ring, "ring", arrays)
+    if arrays["baseline_V"].shape != ring.read.shape:
+        raise ValueError("baseline_V is not of the ring's readings")
+    return Model(text["method"], ring, names,
                  _rebuilt(learner_class(text["method"]), "learner", arrays),
                  _rebuilt(Calibration, "calibration", arrays), _rebuilt(Rows, "rows", arrays),
                  _rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],

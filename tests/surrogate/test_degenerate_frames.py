@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,35 @@ def test_what_is_no_touch_of_the_training_is_flagged_and_widened(
     assert all(OUTSIDE in flag for flag in predict(predictors[method], untouched_V + 40 * signal).flag)
 
 
+@pytest.mark.parametrize("method", ["forward", "ridge"])
+def test_a_frame_in_other_units_leaves_its_neighbours_alone(predictors: dict[str, Predictor], synthetic: Synthetic,
+                                                            untouched_V: Array, method: str) -> None:
+    frames = untouched_V + synthetic(3, 72)[1]
+    odd = frames.copy()
+    odd[1] *= 1e3
+    alone, found = predict(predictors[method], frames), predict(predictors[method], odd)
+    assert np.isnan(found.value[1]).all()
+    assert found.flag[1] == f"{OUTSIDE}; {MISFIT}"
+    assert found.value[[0, 2]] == pytest.approx(alone.value[[0, 2]], rel=1e-9)
+
+
+def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward: Model, samples: Samples,
+                                                                         untouched_V: Array) -> None:
+    """Rows are told to be lighter than they are, so that the model is of a lighter range."""
+    heaviest = samples.signal_V[np.argsort(samples.target[:, 3])[-3:]]
+    narrow = replace(forward, trained=replace(forward.trained, highest=np.array([90.0, 90.0, 0.5])))
+    found = predict(prepare(narrow, untouched_V, NOISE_V), untouched_V + heaviest)
+    print(found.value, found.half_width, found.flag)
+    assert all(OUTSIDE in flag for flag in found.flag)
+    assert found.half_width[:, 2] == pytest.approx(0.5 - narrow.trained.lowest[2])
+
+
+def test_a_noise_that_is_no_number_is_refused(ridge: Model, untouched_V: Array) -> None:
+    for noise_V in (np.inf, np.nan, -1e-6):
+        with pytest.raises(ValueError, match="finite number of volts"):
+            prepare(ridge, untouched_V, noise_V)
+
+
 def test_a_frame_equal_to_the_baseline_has_no_touch(predictors: dict[str, Predictor], untouched_V: Array) -> None:
     for predictor in predictors.values():
         found = predict(predictor, untouched_V[None])
@@ -96,7 +126,7 @@ def test_a_dead_electrode_widens_the_intervals(predictors: dict[str, Predictor],
     assert 40 < dead.sum() < 104
     assert within.sum() > 8
     assert np.all(np.abs(found.value[:, :2] - touch[:, :2])[within] < 2 * found.half_width[within, :2])
-    assert np.all(found.half_width > whole.half_width)
+    assert np.all(found.half_width[within] > whole.half_width[within])
 
 
 def test_a_channel_that_is_dead_in_the_baseline_is_dead_in_every_frame(forward: Model, synthetic: Synthetic,

@@ -197,7 +197,15 @@ def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path
     with pytest.raises(TestFileError, match="schema 99"):
         store.load(tmp_path / "model")
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "method": "forward"}))
-    with pytest.raises(TestFileError, match="does not belong"):
+    with pytest.raises(TestFileError, match="do not belong"):
+        store.load(tmp_path / "model")
+    for spoilt, said in (("[1, 2]", "no JSON object"), (json.dumps({**text, "outputs": [{"name": "x9"}]}), "x9")):
+        (tmp_path / "model" / "model.json").write_text(spoilt)
+        with pytest.raises(TestFileError, match=said):
+            store.load(tmp_path / "model")
+    (tmp_path / "model" / "model.json").write_text(json.dumps(text))
+    (tmp_path / "model" / "arrays.npz").write_text("no arrays")
+    with pytest.raises(TestFileError, match="do not belong together, or one is damaged"):
         store.load(tmp_path / "model")
 
 
