@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from eitsim.frames import Frames
 from matcal.errors import NotConverged
 from surrogate import outputs, response
+from surrogate.dead_channels import Mask, silent
 from surrogate.direct import Direct, direct
+from surrogate.familiar import learn_familiar
 from surrogate.intervals import COVERAGE, normal
 from surrogate.invert import invert
 from surrogate.loading import to_unknown
@@ -56,6 +58,13 @@ def learner_of(model: Model) -> TouchInversion:
         raise ValueError(f"the model does not tell {missing[0]}, and --direct and --posterior read x0, y0, d and F. "
                          "Train one with --outputs all.")
     return model.learner
+
+
+def uncalibrated(model: Model, baseline_V: Array, noise_V: float, dead: Mask) -> Predictor:
+    """As `prepare`, without calibrating intervals that a posterior replaces: that inverts every calibration row."""
+    lost = silent(baseline_V[None], model.baseline_V)[0] | dead
+    return Predictor(model, baseline_V, noise_V, np.ones(len(model.names)),
+                     learn_familiar(model.ring, model.calibration.signal_V), lost)
 
 
 def ones(predictor: Predictor, frames: Frames) -> Iterator[One]:

@@ -124,7 +124,7 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Frames, referen
     """A row a frame, by the posterior where there is a seed; each shows on a terminal as it is done."""
     import pandas as pd
 
-    from surrogate.one_frame import direct_row, learner_of, ones, posterior_row
+    from surrogate.one_frame import direct_row, learner_of, ones, posterior_row, uncalibrated
     from surrogate.predict import prepare
 
     learner_of(model)
@@ -132,7 +132,8 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Frames, referen
         _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
              "punches these share; the likelihood is the learned map's, its error counted, the material the model's.")
     rows = []
-    for one in _counted_off(list(ones(prepare(model, reference.volts, noise, dead), frames))):
+    ready = prepare if seed is None else uncalibrated
+    for one in _counted_off(list(ones(ready(model, reference.volts, noise, dead), frames))):
         if seed is not None:
             rows.append(posterior_row(model, one, noise, seed))
         elif simulator is not None:
