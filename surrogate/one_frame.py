@@ -22,6 +22,7 @@ from surrogate.model import Model
 from surrogate.posterior import Posterior, posterior_of
 from surrogate.predict import MISFIT, NO_TOUCH, OTHER_BASELINE, WEAK, Predictions, Predictor, predict
 from surrogate.simulated import Simulator
+from surrogate.simulated_posterior import simulated_posterior
 from surrogate.touch_inversion import TouchInversion
 from surrogate.two_touches import read_pair
 
@@ -32,6 +33,8 @@ Row = dict[str, Any]
 UNEXPLAINED = 2.0
 # Effective draws below which quantiles are rough.
 FEW = 100.0
+# Standard deviations of the readings by which the corrected map may miss a scene.
+MISSED = 1.0
 # Standard deviation of a diameter, mm, below which the learned map is sure of a known punch.
 SURE_MM = 0.05
 
@@ -155,13 +158,13 @@ def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | N
     return row | {"by": taken} | cost | {"flag": flag}
 
 
-def posterior_row(model: Model, one: One, noise_V: float, seed: int) -> Row:
+def posterior_row(model: Model, simulator: Simulator | None, one: One, noise_V: float, seed: int) -> Row:
     """Median, standard deviation, 5 and 95 % of every output of the model, correlation of d and F, and how good the
-    chains are; without numbers where the frame has no touch."""
+    chains are; without numbers where the frame has no touch. Where there is a simulator, its likelihood."""
     learner = learner_of(model)
     if not np.isfinite(one.learned.value).any():
         return {"line": one.line, "flag": one.learned.flag[0]}
-    found = posterior_of(learner.forward, one.signal_V, noise_V, seed)
+    found, why, by = _posterior(learner, simulator, one, noise_V, seed)
     row: Row = {"line": one.line}
     for name, values in _values(model, learner, found, seed).items():
         unit, (low, middle, high) = outputs.of(name).unit, np.quantile(values, (0.05, 0.5, 0.95))
@@ -169,11 +172,26 @@ def posterior_row(model: Model, one: One, noise_V: float, seed: int) -> Row:
                 f"{name}_q95_{unit}": high}
     row |= {"correlation_d_F": float(np.asarray(np.corrcoef(found.draws[:, 2:].T))[0, 1]),
             "misfit": found.misfit, "effective_draws": found.effective}
-    row |= {key: found.checks[key] for key in ("rhat", "ess", "autocorrelation_steps", "steps", "acceptance")}
-    flags = [one.learned.flag[0], "" if found.checks["converged"] else "the chains did not converge",
+    row |= {key: found.checks[key] for key in ("rhat", "ess", "autocorrelation_steps", "steps", "acceptance")} | by
+    flags = [one.learned.flag[0], why, "" if found.checks["converged"] else "the chains did not converge",
              "few draws are left of the emulator's" if found.effective < FEW else "",
              MISFIT if found.misfit > UNEXPLAINED else ""]
     return row | {"cpu_s": found.cpu_s, "flag": _joined(*flags)}
+
+
+def _posterior(learner: TouchInversion, simulator: Simulator | None, one: One, noise_V: float,
+               seed: int) -> tuple[Posterior, str, Row]:
+    """The posterior, what is to be known of it, and whose it is."""
+    if simulator is None:
+        return posterior_of(learner.forward, one.signal_V, noise_V, seed), "", {"by": "learned"}
+    try:
+        told = simulated_posterior(simulator, learner.forward, one.signal_V, noise_V, seed)
+    except NotConverged as error:
+        own = posterior_of(learner.forward, one.signal_V, noise_V, seed)
+        return own, str(error), {"by": "learned", "simulations": 0, "held_out_error": np.nan}
+    why = "the corrected map misses scenes by more than the noise" if told.held_out_error > MISSED else ""
+    return told.posterior, why, {"by": "simulator", "simulations": told.simulations,
+                                 "held_out_error": told.held_out_error}
 
 
 def _values(model: Model, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:

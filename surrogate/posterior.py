@@ -1,8 +1,8 @@
 """Posterior of one touch from one frame by emcee: (x, y, d, F) uniform over the training touches' range.
 
-The likelihood is the learned map's, its own error counted; the material is the one that it was trained on. Unlike the
-inversion it takes any diameter for equally likely, known punches or not. Chains run on a polynomial of the residuals;
-the map itself weighs their draws.
+The likelihood is the learned map's, its own error counted, the material the one that it was trained on; or that of the
+map as `surrogate.simulated_posterior` corrects it. Unlike the inversion it takes any diameter for equally likely, known
+punches or not. Chains run on a polynomial of the residuals; the map itself weighs their draws.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,14 @@ KEPT = 1000
 BATCH = 500
 
 
+class Added(Protocol):
+    """What is added to the map's signals."""
+
+    def at(self, unknown: Array) -> tuple[Array, Array]:
+        """(n, readings) V, and (n, readings, 4) its derivatives, at touches (n, 4) as (x, y, log d, g)."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """Draws of one touch."""
@@ -61,12 +70,16 @@ class _Frame:
     signal_V: Array
     prior: Prior
     whiten: Array
+    correction: Added | None
 
     def whitened(self, unknown: Array) -> tuple[Array, Array]:
         """Residuals (n, readings) of touches (n, 4), and their slopes (n, readings, 4)."""
         here = linearise(self.forward, unknown)
-        return ((here.signal_V - self.signal_V) @ self.whiten.T,
-                np.einsum("qr,nrp->nqp", self.whiten, here.jacobian, optimize=True))
+        signal, slope = here.signal_V, here.jacobian
+        if self.correction is not None:
+            added, by = self.correction.at(unknown)
+            signal, slope = signal + added, slope + by
+        return (signal - self.signal_V) @ self.whiten.T, np.einsum("qr,nrp->nqp", self.whiten, slope, optimize=True)
 
     def residual(self, unknown: Array) -> Array:
         """(n, readings) of many touches (n, 4)."""
@@ -102,10 +115,8 @@ def prior_of(forward: ForwardMap) -> Prior:
 
 def posterior_of(forward: ForwardMap, signal_V: Array, noise_V: float, seed: int = 0) -> Posterior:
     """The posterior of one signal (readings,), V, under white noise. Chains that end short say so in `checks`."""
-    begun = time.process_time()
     start = invert(replace(forward, known_mm=np.zeros(0)), signal_V[None], noise_V).touch[0]
-    frame = _Frame(forward, signal_V, prior_of(forward), _of_map(forward, start, noise_V).whitening)
-    return _sampled(frame, start, seed, begun)
+    return sampled(forward, signal_V, _of_map(forward, start, noise_V).whitening, start, seed)
 
 
 def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
@@ -116,8 +127,12 @@ def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
     return Unknowns(float(np.hypot(noise_V, floor)), here.doubt[0])
 
 
-def _sampled(frame: _Frame, touch: Array, seed: int, begun: float) -> Posterior:
-    forward, ridge = frame.forward, _ridge(frame, to_unknown(touch[None], frame.forward.p0)[0])
+def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, seed: int,
+            correction: Added | None = None) -> Posterior:
+    """Draws about a touch (4,), where `whiten` (readings, readings) makes residuals standard normal."""
+    begun = time.process_time()
+    frame = _Frame(forward, signal_V, prior_of(forward), whiten, correction)
+    ridge = _ridge(frame, to_unknown(touch[None], forward.p0)[0])
     points = punch_ridge.points_about(ridge, 2 * emulator.wanted(4), REACH, np.random.default_rng([seed, 5]))
     points = points[frame.allowed(punch_ridge.bent(ridge, points), MARGIN)]
     found = weighed_draws(lambda straight: frame.residual(punch_ridge.bent(ridge, straight)),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from surrogate.simulated import Simulator
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
-CARD_HELP = "Card of foam and skin, for --direct."
+CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
 
 
 def predict(model_folder: ModelFolder,
@@ -35,7 +35,8 @@ def predict(model_folder: ModelFolder,
             direct: Annotated[bool, typer.Option("--direct", help="Invert the simulator itself, from the learned "
                                                                   "answer on; needs --card.")] = False,
             posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior of each frame with "
-                                                                        "emcee, on the learned map.")
+                                                                        "emcee, on the learned map, or with "
+                                                                        "--card by the simulator.")
                                  ] = False,
             touches: Annotated[int, typer.Option(min=1, max=2, help="2 reads two touches from each frame, and says "
                                                                     "where one explains it as well.")] = 1,
@@ -56,7 +57,7 @@ def predict(model_folder: ModelFolder,
         check_apart({"--out": out}, [Path(path) for path in (frames, baseline, card, scene) if path not in (None, "-")])
     if noise_v is not None and not noise_v >= 0:
         raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
-    _check_choice(frames, direct, card, data or scene, posterior or touches == 2 or as_json)
+    _check_choice(frames, direct, direct or posterior, card, data or scene, posterior or touches == 2 or as_json)
     if direct + posterior + (touches == 2) > 1:
         raise ValueError("give one of --direct, --posterior and --touches 2: each reads a frame in its own way.")
     if direct and card is None:
@@ -81,14 +82,15 @@ def predict(model_folder: ModelFolder,
     _written(rows, model_folder, out, as_json)
 
 
-def _check_choice(frames: str, direct: bool, card: Path | None, sensor: Path | None, whole: bool) -> None:
+def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
+                  whole: bool) -> None:
     """ValueError where options do not go together."""
     if frames == "-" and (direct or whole):
         raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
                          "--touches 2 and --json need a file of frames.")
-    if (card is not None or sensor is not None) and not direct:
-        raise ValueError("--card, --data and --scene tell the simulator of --direct; add --direct, or leave them out "
-                         "(--posterior reads frames by the learned map).")
+    if (card is not None or sensor is not None) and not simulated:
+        raise ValueError("--card, --data and --scene tell the simulator of --direct or --posterior; add one, or leave "
+                         "them out.")
     if card is None and sensor is not None:
         raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
 
@@ -129,13 +131,15 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Frames, referen
 
     learner_of(model)
     if seed is not None:
+        whose = ("the learned map's, its error counted, the material the model's" if simulator is None else
+                 "the simulator's, with what the card's posterior leaves open")
         _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
-             "punches these share; the likelihood is the learned map's, its error counted, the material the model's.")
+             f"punches these share; the likelihood is {whose}.")
     rows = []
     ready = prepare if seed is None else uncalibrated
     for one in _counted_off(list(ones(ready(model, reference.volts, noise, dead), frames))):
         if seed is not None:
-            rows.append(posterior_row(model, one, noise, seed))
+            rows.append(posterior_row(model, simulator, one, noise, seed))
         elif simulator is not None:
             rows.append(direct_row(model, simulator, one, noise))
     names = dict.fromkeys(name for row in rows for name in row if name != "flag")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from matcal.errors import NotConverged
 from surrogate import direct as direct_module
 from surrogate import emulator, punch_ridge
+from surrogate import simulated_posterior as simulated_posterior_module
 from surrogate.direct import direct
 from surrogate.forward_map import ForwardMap, learn, linearise
 from surrogate.limit import Slopes
@@ -21,6 +22,7 @@ from surrogate.posterior import posterior_of, weighed_draws
 from surrogate.predict_cli import predict
 from surrogate.ring import Ring
 from surrogate.simulated import Simulator, Solved, Unknowns, unknowns_of
+from surrogate.simulated_posterior import Correction, simulated_posterior
 
 Array = NDArray[np.float64]
 Draw = Callable[..., tuple[Array, Array]]
@@ -44,9 +46,9 @@ def test_the_simulator_s_own_error_counts_beside_noise_and_material() -> None:
     assert found.columns == pytest.approx(np.column_stack([material, 0.01 * signal]))
 
 
-def test_direct_inversion_recovers_a_touch_of_its_own_simulator(monkeypatch: pytest.MonkeyPatch, forward: ForwardMap
-                                                                ) -> None:
-    """The simulator is the learned map made 3 % stronger and turned a little; derivatives are those at the start."""
+def stand_in(monkeypatch: pytest.MonkeyPatch, forward: ForwardMap) -> tuple[list[Array], Callable[[Array], Array]]:
+    """A simulator whose readings are the learned map's, made 3 % stronger and turned a little; the touches that it
+    solves, and its readings."""
     calls: list[Array] = []
 
     def signal(touch: Array) -> Array:
@@ -65,6 +67,14 @@ def test_direct_inversion_recovers_a_touch_of_its_own_simulator(monkeypatch: pyt
 
     monkeypatch.setattr(direct_module, "solved", solved)
     monkeypatch.setattr(direct_module, "slopes_at", slopes_at)
+    monkeypatch.setattr(simulated_posterior_module, "solved", solved)
+    return calls, signal
+
+
+def test_direct_inversion_recovers_a_touch_of_its_own_simulator(monkeypatch: pytest.MonkeyPatch, forward: ForwardMap
+                                                                ) -> None:
+    """Derivatives are those at the start."""
+    calls, signal = stand_in(monkeypatch, forward)
     truth = np.array([20.0, -11.0, 14.0, 0.9])
     simulator = Simulator.__new__(Simulator)
     found = direct(simulator, forward, signal(truth), 1e-5, truth + np.array([0.5, 0.4, 0.3, -0.05]))
@@ -131,6 +141,37 @@ def test_draws_under_a_linear_map_and_a_gaussian_prior_are_those_of_the_closed_f
     assert np.cov((found.points / sd).T) == pytest.approx(covariance / np.outer(sd, sd), abs=0.15)
 
 
+def test_a_correction_is_what_it_was_made_from_and_its_derivatives_are_its_own() -> None:
+    rng = np.random.default_rng(3)
+    centre, log_d = np.array([10.0, 5.0, 2.6, 1.0]), np.array([2.4, 2.6, 2.9])
+    beside = rng.normal(size=(3, 6))
+    beside[1] = 0.0
+    made = Correction(centre, rng.normal(size=6), rng.normal(size=(6, 4)), log_d, beside)
+    at = centre + np.outer(log_d - 2.6, [0, 0, 1, 0])
+    assert made.at(at)[0] == pytest.approx(made.offset + (at - centre) @ made.slope.T + beside)
+    touch = (centre + np.array([0.3, -0.2, 0.11, 0.4]))[None]
+    by = [(made.at(touch + h)[0] - made.at(touch - h)[0]) / 2e-6 for h in 1e-6 * np.eye(4)[:, None]]
+    assert np.stack(by, axis=2) == pytest.approx(made.at(touch)[1], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_posterior_by_the_simulator_is_about_its_own_touch_and_not_the_map_s(
+        monkeypatch: pytest.MonkeyPatch, forward: ForwardMap) -> None:
+    """A stand-in turns the map by 0.2 mm, many standard deviations of the place."""
+    calls, signal = stand_in(monkeypatch, forward)
+    truth, noise = np.array([20.0, -11.0, 14.0, 0.9]), 2e-5
+    frame = signal(truth) + noise * np.random.default_rng(1).normal(size=208)
+    told = simulated_posterior(Simulator.__new__(Simulator), forward, frame, noise)
+    low, high = np.quantile(told.posterior.draws, (0.005, 0.995), axis=0)
+    own = posterior_of(forward, frame, noise).draws[:, :2]
+    print("off by sd:", (told.posterior.draws.mean(axis=0) - truth) / told.posterior.draws.std(axis=0),
+          "held-out error:", told.held_out_error, "effective draws:", told.posterior.effective)
+    assert np.all((truth > low) & (truth < high))
+    assert told.held_out_error < 1
+    assert told.simulations == len(calls)
+    assert np.abs(own.mean(axis=0) - truth[:2]).max() > 5 * own.std(axis=0).max()
+
+
 @pytest.mark.slow
 def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(forward: ForwardMap, synthetic: Draw) -> None:
     touch, signal = synthetic(5, 5, reach_mm=50.0)
@@ -150,8 +191,8 @@ def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(forwar
     ({"direct": True, "posterior": True}, "give one of"),
     ({"direct": True, "touches": 2}, "give one of"),
     ({"direct": True}, "--card"),
-    ({"card": Path("card.json")}, "add --direct"),
-    ({"posterior": True, "card": Path("card.json")}, "add --direct"),
+    ({"card": Path("card.json")}, "--direct or --posterior; add one"),
+    ({"touches": 2, "card": Path("card.json")}, "--direct or --posterior; add one"),
     ({"posterior": True, "frames": "-"}, "standard input")])
 def test_options_that_do_not_go_together_are_refused_with_the_mend(options: dict[str, object], words: str) -> None:
     given = {"model_folder": Path("model"), "frames": "frames.csv"} | options
