@@ -17,7 +17,7 @@ from matcal.errors import NotConverged
 from surrogate.forward_map import ForwardMap
 from surrogate.levenberg import inverse
 from surrogate.loading import to_touch, to_unknown, touch_slope
-from surrogate.locate import on_disc
+from surrogate.locate import on_range
 from surrogate.simulated import Simulator, Unknowns, slopes_at, solved, unknowns_of
 
 Array = NDArray[np.float64]
@@ -28,8 +28,6 @@ STEPS, CLOSE = 8, 0.05
 DAMPING, WORSE = 1e-8, 100.0
 # Standard deviation of log d where the punch is known.
 KNOWN = 1e-4
-# How far beyond the training touches an answer may go, in log d and log F.
-MARGIN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +136,4 @@ def _covariance(jacobian: Array, to_mm: Array) -> Array:
 
 def _within(forward: ForwardMap, state: Array) -> Array:
     """The state held to the training touches and a margin about them."""
-    touch = _touch(forward, state)
-    touch[:2] = on_disc(forward, touch[None, :2])[0]
-    reach = np.exp(MARGIN)
-    touch[2:] = np.clip(touch[2:], forward.bounds[0, 1:] / reach, forward.bounds[1, 1:] * reach)
-    return (to_unknown(touch[None], forward.p0)[0] - forward.mean) / forward.sd
+    return (on_range(forward, (forward.mean + forward.sd * state)[None])[0] - forward.mean) / forward.sd

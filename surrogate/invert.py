@@ -18,7 +18,7 @@ from surrogate.forward_map import INTERIOR, ForwardMap, floor_at, linearise, str
 from surrogate.known_punches import Settled
 from surrogate.levenberg import Minimum, inverse, minimise
 from surrogate.loading import to_touch, to_unknown, touch_slope
-from surrogate.locate import Located, locate, on_disc
+from surrogate.locate import Located, locate, on_range
 from surrogate.multipole import combined
 from surrogate.punches import Posterior, make_table, moments, posterior, resolved, starts
 from surrogate.rim_starts import rim_starts
@@ -39,8 +39,6 @@ FORCE, LOAD = 3, 3
 WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
 # Least diameter and force that a regression may leave before it is held to the training touches, mm and N.
 TINY = 1e-6
-# How far beyond the training touches a solution may go, in log d and log F.
-MARGIN = 0.1
 
 
 @dataclass(frozen=True)
@@ -160,7 +158,7 @@ def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
     """With forces that may be among those of the training touches held to these, a uniform prior; the covariance is
     left as wide as it was."""
     mean = bounded.held(np.column_stack([found.touch, found.material]), found.peak.joint, FORCE, *forward.bounds[:, 2])
-    unknown = _on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
+    unknown = on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
     touch = to_touch(unknown, forward.p0)
     return replace(found, touch=touch, material=mean[:, 4:], inside=_inside(forward, touch))
 
@@ -243,15 +241,4 @@ def _unknown(forward: ForwardMap, state: Array) -> Array:
 
 def _within(forward: ForwardMap, state: Array) -> Array:
     """States held to the training touches and a margin about them."""
-    return np.column_stack([(_on_range(forward, _unknown(forward, state)) - forward.mean) / forward.sd, state[:, 4:]])
-
-
-def _on_range(forward: ForwardMap, unknown: Array) -> Array:
-    """Touches (n, 4) as (x, y, log d, g) held to the training touches and a margin about them."""
-    held = unknown.copy()
-    held[:, :2] = on_disc(forward, unknown[:, :2])
-    (d_lo, f_lo), (d_hi, f_hi) = forward.bounds[:, 1:] * np.exp(MARGIN * np.array([[-1], [1]]))
-    held[:, 2] = np.clip(unknown[:, 2], np.log(d_lo), np.log(d_hi))
-    area = np.exp(2 * held[:, 2]) * forward.p0
-    held[:, 3] = np.clip(unknown[:, 3], np.arcsinh(f_lo / area), np.arcsinh(f_hi / area))
-    return held
+    return np.column_stack([(on_range(forward, _unknown(forward, state)) - forward.mean) / forward.sd, state[:, 4:]])

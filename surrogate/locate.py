@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 
 # Candidate places, how many of the best go on, and the steps that each is given.
 CANDIDATES, PLACES, STEPS = 400, 2, 15
-# How far beyond the training touches a place may lie, mm.
-MARGIN_MM = 10.0
+# How far beyond the training touches a touch may lie: its place, mm, and log d and log F.
+MARGIN_MM, MARGIN = 10.0, 0.1
 # Part of the disc's radius beyond which no place is sought.
 RIM = 0.97
 
@@ -53,7 +53,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
 
 def _starts(forward: ForwardMap, signal: Array) -> Array:
     """(n PLACES, 2 + orders) states: the candidates whose dipole patterns match best."""
-    place, direction, size = _candidates(forward)
+    place, direction, size = candidates(forward, CANDIDATES)
     match = signal @ direction.T
     chosen = np.argsort(-match, axis=1)[:, :PLACES]
     dipole = np.take_along_axis(match, chosen, axis=1) / size[chosen]
@@ -63,12 +63,12 @@ def _starts(forward: ForwardMap, signal: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _candidates(forward: ForwardMap) -> tuple[Array, Array, Array]:
-    """Places (CANDIDATES, 2) of a sunflower spiral, mm, directions (CANDIDATES, readings) of their dipoles' signals and
-    the norms of these."""
-    i = np.arange(CANDIDATES) + 0.5
+def candidates(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
+    """Places (count, 2) of a sunflower spiral, mm, directions (count, readings) of their dipoles' signals and the norms
+    of these."""
+    i = np.arange(count) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * i
-    place = (forward.bounds[1, 0] * np.sqrt(i / CANDIDATES) * np.array([np.cos(angle), np.sin(angle)])).T
+    place = (forward.bounds[1, 0] * np.sqrt(i / count) * np.array([np.cos(angle), np.sin(angle)])).T
     z = (place[:, 0] + 1j * place[:, 1]) / forward.ring.radius_mm
     pattern = multipole.basis(*multipole.patterns(forward.ring, forward.field, z, 1))[..., 0] * forward.sign
     size = np.linalg.norm(pattern, axis=1)
@@ -108,6 +108,17 @@ def on_disc(forward: ForwardMap, place_mm: Array) -> Array:
     limit = min(forward.bounds[1, 0] + MARGIN_MM, RIM * forward.ring.radius_mm)
     radius = np.hypot(place_mm[:, 0], place_mm[:, 1])
     return place_mm * np.minimum(1.0, limit / np.maximum(radius, 1e-12))[:, None]
+
+
+def on_range(forward: ForwardMap, unknown: Array) -> Array:
+    """Touches (n, 4) as (x, y, log d, g) held to the training touches and a margin about them."""
+    held = unknown.copy()
+    held[:, :2] = on_disc(forward, unknown[:, :2])
+    (d_lo, f_lo), (d_hi, f_hi) = forward.bounds[:, 1:] * np.exp(MARGIN * np.array([[-1], [1]]))
+    held[:, 2] = np.clip(unknown[:, 2], np.log(d_lo), np.log(d_hi))
+    area = np.exp(2 * held[:, 2]) * forward.p0
+    held[:, 3] = np.clip(unknown[:, 3], np.arcsinh(f_lo / area), np.arcsinh(f_hi / area))
+    return held
 
 
 def _as_ratios(forward: ForwardMap, state: Array, covariance: Array) -> Located:

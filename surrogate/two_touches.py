@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import multipole
 from surrogate.forward_map import ForwardMap, floor_at, linearise
 from surrogate.levenberg import Minimum, inverse, minimise
 from surrogate.loading import to_touch, touch_slope
-from surrogate.locate import on_disc
+from surrogate.locate import candidates, on_range
 from surrogate.punches import make_table
 
 Array = NDArray[np.float64]
@@ -117,7 +116,7 @@ def _error(forward: ForwardMap, state: Array) -> Array:
 
 def _starts(forward: ForwardMap, signal_V: Array) -> Array:
     """(PAIRS, 8) scaled states: pairs of places whose dipoles together explain most, each a mean punch."""
-    place, direction, size = _candidates(forward)
+    place, direction, size = candidates(forward, PLACES)
     match, alike = direction @ signal_V, direction @ direction.T
     i, j = np.triu_indices(len(place), 1)
     free = np.maximum(1 - alike[i, j] ** 2, 1e-6)
@@ -143,26 +142,10 @@ def _punch(forward: ForwardMap, place_mm: Array, dipole: float) -> Array:
     return np.array([*place_mm, np.log(table.d_mm[middle]), table.load[nearest]])
 
 
-def _candidates(forward: ForwardMap) -> tuple[Array, Array, Array]:
-    """Places (PLACES, 2) of a sunflower spiral, mm, directions of their dipoles' signals and the norms of these."""
-    i = np.arange(PLACES) + 0.5
-    angle = np.pi * (1 + np.sqrt(5)) * i
-    place = (forward.bounds[1, 0] * np.sqrt(i / PLACES) * np.array([np.cos(angle), np.sin(angle)])).T
-    z = (place[:, 0] + 1j * place[:, 1]) / forward.ring.radius_mm
-    pattern = multipole.basis(*multipole.patterns(forward.ring, forward.field, z, 1))[..., 0] * forward.sign
-    size = np.linalg.norm(pattern, axis=1)
-    return place, pattern / size[:, None], size
-
-
 def _unknown(forward: ForwardMap, state: Array) -> Array:
     """(n k, 4) touches as (x, y, log d, g) of states (n, 4 k)."""
     return forward.mean + forward.sd * state.reshape(-1, 4)
 
 
 def _within(forward: ForwardMap, state: Array) -> Array:
-    unknown = _unknown(forward, state)
-    unknown[:, :2] = on_disc(forward, unknown[:, :2])
-    unknown[:, 2] = np.clip(unknown[:, 2], *np.log(forward.bounds[:, 1]))
-    area = np.exp(2 * unknown[:, 2]) * forward.p0
-    unknown[:, 3] = np.clip(unknown[:, 3], *(np.arcsinh(force / area) for force in forward.bounds[:, 2]))
-    return ((unknown - forward.mean) / forward.sd).reshape(state.shape)
+    return ((on_range(forward, _unknown(forward, state)) - forward.mean) / forward.sd).reshape(state.shape)
