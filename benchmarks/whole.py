@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"
 # what each benchmark is given, of the short chain's files
 GIVEN = {"inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",), "streaming": ("ridge",),
-         "surrogate_noise": ("sweep",)}
+         "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json")}
 # what needs the paper's sweep of 4,000 scenes, and is run by hand
 APART = ("faithful", "surrogates", "transfer")
 CHAIN = (

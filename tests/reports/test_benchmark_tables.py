@@ -36,3 +36,11 @@ def test_benchmarks_use_public_names_alone(path: Path) -> None:
     found = [alias.name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
              if isinstance(node, ast.Import | ast.ImportFrom) for alias in node.names]
     assert not [name for name in found if any(part.startswith("_") for part in name.split("."))]
+
+
+def test_benchmarks_that_ask_for_files_are_given_them_or_run_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    whole = importlib.import_module("whole")
+    asking = {path.stem for path in BENCHMARKS.glob("*.py") if "len(sys.argv)" in path.read_text(encoding="utf-8")}
+    assert {"limits", "two_touches"} <= asking
+    assert not asking - set(whole.GIVEN) - set(whole.APART)
