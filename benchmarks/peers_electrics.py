@@ -2,61 +2,29 @@
 
 The mesh is an unstructured one of linear triangles; each case is another random conductance. Ours keeps the order of
 elimination, EIDORS what it caches for a model, pyEIT its element matrices; the first case, which makes these, counts
-apart. EIDORS, under Octave, solves the same complete electrode model and is compared reading by reading; pyEIT has
-point electrodes, and nothing to compare. EIDORS_PATH names the folder with eidors_startup.m, PYEIT_PYTHON an
-interpreter that has pyEIT; a peer that is absent is left out with a note. Run by `make bench`, which pins threads;
-writes results/peers_electrics.csv beside this file.
+apart. EIDORS is compared reading by reading; pyEIT, with its point electrodes, has nothing to compare. Which peers are
+run, `electric_peers` says; `peers_signal` sets error against time. Run by `make bench`, which pins threads; writes
+results/peers_electrics.csv beside this file.
 """
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import pandas as pd
 from conditions import quick, shown, written
-from scipy.io import loadmat, savemat
-from scipy.spatial import Delaunay
+from electric_peers import CONTACT_OHM_M, Answers, mesh_of, peers
 
 from eitsim.cem import SkinMesh, dissection, impedance, potentials
 from eitsim.drive import read_out
 from eitsim.scene import Drive
 
-RADIUS_M, ELECTRODES, CONTACT_OHM_M = 0.1, 16, 1.0
 # Circles of the mesh's points: about 19,000 and 75,000 triangles.
 CIRCLES = (55, 109)[:quick(2, 1)]
 # Conductances of each mesh, the first of which counts apart.
 CASES = 4
-PEERS = Path(__file__).parent / "peers"
-
-
-def mesh_of(circles: int) -> SkinMesh:
-    """Triangles between points on circles, turned at random; a quarter of the rim is under electrodes."""
-    turns, points = np.random.default_rng(0).random(circles), [np.zeros((1, 2))]
-    for k in range(1, circles):
-        points.append(k / circles * on_circle(int(2 * np.pi * k), turns[k]))
-    rim = 16 * ELECTRODES * max(1, round(2 * np.pi * circles / (16 * ELECTRODES)))
-    nodes = RADIUS_M * np.vstack([*points, on_circle(rim, 0.0)])
-    cells = Delaunay(nodes).simplices
-    (x1, y1), (x2, y2) = ((nodes[cells[:, i]] - nodes[cells[:, 0]]).T for i in (1, 2))
-    twice = x1 * y2 - x2 * y1
-    cells = np.where((twice > 0)[:, None], cells, cells[:, [0, 2, 1]])[np.abs(twice) > 1e-12]
-    first, step = len(nodes) - rim, rim // ELECTRODES
-    under = step * np.arange(ELECTRODES)[:, None] + np.arange(-step // 8, step // 8)
-    edges = first + np.stack([under, under + 1], axis=-1).reshape(-1, 2) % rim
-    return SkinMesh(nodes, cells, edges, np.repeat(np.arange(ELECTRODES), step // 4), ELECTRODES)
-
-
-def on_circle(count: int, turn: float) -> np.ndarray:
-    angle = 2 * np.pi * (np.arange(count) + turn) / count
-    return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def conductances(mesh: SkinMesh) -> np.ndarray:
@@ -92,45 +60,17 @@ def ours(mesh: SkinMesh, cases: np.ndarray) -> Iterator[dict[str, object]]:
     yield row(mesh, "eitsim, all potentials", seconds, np.nan)
 
 
-def distance(found: list[np.ndarray], other: list[np.ndarray]) -> float:
+def distance(found: Iterable[np.ndarray], other: Iterable[np.ndarray]) -> float:
     """Largest relative difference of a reading."""
     return max(float(np.abs(a / b - 1).max()) for a, b in zip(found, other, strict=True))
 
 
-def eidors(mesh: SkinMesh, cases: np.ndarray) -> Iterator[dict[str, object]]:
-    """On the same mesh, from 1; compared through EIDORS's own currents and measurements."""
-    home, octave = os.environ.get("EIDORS_PATH", ""), shutil.which("octave-cli")
-    if not octave or not (Path(home) / "eidors_startup.m").exists():
-        print("EIDORS: not found (EIDORS_PATH names the folder with eidors_startup.m; Octave must be installed)")
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        electrode = np.empty(mesh.count, dtype=object)
-        for k in range(mesh.count):
-            electrode[k] = np.unique(mesh.under[mesh.electrode == k]) + 1.0
-        savemat(Path(folder) / "problem.mat", {"nodes": mesh.nodes_m, "elems": mesh.cells + 1.0, "electrode": electrode,
-                                               "z": CONTACT_OHM_M, "conductivity": cases})
-        subprocess.run([octave, str(PEERS / "eidors_readings.m"), home, folder], check=True, capture_output=True)
-        found = loadmat(Path(folder) / "found.mat", squeeze_me=True)
-    differences = []
-    for case, readings in zip(cases.T, found["readings"].T, strict=True):
-        voltages = impedance(mesh, case, CONTACT_OHM_M) @ found["currents"]
-        expected = np.concatenate([m @ v for m, v in zip(found["measured"], voltages.T, strict=True)])
-        differences.append(float(np.abs(readings / expected - 1).max()))
-    yield row(mesh, "EIDORS", found["seconds"], max(differences), str(found["version"]))
-
-
-def pyeit(mesh: SkinMesh, cases: np.ndarray) -> Iterator[dict[str, object]]:
-    python = os.environ.get("PYEIT_PYTHON", sys.executable)
-    if subprocess.run([python, "-c", "import pyeit"], check=False, capture_output=True).returncode:
-        print("pyEIT: not installed (PYEIT_PYTHON may name an interpreter that has it)")
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        middle = [mesh.under[mesh.electrode == k][(mesh.electrode == k).sum() // 2, 0] for k in range(mesh.count)]
-        np.savez(Path(folder) / "problem.npz", nodes=mesh.nodes_m, elements=mesh.cells, electrode=middle,
-                 conductivity=cases)
-        subprocess.run([python, str(PEERS / "pyeit_readings.py"), folder], check=True, capture_output=True)
-        found = np.load(Path(folder) / "found.npz")
-        yield row(mesh, "pyEIT, point electrodes", found["seconds"], np.nan, str(found["version"]))
+def of_peer(mesh: SkinMesh, cases: np.ndarray, found: Answers) -> dict[str, object]:
+    difference = np.nan
+    if found.complete:
+        expected = [found.of(impedance(mesh, case, CONTACT_OHM_M)) for case in cases.T]
+        difference = distance(found.readings.T, expected)
+    return row(mesh, found.method, found.seconds, difference, found.version)
 
 
 def main() -> None:
@@ -139,10 +79,8 @@ def main() -> None:
     rows = []
     for circles in CIRCLES:
         mesh = mesh_of(circles)
-        for method in (ours, eidors, pyeit):
-            for found in method(mesh, conductances(mesh)):
-                rows.append(found)
-                print(f"{found['triangles']} triangles, {found['method']}: {found['cpu_s']:.3f} CPU s", flush=True)
+        cases = conductances(mesh)
+        rows += [*ours(mesh, cases), *(of_peer(mesh, cases, found) for found in peers(mesh, cases))]
     table = pd.DataFrame(rows)
     own = table[table["method"] == "eitsim"].set_index("triangles")["cpu_s"]
     table.insert(5, "times_ours", table["cpu_s"] / table["triangles"].map(own))
