@@ -12,9 +12,10 @@ from eitsim.dataset import MANIFEST, read_manifest
 from eitsim.design import read_design, tables_at
 from eitsim.provenance import card_identity
 from matcal.card import read_card
-from reports.paper_stages import RECORD, Stage, calibration_code, package_hash, state, touch_code
+from reports.paper_stages import RECORD, Stage, calibration_code, state, touch_code
 from reports.provenance import source
 from reports.staleness import other_code
+from surrogate.own_code import package_hash
 
 DATA, EXAMPLES, SCENES = ROOT / "data_raw", ROOT / "examples", Path(__file__).parent / "paper_scenes"
 SEED = "1"

@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from eitsim.code_hash import ROOT, code_hash
+from eitsim.code_hash import code_hash
 from matcal.card import write_json
 from matcal.errors import NotConverged, TestFileError
 from matcal.terminal import NOT_CONVERGED
@@ -44,14 +44,6 @@ class Stage:
     goes_on: bool = False
     # further arguments that decide no number, such as how many processes share the work
     beside: tuple[str, ...] = ()
-
-
-def package_hash(package: str) -> str:
-    """SHA-256 of a package's modules, their names included."""
-    found = hashlib.sha256()
-    for path in sorted((ROOT / package).rglob("*.py")):
-        found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()
 
 
 def calibration_code() -> str:

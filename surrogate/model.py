@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim import cache
 from surrogate import outputs
+from surrogate.arrays import fingerprint
 from surrogate.estimate import Estimate
 from surrogate.intervals import COVERAGE, conformal_scale
 from surrogate.metrics import Array
+from surrogate.own_code import package_hash
 from surrogate.ring import Ring
 
 if TYPE_CHECKING:
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
     from surrogate.trainbr import Trainbr
 
 METHODS = ("trainbr", "network", "forward", "mlp", "ridge", "gp")
+# Methods whose answers take long enough for the scales of their intervals to be kept between runs.
+SLOW = ("forward", "gp")
 # Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
 NOISY_FRAMES, NOISE_DRAWS = 1000, 4
 
@@ -125,7 +130,17 @@ def interval_scale(model: Model, noise_V: float = 0.0) -> Array:
 
 
 def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
-    """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale."""
+    """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale; kept between
+    runs where they take long (TOUCHCAL_CACHE)."""
+    if model.method not in SLOW:
+        return _scales(model, noise_V, coverages)
+    made_from = {"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
+                 "seed": model.seed, "noise_V": noise_V, "coverages": list(coverages),
+                 "code": package_hash("surrogate")}
+    return cache.kept(cache.key_of(made_from), lambda: {"scales": _scales(model, noise_V, coverages)})[0]["scales"]
+
+
+def _scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
     rows = model.calibration
     draws = min(NOISE_DRAWS, -(-NOISY_FRAMES // len(rows.target))) if noise_V > 0 else 1
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))

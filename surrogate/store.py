@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
-import types
-import typing
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +16,13 @@ from numpy.typing import NDArray
 from matcal.card import write_json
 from matcal.errors import TestFileError
 from surrogate import outputs
+from surrogate.arrays import Arrays, flat, rebuilt
 from surrogate.model import METHODS, Calibration, Model, Range, Rows, learner_class
 from surrogate.ring import Ring
 
 SCHEMA = 6
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
-Arrays = Mapping[str, NDArray[Any]]
 
 
 def save(model: Model, folder: Path) -> None:
@@ -34,7 +31,7 @@ def save(model: Model, folder: Path) -> None:
     (folder / DESCRIPTION).unlink(missing_ok=True)
     parts = {"ring": model.ring, "learner": model.learner, "calibration": model.calibration, "rows": model.rows,
              "trained": model.trained}
-    arrays = {key: value for name, part in parts.items() for key, value in _flat(part, name)}
+    arrays = {key: value for name, part in parts.items() for key, value in flat(part, name)}
     temporary = folder / f".{ARRAYS}.part"
     with open(temporary, "wb") as file:
         np.savez_compressed(file, allow_pickle=False, baseline_V=model.baseline_V, **arrays)
@@ -89,38 +86,11 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 def _assemble(text: dict[str, Any], arrays: Arrays) -> Model:
     own = ("schema", "method", "outputs", "seed", "fit_s")
     names = tuple(outputs.of(output["name"]).name for output in text["outputs"])
-    ring = _rebuilt(Ring, "ring", arrays)
+    ring = rebuilt(Ring, "ring", arrays)
     if arrays["baseline_V"].shape != ring.read.shape:
         raise ValueError("baseline_V is not of the ring's readings")
     return Model(text["method"], ring, names,
-                 _rebuilt(learner_class(text["method"]), "learner", arrays),
-                 _rebuilt(Calibration, "calibration", arrays), _rebuilt(Rows, "rows", arrays),
-                 _rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
+                 rebuilt(learner_class(text["method"]), "learner", arrays),
+                 rebuilt(Calibration, "calibration", arrays), rebuilt(Rows, "rows", arrays),
+                 rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
                  {key: value for key, value in text.items() if key not in own})
-
-
-def _flat(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Arrays of a dataclass of arrays, numbers, words, dataclasses and tuples of dataclasses, by dotted names."""
-    if dataclasses.is_dataclass(value):
-        for field in dataclasses.fields(value):
-            yield from _flat(getattr(value, field.name), f"{name}.{field.name}")
-    elif isinstance(value, tuple):
-        yield f"{name}.count", np.array(len(value))
-        for i, item in enumerate(value):
-            yield from _flat(item, f"{name}.{i}")
-    else:
-        yield name, np.asarray(value)
-
-
-def _rebuilt(kind: Any, name: str, arrays: Arrays) -> Any:
-    """The inverse of _flat for a field of this type."""
-    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-        hints = typing.get_type_hints(kind)
-        return kind(**{field.name: _rebuilt(hints[field.name], f"{name}.{field.name}", arrays)
-                       for field in dataclasses.fields(kind)})
-    if typing.get_origin(kind) is tuple:
-        item = typing.get_args(kind)[0]
-        return tuple(_rebuilt(item, f"{name}.{i}", arrays) for i in range(int(arrays[f"{name}.count"])))
-    if isinstance(kind, types.GenericAlias) or typing.get_origin(kind) is np.ndarray:
-        return arrays[name]
-    return kind(arrays[name].item())

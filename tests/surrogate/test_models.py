@@ -42,6 +42,20 @@ def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Sam
     assert again.record == json.loads(json.dumps(models[method].record))
 
 
+def test_intervals_of_a_slow_method_are_calibrated_once(models: dict[str, Model], tmp_path: Path,
+                                                        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
+    first, worked_out = interval_scale(models["forward"]), []
+    monkeypatch.setattr("surrogate.model._scales", lambda *_: worked_out.append(1) or np.ones((1, len(NAMES))))
+    assert np.array_equal(interval_scale(models["forward"]), first)
+    assert not worked_out
+    other = replace(models["forward"], calibration=replace(models["forward"].calibration,
+                                                           target=models["forward"].calibration.target + 1))
+    interval_scale(other)
+    interval_scale(models["forward"], 1e-5)
+    assert len(worked_out) == 2
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_one_seed_gives_one_model(models: dict[str, Model], samples: Samples, method: str) -> None:
     again = train(samples, method, NAMES, 1, epochs=EPOCHS.get(method))
