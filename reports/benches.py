@@ -139,6 +139,11 @@ BENCHES = (
           lambda row: f"{row['triangles']} triangles", _one, "unknowns", "Unknowns (–)", is_error=False,
           note="All solve the same linear triangles, so that their discretisation error is the same; pyEIT's point "
           "electrodes are another model."),
+    Bench("peers_signal", "peers_signal.csv", "208 readings of one touch by peers", lambda row: row["touch"],
+          lambda row: row["method"].replace("pyEIT, ", "pyEIT with "), lambda row: row["setting"], _one, "dv_error",
+          "Relative error of ΔV (–)", note="A smooth fall of an isotropic conductance, which all take. eitsim and "
+          "EIDORS solve the same linear triangles, and thus have one error; pyEIT's point electrodes are another "
+          "model, whose error is in its own. What follows the touch makes its mesh anew, the others keep theirs."),
     Bench("mechanics", "mechanics.csv", "depth of one touch by size of element", lambda row: row["touch"],
           lambda _: "eitsim", _element, _one, "depth_error", "Relative error of the depth (–)"),
     Bench("peers_mechanics", "peers_mechanics.csv", "depth of one touch by peers", lambda row: row["touch"],

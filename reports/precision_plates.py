@@ -19,8 +19,10 @@ from reports.staleness import CURRENT, State
 
 # height of a row of panels and of a line of the legend, mm
 ROW_MM, LINE_MM = 49.0, 4.2
-# letters of the longest method above which the legend has two columns instead of three
+# letters of the longest method, on a sheet as wide as the text, above which the legend has two columns, not three
 LONG = 30
+# width of the sheet of a single panel, mm
+SINGLE_MM = 116.0
 # problems above which panels stand in three columns, and the span of an axis below which it has plain numbers
 FEW, NARROW = 4, 50.0
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
@@ -29,10 +31,10 @@ MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
 def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Plate:
     """The plate of a benchmark's points, of so many rows of its file, which stands so to the code."""
     problems, methods = by_problem(found), list(dict.fromkeys(p.method for p in found))
-    columns, across = min(2 if len(problems) <= FEW else 3, len(problems)), 2 if max(map(len, methods)) > LONG else 3
-    down = math.ceil(len(problems) / columns)
-    figure = style.sheet(ROW_MM * down + LINE_MM * math.ceil(len(methods) / across) + 6,
-                         style.TEXT_WIDTH_MM if columns > 1 else 116)
+    columns = min(2 if len(problems) <= FEW else 3, len(problems))
+    down, width = math.ceil(len(problems) / columns), style.TEXT_WIDTH_MM if columns > 1 else SINGLE_MM
+    across = 2 if max(map(len, methods)) > LONG * width / style.TEXT_WIDTH_MM else 3
+    figure = style.sheet(ROW_MM * down + LINE_MM * math.ceil(len(methods) / across) + 6, width)
     panels = figure.subplots(down, columns, sharex=True, sharey=True, squeeze=False)
     for i, (axes, (problem, own)) in enumerate(zip(panels.flat, problems.items(), strict=False)):
         panel(axes, bench, own, methods)
@@ -117,7 +119,8 @@ def _best(found: Sequence[Point], spoken: float, *, again: bool) -> str:
     parts = []
     for method in dict.fromkeys(p.method for p in best):
         costs = [p.cost_s + (0.0 if again else p.once_s) for p in best if p.method == method]
-        parts.append(f"“{method}” in {len(costs)} of {counted(len(problems), 'problem')} ({seconds(*costs)})")
+        where = f" in {len(costs)} of {counted(len(problems), 'problem')}" if len(problems) > 1 else ""
+        parts.append(f"“{method}”{where} ({seconds(*costs)})")
     return ", ".join(parts)
 
 

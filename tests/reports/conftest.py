@@ -155,7 +155,17 @@ def wanting(figure: Figure) -> list[str]:
                                                        for other in side):
             found.append(f"a scale of numbers in {axis.axis_name} has no name")
     told = [words.get_text() for words in figure.findobj(Words) if isinstance(words, Words)]
+    if cut := _cut_mm(figure):
+        found.append(f"{cut:.1f} mm are cut off at an edge")
     return found + [f"'{words}'" for words in told if re.search(r"\b(nan|None|inf|TODO)\b", words)]
+
+
+def _cut_mm(figure: Figure) -> float:
+    """How far what is drawn reaches beyond the sheet, mm; 0 where by less than half a letter."""
+    figure.set_dpi(400)  # letters on a coarse grid are wider than on the page
+    inner, outer = figure.get_tightbbox(), figure.bbox_inches
+    beyond = 25.4 * max(outer.x0 - inner.x0, outer.y0 - inner.y0, inner.x1 - outer.x1, inner.y1 - outer.y1)
+    return beyond if beyond > 0.7 else 0.0
 
 
 def _drawn(axes: Axes) -> bool:

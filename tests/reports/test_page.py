@@ -172,6 +172,17 @@ def test_figures_of_pages_are_checked(tmp_path: Path, drawn: list[Figure]) -> No
         render(make_report(tmp_path, spoilt), tmp_path / "a.pdf")
 
 
+def test_a_legend_wider_than_its_sheet_is_found(find_wanting: Callable[[Figure], list[str]]) -> None:
+    figure = plate("scene").figure
+    figure.legend(["a method with a long name"], loc="outside lower center")
+    figure.draw_without_rendering()
+    assert not find_wanting(figure)
+    figure.legend(["a method with a long name, and " * 12], loc="outside upper center")
+    figure.draw_without_rendering()
+    (found,) = find_wanting(figure)
+    assert found.endswith("mm are cut off at an edge")
+
+
 @pytest.mark.parametrize("finding", ["It falls by nan N.", "It falls by None.", "TODO"])
 def test_the_check_of_pages_finds_what_is_wanting(tmp_path: Path, read_pdf: Reader, finding: str) -> None:
     render(make_report(tmp_path, findings=[finding]), tmp_path / "a.pdf")
