@@ -51,8 +51,8 @@ def write_all(folder: Path) -> None:
     pd.DataFrame({"method": ["matcal, moduli marginalised", "emcee, raw parameters", "lmfit emcee, raw parameters"],
                   "ess_worst": 400.0, "mean_error_over_sd": [0.05, 0.06, 0.07], "cpu_s": [5.0, 6.0, 7.0]}
                  ).to_csv(folder / "sampler.csv", index=False)
-    pd.DataFrame({"touch": "inside", "method": ["eitsim", "a peer"], "setting": "300 triangles", "dv_error": [0.02, 0.03],
-                  "cpu_s": [0.01, 0.2]}).to_csv(folder / "peers_signal.csv", index=False)
+    pd.DataFrame({"touch": "inside", "method": ["eitsim", "a peer"], "setting": "300 triangles",
+                  "dv_error": [0.02, 0.03], "cpu_s": [0.01, 0.2]}).to_csv(folder / "peers_signal.csv", index=False)
     pd.DataFrame({"scene": ["far, 1 N"], "method": ["as planned"], "wanted": [0.01], "dv_error": [5e-3],
                   "cpu_s": [0.3]}).to_csv(folder / "scenes.csv", index=False)
     pd.DataFrame({"place": ["far"], "way": ["from the tables"], "rows": [40], "dv_error": [3e-4], "cpu_s": [0.02],
