@@ -37,7 +37,7 @@ def cells(axes: Axes, rows: Sequence[Sequence[Cell | None]], across: Sequence[st
             if cell is not None:
                 box(axes, (x - 0.5, y - 0.5), 1.0, 1.0, cell.state)
                 axes.text(x, y, cell.words, ha="center", va="center", fontsize=6.5,
-                          bbox={"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6} if cell.words else None)
+                          bbox={"facecolor": "white", "alpha": 0.9, "lw": 0, "pad": 0.6} if cell.words else None)
     axes.set_xlim(-0.5, len(across) - 0.5)
     axes.set_ylim(len(down) - 0.5, -0.5)
     axes.set_xticks(range(len(across)), across)
