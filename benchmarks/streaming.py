@@ -17,9 +17,10 @@ import numpy as np
 from conditions import quick, shown, written
 
 from surrogate import store
+from surrogate.frame_lines import BATCH, frames_of
 from surrogate.model import Model
 from surrogate.predict import prepare
-from surrogate.stream import BATCH, Columns, answers
+from surrogate.stream import answers
 
 FRAMES, LONE, NOISE_V = *quick((512, 128), (64, 8)), 1e-6
 
@@ -30,13 +31,14 @@ def row(model: Model, most: int, frames: int) -> dict[str, object]:
     signal = model.calibration.signal_V[np.arange(frames) % len(model.calibration.signal_V)]
     volts = model.baseline_V + signal + NOISE_V * rng.normal(size=signal.shape)
     lines = [(number, ",".join(map(repr, frame))) for number, frame in enumerate(volts.tolist(), start=1)]
-    form = Columns(volts.shape[1], np.arange(volts.shape[1]))
+    order = np.arange(volts.shape[1])
     begun = time.process_time()
     predictor = prepare(model, model.baseline_V, NOISE_V)
-    answers(predictor, lines[:1], form)
+    answers(predictor, frames_of(lines[:1], order))
     start_s, begun, sink = time.process_time() - begun, time.process_time(), io.StringIO()
     for first in range(0, frames, most):
-        sink.writelines(",".join(cells) + "\n" for cells in answers(predictor, lines[first:first + most], form))
+        read = frames_of(lines[first:first + most], order)
+        sink.writelines(",".join(cells) + "\n" for cells in answers(predictor, read))
     spent = time.process_time() - begun
     return {"method": model.method, "outputs": len(model.names), "rows": len(model.rows.part),
             "mode": "lone" if most == 1 else "waiting", "frames": frames, "ms_a_frame": spent / frames * 1e3,

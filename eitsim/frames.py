@@ -28,15 +28,18 @@ class Frames:
 
 
 def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
-    """Read a file of frames, columns v_000 ... in any order where a header names them, else in the file's own.
+    """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order.
 
     Readings of the mask `unread` (readings,), which need a missing electrode, may be empty and are 0. TestFileError
-    names the line of a wrong width or a missing number.
+    names the line of a wrong width or a missing number, and a header's name that is no reading.
     """
     table = read_numbers(path, readings, what="voltages", blanks=unread is not None)
     volts, wanted = table.values, voltage_columns(readings)
-    if set(wanted) == set(table.names):
-        volts = volts[:, [table.names.index(name) for name in wanted]]
+    if table.names:
+        try:
+            volts = volts[:, column_order(table.names, readings)]
+        except ValueError as error:
+            raise TestFileError(path, f"{error}") from None
     if unread is not None:
         empty = np.argwhere(np.isnan(volts) & ~unread)
         if len(empty):
@@ -44,6 +47,23 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
                                       "name what is missing in [electrodes].", line=int(table.line[empty[0, 0]]))
         volts = np.where(unread, 0.0, volts)
     return Frames(volts, table.line)
+
+
+def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
+    """(readings,) column of each reading under a header that names v_000 ... in any order; ValueError for one that
+    names anything else, or not each of them once."""
+    wanted = voltage_columns(readings)
+    place = {name: column for column, name in enumerate(names)}
+    mend = f"Name the columns {wanted[0]} to {wanted[-1]}, or leave the header out where they are in that order."
+    if foreign := [name for name in place if name not in wanted]:
+        raise ValueError(f"the header names '{foreign[0][:20]}' in column {place[foreign[0]] + 1}, which is no "
+                         f"reading. {mend}")
+    if lacking := [name for name in wanted if name not in place]:
+        raise ValueError(f"the header lacks {lacking[0]}. {mend}")
+    if len(place) < len(names):
+        twice = next(name for column, name in enumerate(names) if place[name] != column)
+        raise ValueError(f"the header names {twice} twice. {mend}")
+    return np.array([place[name] for name in wanted], np.intp)
 
 
 def write_frames(path: Path | str, frames: Sequence[Readings]) -> None:

@@ -80,8 +80,9 @@ def evaluate(model_folder: ModelFolder,
              noise_reference: Annotated[str, typer.Option(help="What a level lies below: the RMS of the baseline "
                                                                "voltages, or of the signal.")] = "baseline",
              as_json: JsonOption = False) -> None:
-    """Score a model on data sets; rows it was trained on are told apart. Where `surrogate limit CARD --data DIR --out
-    MODEL_DIR/limits.csv` was run, the least possible errors under noise stand beside those of DIR.
+    """Score a model on data sets; rows it was trained on are told apart. "in 50/90/95 %" is how many per cent of the
+    rows the intervals hold, "+-90 %" the median half width of the 90 % interval. Where `surrogate limit CARD --data DIR
+    --out MODEL_DIR/limits.csv` was run, the least possible errors under noise stand beside those of DIR.
 
     Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
     """
@@ -159,7 +160,8 @@ def _shown(names: tuple[str, ...]) -> Any:
 
 
 def _print_scores(result: Mapping[str, Any]) -> None:
-    """Tables of the scores: training and unseen rows without noise, unseen rows under noise; --json has them all."""
+    """Tables of the scores: training and unseen rows without noise, unseen rows under noise; --json has them
+    all, and mean absolute errors."""
     _print_table(f"{result['method']}, no noise", result["outputs"], ("train", "test", "new", "all"), {})
     for level in result["noise"]:
         title = (f"{result['method']}, noise {level['db_below_baseline']:.1f} dB below the baseline,\n"
@@ -174,8 +176,13 @@ def _print_scores(result: Mapping[str, Any]) -> None:
         print(f"standard deviation of the force, N, RMS before calibration, squares add up: {told}")
     if result["material"]:
         print(f"material: {result['material']}")
-    if result["interval_caution"]:
-        print(f"caution: {result['interval_caution']}")
+    print(f"intervals: {result['intervals']}")
+    units = {name: next(iter(parts.values()))["unit"] for name, parts in result["outputs"].items()}
+    spans = ", ".join(f"{name} {low:.4g} to {high:.4g} {units[name]}"
+                      for name, (low, high) in result["trained_range"].items())
+    print(f"trained range, within which intervals hold: {spans}")
+    for caution in filter(None, (result["few_interval_rows"], result["interval_caution"])):
+        print(f"caution: {caution}")
 
 
 def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
@@ -186,15 +193,15 @@ def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
 
     from surrogate.limit_file import MATERIALS
 
-    table = Table("output", "rows", "RMSE", "MAE", "R2", "in 50/90/95 %", "n", *(MATERIALS[name] for name in limits),
-                  title=title)
+    table = Table("output", "rows", "RMSE", "R2", "in 50/90/95 %", "+-90 %", "n",
+                  *(MATERIALS[name] for name in limits), title=title)
     for name, parts in scored.items():
         for part in (p for p in shown if p in parts):
             s = parts[part]
             r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
             least = [f"{of[name]:.4g}" if name in of else "-" for of in limits.values()]
-            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", f"{s['mae']:.4g}", r2, _held(s), str(s["n"]),
-                          *least)
+            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", r2, _held(s),
+                          f"{s['half_width_90']:.4g}", str(s["n"]), *least)
     Console().print(table)
 
 
@@ -203,12 +210,13 @@ def _print_transfer(table: Mapping[str, list[dict[str, Any]]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    shown = Table("output", "set", "rows", "RMSE", "over first", "in 50/90/95 %", "n",
+    shown = Table("output", "set", "rows", "RMSE", "over first", "in 50/90/95 %", "+-90 %", "n",
                   title="transfer, no noise, unseen rows")
     for name, rows in table.items():
         for s in rows:
             over = "-" if s["rmse_over_first"] is None else f"{s['rmse_over_first']:.3g}"
-            shown.add_row(name, s["set"], s["part"], f"{s['rmse']:.4g} {s['unit']}", over, _held(s), str(s["n"]))
+            shown.add_row(name, s["set"], s["part"], f"{s['rmse']:.4g} {s['unit']}", over, _held(s),
+                          f"{s['half_width_90']:.4g}", str(s["n"]))
     Console().print(shown)
 
 

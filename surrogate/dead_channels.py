@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.frames import Frames
-from matcal.errors import TestFileError
 from surrogate import rim_effect
 from surrogate.model import Model
 from surrogate.ring import Ring
@@ -35,10 +32,12 @@ def silent(volts: Array, baseline_V: Array) -> Mask:
 
 
 def stuck(volts: Array) -> Mask:
-    """(readings,) channels that read exactly the same in all of three or more frames, while nine in ten others
-    change."""
-    same = np.ptp(volts, axis=0) == 0
-    return same if len(volts) > 2 and np.mean(same) < 0.1 else np.zeros(volts.shape[1], bool)
+    """(readings,) channels that read exactly the same in all of three or more frames (n, readings), while nine in ten
+    others change; cells without a number aside."""
+    finite = np.isfinite(volts)
+    same = np.min(volts, axis=0, initial=np.inf, where=finite) == np.max(volts, axis=0, initial=-np.inf, where=finite)
+    same &= finite.sum(axis=0) > 2
+    return same if np.mean(same) < 0.1 else np.zeros_like(same)
 
 
 def named(dead: Mask) -> str:
@@ -57,17 +56,11 @@ def why_not(model: Model, dead: Mask) -> str:
     return ""
 
 
-def usable(path: Path, frames: Frames, model: Model) -> Mask:
-    """(readings,) channels of a file of frames that are stuck; TestFileError names the line and the channels that read
-    nothing or are stuck where the model cannot do without them."""
-    always = stuck(frames.volts)
-    for dead, line in zip(silent(frames.volts, model.baseline_V) | always, frames.line.tolist(), strict=True):
-        if dead.any() and (problem := why_not(model, dead)):
-            column = int(np.argmax(dead))
-            reads = f"column {column + 1} reads {frames.volts[0, column]:g} V" + (
-                " in all frames" if always[column] else "")
-            raise TestFileError(path, f"{named(dead)} ({reads}). Mend it: {problem}.", line=line)
-    return always
+def check_needed(model: Model, dead: Mask, where: str) -> None:
+    """ValueError where a model cannot do without channels (readings,) that are dead in every frame of a place, such as
+    a file."""
+    if dead.any() and (problem := why_not(model, dead)):
+        raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Mend it: {problem}.")
 
 
 def without(model: Model, dead: Mask) -> Model:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from eitsim.measurement import below, level_db
 from surrogate import outputs
 from surrogate.estimate import Estimate
+from surrogate.intervals import few, told
 from surrogate.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
 from surrogate.model import Model, estimate, interval_scales
 from surrogate.ring import same_ring
@@ -43,8 +44,8 @@ def check_sensor(model: Model, samples: Samples) -> None:
 def interval_caution(model: Model, samples: Samples) -> str:
     """In words, that intervals are not those of this data set, whose rows are measured otherwise than those that the
     model was calibrated on; empty where they are not, or the model is too old to tell."""
-    told = model.record.get("calibration", model.record["dataset"])
-    calibrated, here = told.get("measurement"), samples.measurement
+    calibrated = model.record.get("calibration", model.record["dataset"]).get("measurement")
+    here = samples.measurement
     if calibrated is None or calibrated == here:
         return ""
     return (f"intervals were calibrated on rows {_measured(calibrated)}, and these are {_measured(here)}: they do not "
@@ -52,8 +53,8 @@ def interval_caution(model: Model, samples: Samples) -> str:
 
 
 def _measured(measurement: Mapping[str, Any]) -> str:
-    told = ", ".join(f"{key} = {value}" for key, value in measurement.items())
-    return f"measured with {told}" if told else "without noise"
+    listed = ", ".join(f"{key} = {value}" for key, value in measurement.items())
+    return f"measured with {listed}" if listed else "without noise"
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,22 @@ def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), ref
     part = parts_of(model, samples)
     clean, noisy = (take(samples, rows) for rows in (_spread(part, most_trained), _unseen(part)))
     table, predict_ms, force_sd = _predictions(model, clean, 0.0)
+    calibrating = len(model.calibration.target)
     scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
               "scored": _scored_words(part, clean, noisy if noise_dB else None),
-              "fit_s": model.fit_s, "predict_ms": predict_ms, "interval_caution": interval_caution(model, samples),
+              "fit_s": model.fit_s, "predict_ms": predict_ms, "intervals": told(calibrating),
+              "interval_rows": calibrating, "few_interval_rows": few(calibrating),
+              "interval_caution": interval_caution(model, samples), "trained_range": _trained_range(model),
               "material": material_told(model, samples), "force_sd": force_sd,
               "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
               "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
+
+
+def _trained_range(model: Model) -> dict[str, tuple[float, float]]:
+    """Lowest and highest training target of each output, in its unit."""
+    return {name: (float(low), float(high))
+            for name, low, high in zip(model.names, model.trained.lowest, model.trained.highest, strict=True)}
 
 
 def _spread(part: NDArray[np.str_], most_trained: int | None) -> NDArray[np.intp]:
@@ -108,10 +118,10 @@ def _unseen(part: NDArray[np.str_]) -> NDArray[np.bool_]:
 def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None) -> str:
     """In words, which rows have scores where not all have; empty where they do."""
     left, whole = len(part) - len(clean), int(np.sum(part == "train"))
-    told = [f"{whole - left} of {whole} training rows are scored, spread evenly"] * (left > 0)
+    words = [f"{whole - left} of {whole} training rows are scored, spread evenly"] * (left > 0)
     if noisy is not None and len(noisy) < len(part):
-        told.append(f"under noise {len(noisy)} unseen rows alone")
-    return "; ".join(told) + "." if told else ""
+        words.append(f"under noise {len(noisy)} unseen rows alone")
+    return "; ".join(words) + "." if words else ""
 
 
 def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,

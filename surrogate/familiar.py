@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 MOST = 80
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
 LEAST = 1e-3
+# Standard deviations of noise beyond which a sign is sure.
+SURE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,12 @@ def strangeness(familiar: Familiar, signal_V: Array, noise_V: float) -> Array:
     free = max(signal_V.shape[1] - len(familiar.axes), 0)
     expected = np.sqrt(familiar.worst**2 + free * (noise_V / size) ** 2)
     return np.where(unit @ familiar.mean < 0, np.inf, _left(familiar.axes, unit) / expected)
+
+
+def of_other_sign(familiar: Familiar, signal_V: Array, noise_V: float) -> NDArray[np.bool_]:
+    """(n,) whether signals (n, readings) point away from all familiar ones, by more than noise may."""
+    along = signal_V @ familiar.mean
+    return along < -SURE * noise_V * np.linalg.norm(familiar.mean)
 
 
 def _left(axes: Array, unit: Array) -> Array:

@@ -3,19 +3,57 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import betaincinv, ndtri
 
 Array = NDArray[np.float64]
 
 COVERAGE = 0.90
+# Chance that the calibration rows drawn leave a lower coverage than is told, and the least that is not cautioned.
+UNLUCKY, LEAST = 0.05, 0.85
 
 
 def normal(coverage: float) -> float:
     """Standard deviations about the mean that hold this part of a normal variable."""
     return float(ndtri((1 + coverage) / 2))
+
+
+def _order(rows: int, coverage: float) -> int:
+    """Which of so many sorted ratios holds this part of new ones, from 1; the last where none does."""
+    return min(math.ceil((rows + 1) * coverage), rows)
+
+
+def sure_coverage(rows: int, coverage: float = COVERAGE) -> float:
+    """The coverage that intervals calibrated on `rows` rows have but in UNLUCKY of all draws of these rows.
+
+    The k-th of n sorted ratios covers a part that is Beta(k, n + 1 - k) distributed over such draws, whatever the
+    errors (Vovk, Conditional validity of inductive conformal predictors, ACML 2012, proposition 2a).
+    """
+    k = _order(rows, coverage)
+    return float(betaincinv(k, rows + 1 - k, UNLUCKY))
+
+
+def told(rows: int) -> str:
+    """In words, how many rows calibrate the 90 % intervals, and what these hold."""
+    return (f"{rows} rows calibrate the {100 * COVERAGE:.0f} % intervals; of new rows like these they hold "
+            f"{100 * sure_coverage(rows):.0f} % or more, in {100 * (1 - UNLUCKY):.0f} of 100 such calibrations.")
+
+
+def few(rows: int) -> str:
+    """In words, that so few rows calibrate intervals badly; empty where they are enough."""
+    return "" if sure_coverage(rows) >= LEAST else (
+        f"{rows} calibrating rows are few: the {100 * COVERAGE:.0f} % intervals may hold as little as "
+        f"{100 * sure_coverage(rows):.0f} %, and one odd row may make them far too wide. Train on "
+        f"more scenes, of which 15 % calibrate, or on --calibrate DIR, until {enough()} do.")
+
+
+@cache
+def enough() -> int:
+    """Rows from which on intervals have a coverage of LEAST but in UNLUCKY of all draws."""
+    return 1 + max(rows for rows in range(1, 1000) if sure_coverage(rows) < LEAST)
 
 
 def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE,
@@ -29,7 +67,8 @@ def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERA
     in doubt, so the factor of these outputs is never below the normal one.
     """
     ratio = np.abs(error) / np.maximum(sd, np.finfo(float).tiny)
-    level = math.ceil((rows + 1) * coverage) / rows
-    floored = level > 1 if discrete is None else discrete | (level > 1)
+    beyond = math.ceil((rows + 1) * coverage) > rows
+    floored = beyond if discrete is None else discrete | beyond
     least = np.where(floored, normal(coverage), 0.0)
-    return np.maximum(np.quantile(ratio, min(level, 1.0), axis=0, method="higher"), least)
+    place = -(-_order(rows, coverage) * len(ratio) // rows) - 1
+    return np.maximum(np.partition(ratio, place, axis=0)[place], least)

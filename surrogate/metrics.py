@@ -29,8 +29,10 @@ class Score:
     coverage_50: float
     coverage_90: float
     coverage_95: float
-    # unit of rmse and mae
+    # unit of rmse, mae and half_width_90
     unit: str
+    # median half width of the 90 % intervals
+    half_width_90: float
 
 
 def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:
@@ -41,7 +43,7 @@ def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:
     r2 = 1 - mse / spread if spread > 1e-20 * max(1.0, float(np.mean(target**2))) else None
     half, ninety, ninety_five = (float(np.mean(np.abs(error) <= width)) for width in half_width)
     return Score(mse, float(np.sqrt(mse)), r2, float(np.mean(np.abs(error))), len(target), half, ninety, ninety_five,
-                 unit)
+                 unit, float(np.median(half_width[COVERAGES.index(0.90)])))
 
 
 def rms(values: Array) -> float:

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.frames import Frames
 from matcal.errors import NotConverged
 from surrogate import outputs, response
-from surrogate.dead_channels import Mask, silent
+from surrogate.dead_channels import Mask, named, silent
 from surrogate.direct import Direct, direct
 from surrogate.familiar import learn_familiar
+from surrogate.frame_lines import Lines
 from surrogate.intervals import COVERAGE, normal
 from surrogate.invert import invert
 from surrogate.loading import to_unknown
 from surrogate.model import Model
 from surrogate.posterior import Posterior, posterior_of
-from surrogate.predict import MISFIT, NO_TOUCH, OTHER_BASELINE, WEAK, Predictions, Predictor, predict
+from surrogate.predict import MISFIT, NO_TOUCH, WEAK, Predictions, Predictor, read_touches
 from surrogate.simulated import Simulator
 from surrogate.simulated_posterior import simulated_posterior
 from surrogate.touch_inversion import TouchInversion
 from surrogate.two_touches import read_pair
+from surrogate.untouched import OTHER_BASELINE
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -70,13 +71,29 @@ def uncalibrated(model: Model, baseline_V: Array, noise_V: float, dead: Mask) ->
                      learn_familiar(model.ring, model.calibration.signal_V), lost)
 
 
-def ones(predictor: Predictor, frames: Frames) -> Iterator[One]:
-    """The frames in turn; ValueError for dead channels, which these two do not leave out."""
-    if predictor.dead.any():
-        raise ValueError(f"channel {int(np.argmax(predictor.dead))} (from 0) is dead, and --direct and --posterior "
-                         "need all. Mend it, or predict without them.")
-    for line, volts in zip(frames.line.tolist(), frames.volts, strict=True):
-        yield One(line, volts - predictor.baseline_V, predict(predictor, volts[None]))
+def whole(lines: Lines, model: Model) -> Lines:
+    """Lines with a problem told of each frame that lacks a channel, which these ways of reading do not leave out."""
+    dead = silent(lines.volts, model.baseline_V)
+    problem = [told or (f"{named(mask)}; --direct, --posterior and --touches 2 need all" if mask.any() else "")
+               for told, mask in zip(lines.problem, dead, strict=True)]
+    return replace(lines, problem=problem)
+
+
+def check_whole(dead: Mask) -> None:
+    """ValueError for channels (readings,) that are dead in every frame."""
+    if dead.any():
+        raise ValueError(f"{named(dead)}, in every frame, and --direct, --posterior and --touches 2 need all. Mend it, "
+                         "or predict without them.")
+
+
+def ones(predictor: Predictor, lines: Lines) -> Iterator[One]:
+    """The frames in turn, those that lack a channel and lines that are no frame without values; ValueError where a
+    channel is dead in all."""
+    check_whole(predictor.dead)
+    lines = whole(lines, predictor.model)
+    for k, line in enumerate(lines.line.tolist()):
+        alone = Lines(lines.line[k:k + 1], lines.volts[k:k + 1], lines.problem[k:k + 1])
+        yield One(line, lines.volts[k] - predictor.baseline_V, read_touches(predictor, alone))
 
 
 def check_baseline(simulated_V: Array, baseline_V: Array) -> None:

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from eitsim.frames import Frames
 from surrogate.dead_channels import Mask, named, silent, why_not, without
 from surrogate.estimate import Estimate
-from surrogate.familiar import Familiar, learn_familiar, strangeness
+from surrogate.familiar import Familiar, learn_familiar, of_other_sign, strangeness
+from surrogate.frame_lines import Lines
 from surrogate.intervals import COVERAGE, normal
 from surrogate.model import Model, estimate, interval_scale
 
 Array = NDArray[np.float64]
 
 NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
+# Where nearly all trained touches lower or raise the readings alike.
+OTHER_SIGN = "signal of the other sign than a touch's"
 # A signal below this part of the weakest training signal is no touch.
 WEAK = 0.5
 # How far beyond the training targets, in their ranges, a value may lie before it is flagged.
@@ -35,18 +37,6 @@ STRONG, WILD = 1.2, 30.0
 OUTSIDE_WIDENED = 10.0
 # What makes up the standard deviation of a force.
 PARTS = ("noise", "material", "model")
-# Relative difference of the untouched frame from that of the training, 2-norm, from which it is cautioned.
-OTHER_BASELINE = 0.2
-
-
-@dataclass(frozen=True)
-class Untouched:
-    """The frame that signals are differences to."""
-
-    # (readings,) V
-    volts: Array
-    # standard deviation of one reading of a touched frame minus this one, V; None where one frame cannot tell
-    noise_V: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,24 +69,6 @@ class Predictions:
     # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
     # half_width over the normal factor. No columns where the model cannot tell
     force_parts: Array
-
-
-def untouched(frames: Frames) -> Untouched:
-    """The mean of untouched frames, and the noise by their scatter where there are two or more."""
-    n = len(frames.volts)
-    noise = float(np.sqrt(np.mean(frames.volts.var(axis=0, ddof=1)) * (1 + 1 / n))) if n > 1 else None
-    return Untouched(frames.volts.mean(axis=0), noise)
-
-
-def baseline_caution(model: Model, baseline_V: Array) -> str:
-    """In words, that an untouched frame (readings,), V, is not that of the trained sensor; empty where it may be."""
-    finite = np.isfinite(baseline_V)
-    trained = model.baseline_V[finite]
-    apart = float(np.linalg.norm(baseline_V[finite] - trained) / np.linalg.norm(trained))
-    if apart < OTHER_BASELINE:
-        return ""
-    return (f"the untouched frame differs by {apart:.0%} from that of the training: is it untouched, of this sensor "
-            "and drive, and in volts? Intervals do not count such a difference.")
 
 
 def prepare(model: Model, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None) -> Predictor:
@@ -164,6 +136,8 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     shape = (len(signal), len(model.names))
     value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
     flags[wild] = f"{OUTSIDE}; {MISFIT}"
+    reverse = touched & of_other_sign(predictor.familiar, signal, predictor.noise_V)
+    reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _parts_told(model)), np.nan)
     if np.any(touched):
         found = estimate(model, signal[touched], predictor.noise_V)
@@ -174,6 +148,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
         flags[touched] = _flags(model, found, strange > 1, outside)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, half_width[touched] / normal(COVERAGE))
+    flags[reverse] += f"; {OTHER_SIGN}"
     return Predictions(value, half_width, flags.tolist(), parts)
 
 
@@ -227,11 +202,35 @@ def numbers_of(found: Predictions) -> Array:
     return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
 
 
-def predict_frames(model: Model, frames: Frames, reference: Untouched, noise_V: float = 0.0,
-                   dead: Mask | None = None) -> pd.DataFrame:
-    """One row a frame, with the columns of `columns`; frames without a touch have no values."""
-    found = predict(prepare(model, reference.volts, noise_V, dead), frames.volts)
-    table = pd.DataFrame(numbers_of(found), columns=columns(model)[1:-1])
-    table.insert(0, "line", frames.line)
+def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
+    """Predictions of lines; one that is no frame has no values and tells why in its flag."""
+    sound = np.array([not problem for problem in lines.problem], bool)
+    if sound.all():
+        return predict(predictor, lines.volts)
+    found = predict(predictor, lines.volts[sound])
+    flags = iter(found.flag)
+
+    def spread(part: Array) -> Array:
+        whole = np.full((len(sound), part.shape[1]), np.nan)
+        whole[sound] = part
+        return whole
+
+    return Predictions(spread(found.value), spread(found.half_width),
+                       [problem or next(flags) for problem in lines.problem], spread(found.force_parts))
+
+
+def table_of(predictor: Predictor, lines: Lines) -> pd.DataFrame:
+    """One row a line, with the columns of `columns`; frames without a touch have no values."""
+    found = read_touches(predictor, lines)
+    table = pd.DataFrame(numbers_of(found), columns=columns(predictor.model)[1:-1])
+    table.insert(0, "line", lines.line)
     table["flag"] = found.flag
     return table
+
+
+def sign_caution(flags: Sequence[str]) -> str:
+    """In words, the likely cause of signals of the other sign; empty where there is none."""
+    count = sum(OTHER_SIGN in flag for flag in flags)
+    return "" if not count else (
+        f"{count} of {len(flags)} frames differ from the untouched one with the other sign than a touch's: were the "
+        "untouched and a touched frame exchanged, or the leads of the current or of the voltmeter?")

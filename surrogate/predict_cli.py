@@ -14,11 +14,11 @@ from matcal.terminal import JsonOption, check_apart, check_out, counter, print_j
 if TYPE_CHECKING:
     import pandas as pd
 
-    from eitsim.frames import Frames
     from surrogate.dead_channels import Mask
+    from surrogate.frame_lines import Lines
     from surrogate.model import Model
-    from surrogate.predict import Untouched
     from surrogate.simulated import Simulator
+    from surrogate.untouched import Untouched
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
@@ -73,9 +73,7 @@ def predict(model_folder: ModelFolder,
         _written(_pairs(model, read, reference, dead, noise), model_folder, out, as_json)
         return
     if not (direct or posterior):
-        from surrogate.predict import predict_frames
-
-        _written(predict_frames(model, read, reference, noise, dead), model_folder, out, as_json)
+        _written(_plain_table(model, read, reference, dead, noise), model_folder, out, as_json)
         return
     simulator = None if card is None else _simulator(model, card, data, scene, reference)
     rows = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
@@ -95,16 +93,29 @@ def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None,
         raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
 
 
-def _pairs(model: Model, frames: Frames, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
+def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
+    """A row a frame, by the model alone."""
+    from surrogate.predict import prepare, sign_caution, table_of
+
+    _say_few(model)
+    table = table_of(prepare(model, reference.volts, noise, dead), frames)
+    if words := sign_caution(table["flag"].tolist()):
+        _say(words)
+    return table
+
+
+def _pairs(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
     """A row a frame, two touches each."""
     import pandas as pd
 
-    from surrogate.one_frame import pair_row
+    from surrogate.dead_channels import silent
+    from surrogate.one_frame import check_whole, pair_row, whole
 
-    if dead.any():
-        raise ValueError("a channel is dead, and --touches 2 needs all. Mend it, or predict without it.")
-    signals = zip(frames.line.tolist(), frames.volts - reference.volts, strict=True)
-    rows = [pair_row(model, line, signal, noise) for line, signal in _counted_off(list(signals))]
+    check_whole(dead | silent(reference.volts[None], model.baseline_V)[0])
+    told = whole(frames, model)
+    each = list(zip(told.line.tolist(), told.volts - reference.volts, told.problem, strict=True))
+    rows = [{"line": line, "flag": problem} if problem else pair_row(model, line, signal, noise)
+            for line, signal, problem in _counted_off(each)]
     names = max((list(row) for row in rows), key=len)
     return pd.DataFrame(rows, columns=names)
 
@@ -121,7 +132,7 @@ def _simulator(model: Model, card: Path, data: Path | None, scene: Path | None, 
     return simulator
 
 
-def _in_depth(model: Model, simulator: Simulator | None, frames: Frames, reference: Untouched, dead: Mask,
+def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, reference: Untouched, dead: Mask,
               noise: float, seed: int | None) -> pd.DataFrame:
     """A row a frame, by the posterior where there is a seed; each shows on a terminal as it is done."""
     import pandas as pd
@@ -172,16 +183,16 @@ def _plain(row: dict[Any, Any]) -> dict[str, Any]:
 def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
     from contextlib import nullcontext
 
-    from surrogate.predict import Untouched
     from surrogate.stream import answer, widen_pipe
+    from surrogate.untouched import Untouched
 
-    reference = None if baseline is None else _untouched(model, baseline)[0]
+    reference, dead = (None, None) if baseline is None else _untouched(model, baseline)
     noise = _noise(model, reference or Untouched(model.baseline_V, None), noise_V)
+    _say_few(model)
     widen_pipe(sys.stdin.fileno())
     with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
           nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
-        counts = answer(model, source, sink, noise, None if reference is None else reference.volts,
-                        _say)
+        counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say)
     if out is not None:
         print(f"{out}: {_counted(counts.answered, counts.flagged)}")
 
@@ -192,10 +203,10 @@ def _counted(frames: int, flagged: int) -> str:
 
 def _noise(model: Model, reference: Untouched, given: float | None) -> float:
     """Standard deviation of the noise, V; cautions where it is unknown, and about an untouched frame of elsewhere."""
-    from surrogate.predict import baseline_caution
+    from surrogate.untouched import caution
 
-    if caution := baseline_caution(model, reference.volts):
-        _say(caution)
+    if words := caution(model.baseline_V, reference.volts):
+        _say(words)
     noise = given if given is not None else reference.noise_V
     if noise is None:
         _say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
@@ -203,32 +214,49 @@ def _noise(model: Model, reference: Untouched, given: float | None) -> float:
     return noise or 0.0
 
 
+def _say_few(model: Model) -> None:
+    from surrogate.intervals import few
+
+    if words := few(len(model.calibration.target)):
+        _say(words)
+
+
 def _say(words: str) -> None:
     print(f"surrogate: {words}", file=sys.stderr)
 
 
 def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
-    """The untouched frame of a file, and its stuck channels."""
-    from eitsim.frames import read_frames
-    from surrogate.dead_channels import usable
-    from surrogate.predict import untouched
+    """The untouched frame of a file, and its dead channels."""
+    from matcal.errors import TestFileError
+    from surrogate.dead_channels import check_needed, silent, stuck
+    from surrogate.frame_lines import read_lines
+    from surrogate.untouched import untouched
 
-    read = read_frames(baseline, len(model.baseline_V))
-    return untouched(read), usable(baseline, read, model)
+    read = read_lines(baseline, len(model.baseline_V))
+    if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
+        raise TestFileError(baseline, f"{read.problem[bad]}. Mend it, or leave the line out.", line=int(read.line[bad]))
+    dead = stuck(read.volts) | silent(read.volts, model.baseline_V).any(axis=0)
+    check_needed(model, dead, str(baseline))
+    return untouched(read.volts), dead
 
 
-def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Frames, Untouched, Mask]:
-    """Frames of a file, their untouched frame, and channels that are stuck."""
-    from eitsim.frames import Frames, read_frames
-    from surrogate.dead_channels import usable
-    from surrogate.predict import untouched
+def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Lines, Untouched, Mask]:
+    """Frames of a file, their untouched frame, and channels that are dead in all of them."""
+    from surrogate.dead_channels import check_needed, silent, stuck
+    from surrogate.frame_lines import first_frame, read_lines
+    from surrogate.untouched import Untouched
 
-    read = read_frames(path, len(model.baseline_V))
-    dead = usable(path, read, model)
+    read = read_lines(path, len(model.baseline_V))
+    dead = stuck(read.volts)
+    check_needed(model, dead, str(path))
     if baseline is not None:
-        reference, stuck = _untouched(model, baseline)
-        return read, reference, dead | stuck
-    if len(read.volts) < 2:
+        reference, lost = _untouched(model, baseline)
+        return read, reference, dead | lost
+    first = first_frame(read, str(path))
+    if len(read.line) < 2:
         raise ValueError(f"{path}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
                          "put the untouched frame first.")
-    return Frames(read.volts[1:], read.line[1:]), untouched(Frames(read.volts[:1], read.line[:1])), dead
+    where = f"{path}, line {read.line[0]}"
+    check_needed(model, silent(first[None], model.baseline_V)[0], where)
+    _say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
+    return read.after_first(), Untouched(first, None), dead

@@ -49,6 +49,8 @@ def test_columns_are_found_by_name_and_blank_lines_left_out(frames: list[Reading
 
 @pytest.mark.parametrize(("text", "message"), [
     ("1,2\n3\n", "line 2: 1 columns, expected 2 voltages a row"), ("a,b\n", "no rows of voltages"),
+    ("v_000,volts\n1,2\n", "frames.csv: the header names 'volts' in column 2, which is no reading.* v_000 to v_001"),
+    ("v_000,v_000\n1,2\n", "the header lacks v_001"),
     ("1,2\n3,inf\n", "line 2: column 2 holds 'inf'"), ("1,2\n3,\n", "line 2: column 2 holds ''")])
 def test_frames_that_cannot_be_are_refused(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "frames.csv").write_text(text)

@@ -2,19 +2,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eitsim.frames import Frames
-from matcal.errors import TestFileError
-from surrogate.dead_channels import named, silent, stuck, usable
+from surrogate.dead_channels import check_needed, named, silent, stuck
 from surrogate.model import Model
-from surrogate.predict import MISFIT, NO_TOUCH, OUTSIDE, Predictor, baseline_caution, predict, prepare
+from surrogate.predict import MISFIT, NO_TOUCH, OTHER_SIGN, OUTSIDE, Predictor, predict, prepare, sign_caution
 from surrogate.samples import Samples
 from surrogate.train import train
+from surrogate.untouched import caution, untouched
 
 Array = NDArray[np.float64]
 Synthetic = Callable[[int, int], tuple[Array, Array]]
@@ -144,18 +142,15 @@ def test_more_than_half_of_the_channels_cannot_be_done_without(predictors: dict[
     assert "110 of 208 readings are dead" in found.flag[0]
 
 
-def test_files_for_models_of_all_readings_are_refused_by_channel(ridge: Model, forward: Model, synthetic: Synthetic,
-                                                                 untouched_V: Array) -> None:
-    volts = untouched_V + synthetic(3, 77)[1]
-    lines = np.arange(2, 5)
-    dead = volts.copy()
-    dead[1, 7] = 0.0
-    same = np.where(np.arange(208) == 9, volts[0, 9], volts)
-    for frames, message in ((dead, r"line 3: dead channel: column 8 .*--method forward can"),
-                            (same, r"line 2: dead channel: column 10 .* in all frames")):
-        with pytest.raises(TestFileError, match=message):
-            usable(Path("frames.csv"), Frames(frames, lines), ridge)
-    assert np.flatnonzero(usable(Path("frames.csv"), Frames(same, lines), forward)).tolist() == [9]
+def test_a_channel_that_is_dead_in_every_frame_is_refused_where_it_is_needed(ridge: Model, forward: Model,
+                                                                             synthetic: Synthetic, untouched_V: Array
+                                                                             ) -> None:
+    volts = untouched_V + synthetic(4, 77)[1]
+    volts[:, 9], volts[1] = volts[0, 9], np.nan
+    assert np.flatnonzero(stuck(volts)).tolist() == [9]
+    with pytest.raises(ValueError, match=r"a.csv: dead channel: column 10, so that no frame .*--method forward can"):
+        check_needed(ridge, stuck(volts), "a.csv")
+    check_needed(forward, stuck(volts), "a.csv")
 
 
 def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
@@ -166,6 +161,33 @@ def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
     assert named(np.arange(9) > 2) == "dead channels: columns 4, 5, 6, 7 and 2 more"
 
 
-def test_an_untouched_frame_of_another_drive_is_cautioned(forward: Model, untouched_V: Array) -> None:
-    assert baseline_caution(forward, 1.05 * untouched_V) == ""
-    assert "differs by 100%" in baseline_caution(forward, 2 * untouched_V)
+def test_an_untouched_frame_of_elsewhere_is_cautioned_with_the_likely_cause(untouched_V: Array) -> None:
+    rng = np.random.default_rng(0)
+    assert caution(untouched_V, 1.05 * untouched_V) == ""
+    assert "differs by 100%" in caution(untouched_V, 2 * untouched_V)
+    for other, cause in ((-untouched_V, "leads of the current or of the voltmeter"), (1e3 * untouched_V, "in volts"),
+                         (rng.permutation(untouched_V), "another order"), (rng.normal(size=208), "is it untouched")):
+        assert cause in caution(untouched_V, other)
+
+
+def test_untouched_frames_without_a_channel_tell_their_noise_by_the_others(untouched_V: Array) -> None:
+    frames = untouched_V + 1e-6 * np.random.default_rng(0).normal(size=(30, 208))
+    frames[3, 7] = np.nan
+    found = untouched(frames)
+    assert np.flatnonzero(np.isnan(found.volts)).tolist() == [7]
+    assert found.noise_V == pytest.approx(1e-6 * np.sqrt(1 + 1 / 30), rel=0.1)
+
+
+@pytest.mark.parametrize("method", ["forward", "ridge"])
+def test_frames_of_the_other_sign_are_told_with_the_likely_cause(
+        predictors: dict[str, Predictor], synthetic: Synthetic, untouched_V: Array, method: str) -> None:
+    """Untouched and touched frame exchanged, and the voltmeter's leads after the untouched frame; noise alone is
+    neither."""
+    signal, rng = synthetic(2, 78)[1], np.random.default_rng(0)
+    for frames in (untouched_V - signal, -(untouched_V + signal)):
+        flags = predict(predictors[method], frames).flag
+        assert all(OTHER_SIGN in flag for flag in flags)
+        assert "2 of 2 frames" in sign_caution(flags)
+        assert "untouched and a touched frame exchanged" in sign_caution(flags)
+    rest = predict(predictors[method], untouched_V + np.vstack([signal, 1e-3 * NOISE_V * rng.normal(size=(20, 208))]))
+    assert sign_caution(rest.flag) == ""

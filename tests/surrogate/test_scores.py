@@ -8,7 +8,7 @@ import pytest
 from eitsim.measurement import below, level_db
 from surrogate import outputs
 from surrogate.evaluate import transfer
-from surrogate.intervals import conformal_scale, normal
+from surrogate.intervals import conformal_scale, few, normal, sure_coverage
 from surrogate.metrics import score
 from surrogate.split import split
 
@@ -30,7 +30,7 @@ def test_a_score_by_hand() -> None:
     found = score(np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 3.0, 3.0, 4.0]),
                   np.array([[0.5] * 4, [1.5] * 4, [2.0] * 4]), "mm")
     assert (found.mse, found.mae, found.n, found.coverage_90, found.unit) == (1.25, 0.75, 4, 0.75, "mm")
-    assert (found.coverage_50, found.coverage_95) == (0.5, 1.0)
+    assert (found.coverage_50, found.coverage_95, found.half_width_90) == (0.5, 1.0, 1.5)
     assert found.rmse == pytest.approx(np.sqrt(1.25))
     assert found.r2 == pytest.approx(1 - 1.25 / 3.5)
 
@@ -52,6 +52,29 @@ def test_conformal_intervals_cover_what_they_promise(rows: int, coverage: float)
     scale = conformal_scale((ratio * sd)[:, :rows].T, sd[:, :rows].T, rows, coverage)
     covered = np.mean(ratio[:, rows] <= scale)
     assert coverage - 0.015 < covered < coverage + 1 / (rows + 1) + 0.015
+
+
+@pytest.mark.parametrize("rows", [9, 30, 110])
+def test_calibrations_cover_less_than_is_told_as_seldom_as_it_is_told(rows: int) -> None:
+    """The coverage of an interval of uniform ratios is its length."""
+    ratio = np.random.default_rng(1).random((rows, 4000))
+    length = conformal_scale(ratio, np.ones_like(ratio), rows, discrete=np.zeros(4000, bool))
+    unlucky = np.mean((length if rows > 9 else ratio.max(axis=0)) < sure_coverage(rows))
+    assert unlucky == pytest.approx(0.05, abs=0.012)
+
+
+def test_the_order_statistic_is_the_one_of_exchangeable_errors() -> None:
+    """Of 30 ratios the 28th, whatever copies of them there are."""
+    error, sd = np.arange(1.0, 31.0)[:, None], np.ones((30, 1))
+    assert conformal_scale(error, sd, 30)[0] == 28
+    assert conformal_scale(np.tile(error, (3, 1)), np.tile(sd, (3, 1)), 30)[0] == 28
+
+
+def test_few_calibrating_rows_are_cautioned_with_the_number_that_is_enough() -> None:
+    assert "may hold as little as 61 %" in few(6)
+    assert "until 110 do" in few(6)
+    assert few(109) != ""
+    assert few(110) == "" == few(600)
 
 
 def test_few_rows_fall_back_on_the_larger_of_both() -> None:

@@ -4,6 +4,7 @@ import io
 import os
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,11 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from eitsim.dataset import voltage_columns
+from matcal.errors import TestFileError
 from surrogate import cli, store
+from surrogate.frame_lines import BATCH, read_lines, waiting_lines
 from surrogate.model import Model
-from surrogate.predict import predict, prepare
+from surrogate.predict import predict, prepare, table_of
 from surrogate.samples import Samples
-from surrogate.stream import BATCH, answer, waiting_lines
+from surrogate.stream import answer
 from surrogate.train import train
 
 Array = NDArray[np.float64]
@@ -67,16 +70,56 @@ def test_a_bad_line_is_flagged_and_does_not_end_the_stream(ridge: Model, synthet
     assert table["line"].tolist() == [1, 2, 3, 4, 6, 7]
     assert table["x0_mm"].notna().tolist() == [True, False, False, False, False, True]
     flags = table["flag"].astype(str).tolist()
-    assert flags[1:3] == ["unreadable: 3 columns, expected 208 voltages",
+    assert flags[1:3] == ["unreadable: 3 columns, expected 208 voltages separated by commas",
                           "unreadable: column 1 holds 'volts' and no number"]
     assert flags[3].startswith("dead channel: column 6")
     assert flags[4].startswith("unreadable: 1 columns")
 
 
+def test_a_header_of_other_names_is_refused(ridge: Model, untouched_V: Array, tmp_path: Path) -> None:
+    names = voltage_columns(208)
+    for spoilt, message in ((["time", *names], "line 1: the header names 'time' in column 1, which is no reading"),
+                            ([*names[:207], "v_208"], "names 'v_208' in column 208.*v_000 to v_207, or leave the"),
+                            (names[:207], "the header lacks v_207")):
+        text = "\n".join([",".join(spoilt), *as_lines(untouched_V[None])])
+        with pytest.raises(ValueError, match=message):
+            answered(ridge, text, untouched_V)
+        (tmp_path / "frames.csv").write_text(text)
+        with pytest.raises(TestFileError, match=message):
+            read_lines(tmp_path / "frames.csv", 208)
+
+
+def test_a_file_and_a_stream_read_the_same_of_bad_lines(ridge: Model, synthetic: Synthetic, untouched_V: Array,
+                                                        tmp_path: Path) -> None:
+    """One bad frame costs no other."""
+    good = as_lines(untouched_V + synthetic(3, 64)[1])
+    cells = good[0].split(",")
+    odd = [",".join([*cells[:5], cell, *cells[6:]]) for cell in ("", "inf", "0", "volts")]
+    text = "\n".join([good[0], "1,2,3", *odd[:2], "", *odd[2:], *good[1:]])
+    (tmp_path / "frames.csv").write_text(text)
+    table = table_of(prepare(ridge, untouched_V), read_lines(tmp_path / "frames.csv", 208))
+    streamed = answered(ridge, text, untouched_V)
+    assert table["line"].tolist() == [1, 2, 3, 4, 6, 7, 8, 9]
+    assert table["flag"].tolist() == streamed["flag"].tolist()
+    assert [flag[:12] for flag in table["flag"]] == ["", "unreadable: ", *["dead channel"] * 3, "unreadable: ", "", ""]
+    assert table["x0_mm"].notna().tolist() == [flag == "" for flag in table["flag"]]
+    assert np.allclose(table["x0_mm"], streamed["x0_mm"], equal_nan=True, rtol=1e-4)
+
+
+def test_the_first_line_is_said_to_be_taken_as_untouched(ridge: Model, synthetic: Synthetic, untouched_V: Array
+                                                         ) -> None:
+    said: list[str] = []
+    text = "\n".join(as_lines(untouched_V + np.vstack([np.zeros(208), -synthetic(2, 65)[1]])))
+    answer(ridge, io.BytesIO(text.encode()), io.StringIO(), 0.0, say=said.append)
+    assert said[0].startswith("standard input, line 1 is taken as the untouched frame; give --baseline FILE")
+    assert len(said) == 2
+    assert said[1].startswith("line 2 on: 1 of 1 frames differ from the untouched one with the other sign")
+
+
 def test_without_an_untouched_frame_there_is_no_stream(ridge: Model) -> None:
     with pytest.raises(ValueError, match=r"standard input held no frame. Give the untouched one first"):
         answered(ridge, "\n\n")
-    with pytest.raises(ValueError, match=r"standard input, line 1: 2 columns, expected 208 .* first frame"):
+    with pytest.raises(ValueError, match=r"standard input, line 1: unreadable: 2 columns, expected 208 .* first frame"):
         answered(ridge, "1,2\n")
 
 

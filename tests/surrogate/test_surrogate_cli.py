@@ -82,7 +82,7 @@ def test_evaluate_prints_one_object(call: Call, forward: Path, few: Path) -> Non
     scores = json.loads(out)
     assert status == 0
     assert {"mse", "rmse", "r2", "mae", "n", "coverage_50", "coverage_90", "coverage_95",
-            "unit"} == set(scores["outputs"]["F"]["test"])
+            "half_width_90", "unit"} == set(scores["outputs"]["F"]["test"])
     assert scores["fit_s"] > 0
     assert scores["predict_ms"] > 0
     assert [level["noise_db"] for level in scores["noise"]] == [100, 80]
@@ -101,6 +101,9 @@ def test_evaluate_prints_a_table(call: Call, forward: Path, few: Path) -> None:
     assert status == 0
     assert "90.0 dB below the baseline" in out
     assert "delta_max" in out
+    assert "30 rows calibrate the 90 % intervals" in out
+    assert "caution: 30 calibrating rows are few" in out
+    assert "+-90 %" in out
 
 
 def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, forward: Path, few: Path, sweep: Path,
@@ -151,7 +154,9 @@ def test_predict_reads_recorded_frames(call: Call, forward: Path, synthetic: Syn
     frames_file = write_frames(tmp_path / "frames.csv", frames, voltage_columns(208))
     untouched = write_frames(tmp_path / "untouched.csv", untouched_V + noise * rng.normal(size=(20, 208)))
     status, out, err = call("predict", forward, frames_file, "--baseline", untouched, "--out", tmp_path / "p.csv")
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert err.startswith("surrogate: 30 calibrating rows are few: the 90 % intervals may hold as little as 80 %")
+    assert err.count("\n") == 1
     assert "7 frames" in out
     table = pd.read_csv(tmp_path / "p.csv")
     assert list(table.columns[:4]) == ["line", "x0_mm", "x0_lo90_mm", "x0_hi90_mm"]
@@ -169,6 +174,7 @@ def test_the_first_frame_serves_as_the_baseline(call: Call, forward: Path, synth
     table = pd.read_csv(io.StringIO(out))
     assert status == 0
     assert "noise of the readings is unknown" in err
+    assert "frames.csv, line 1 is taken as the untouched frame" in err
     assert np.allclose(table[["x0_mm", "y0_mm"]], touch[:, :2], atol=0.05)
     assert table["line"].tolist() == [2, 3, 4]
 
@@ -200,11 +206,10 @@ def test_odd_frames_are_flagged(call: Call, forward: Path, synthetic: Synthetic,
 
 
 @pytest.mark.parametrize(("spoil", "message"), [
-    (lambda f: f[:, :200], "line 1: 200 columns, expected 208 voltages a row"),
-    (lambda f: np.where(np.arange(208) == 5, np.nan, f), "line 1: column 6 holds ''"),
+    (lambda f: f[:, :200], "line 1: unreadable: 200 columns, expected 208 voltages separated by commas; no line of it"),
     (lambda f: np.where(np.arange(208) < 110, 0.0, f), "line 1: dead channels: columns 1, 2, 3, 4 and 106 more"),
     (lambda f: f[:1], "one frame only"),
-    (lambda f: f[:0], "holds no rows of voltages"),
+    (lambda f: f[:0], "holds no frame. Expected rows of 208 voltages"),
 ])
 def test_bad_frames_name_the_line(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array, tmp_path: Path,
                                   spoil: Callable[[Array], Array], message: str) -> None:

@@ -1,0 +1,59 @@
+"""The untouched frame: its noise, and whether it is that of the trained sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Relative difference of the untouched frame from that of the training, 2-norm, from which it is cautioned.
+OTHER_BASELINE = 0.2
+# Difference, likewise, up to which a scaled or a sorted frame is taken for the training's.
+ALIKE = 0.05
+
+
+@dataclass(frozen=True)
+class Untouched:
+    """The frame that signals are differences to."""
+
+    # (readings,) V
+    volts: Array
+    # standard deviation of one reading of a touched frame minus this one, V; None where one frame cannot tell
+    noise_V: float | None
+
+
+def untouched(volts: Array) -> Untouched:
+    """The mean of untouched frames (n, readings), V, and the noise by their scatter where there are two or more."""
+    n = len(volts)
+    noise = float(np.sqrt(np.nanmean(volts.var(axis=0, ddof=1)) * (1 + 1 / n))) if n > 1 else None
+    return Untouched(volts.mean(axis=0), noise)
+
+
+def caution(trained_V: Array, baseline_V: Array) -> str:
+    """In words, that an untouched frame (readings,), V, is not that of the training, and the likely cause; empty where
+    it may be."""
+    finite = np.isfinite(baseline_V)
+    trained, given = trained_V[finite], baseline_V[finite]
+    apart = _apart(given, trained)
+    if apart < OTHER_BASELINE:
+        return ""
+    return (f"the untouched frame differs by {apart:.0%} from that of the training: {_cause(trained, given)} Intervals "
+            "do not count such a difference.")
+
+
+def _cause(trained: Array, given: Array) -> str:
+    scale = float(given @ trained / (trained @ trained))
+    if scale != 0 and _apart(given / scale, trained) < ALIKE:
+        if -2 < scale < -0.5:
+            return "it has the other sign. Are the leads of the current or of the voltmeter exchanged?"
+        return f"it is {scale:.3g} times that. Are the readings in volts, and is the current that of the training?"
+    if _apart(np.sort(given), np.sort(trained)) < ALIKE:
+        return "it holds the same voltages in another order. Are electrodes, patterns or columns mixed up?"
+    return "is it untouched, of this sensor and drive, and in volts?"
+
+
+def _apart(given: Array, trained: Array) -> float:
+    return float(np.linalg.norm(given - trained) / np.linalg.norm(trained))
