@@ -113,6 +113,10 @@ def _steps(row: Mapping[str, Any]) -> str:
     return "" if math.isnan(row["steps"]) else f"{row['steps']:.0f} steps"
 
 
+def _draws(row: Mapping[str, Any]) -> str:
+    return f"{row['ess_worst']:.0f} effective draws, R-hat {row['rhat_worst']:.2f}"
+
+
 def _over_spread(row: Mapping[str, Any]) -> float:
     """RMSE over the spread of the output over the scored rows."""
     return math.sqrt(max(1 - row["r2"], 0.0))
@@ -125,10 +129,10 @@ BENCHES = (
           "beside it. From some starts lmfit ends in another minimum, at any tolerance; Table 1 is a fit of such a "
           "foam, and thus a start that a new foam lacks."),
     Bench("sampler", "sampler.csv", "posterior of that fit", lambda _: "exponents, moduli and noise",
-          lambda row: row["method"], lambda row: f"{row['ess_worst']:.0f} effective draws", _one, "mean_error_over_sd",
-          "Error of a mean over sd (–)", wanted=(1e-1, 3e-2, 1e-2),
-          note="Monte Carlo error of the worst quantity over its posterior's sd, from effective draws; where chains "
-          "are short, these are themselves uncertain."),
+          lambda row: row["method"], _draws, _one, "mean_error_over_sd", "Error of a mean over sd (–)",
+          wanted=(1e-1, 3e-2, 1e-2), note="Monte Carlo error of the worst quantity over its posterior's sd, from "
+          "effective draws. Where R-hat, which the table tells, is not close to 1, chains have not mixed: their "
+          "effective draws are too many and their errors too small."),
     Bench("electrics", "electrics.csv", "208 readings of one touch", lambda row: row["touch"],
           lambda row: row["method"], lambda row: row["setting"], _one, "dv_error", "Relative error of ΔV (–)",
           "cpu_ms", 1e3, "kept_ms", note="What is drawn leaves out what is done once: the order of a fixed mesh and "

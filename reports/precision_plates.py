@@ -105,8 +105,8 @@ def _caption(bench: Bench, found: Sequence[Point], rows: int, state: State) -> s
     if bench.note:
         said.append(bench.note)
     if rows > len(found):
-        said.append(f"{rows - len(found)} of {counted(rows, 'row')} of the file hold no error (a run that failed, or "
-                    "work done once) and are not drawn.")
+        said.append(f"{rows - len(found)} of {counted(rows, 'row')} of the file hold no error (a run that failed, work "
+                    "done once, or what errors are taken against) and are not drawn.")
     if state.kind != CURRENT:
         said.append(f"{state.file} is {state.words}.")
     return " ".join(said)

@@ -49,8 +49,8 @@ def write_all(folder: Path) -> None:
                   "setting": ["1 starts, tolerance 0.01", "from Table 1, tolerance 0.0001"],
                   "distance_from_best": [1e-4, 0.05]}).to_csv(folder / "calibration.csv", index=False)
     pd.DataFrame({"method": ["matcal, moduli marginalised", "emcee, raw parameters", "lmfit emcee, raw parameters"],
-                  "ess_worst": 400.0, "mean_error_over_sd": [0.05, 0.06, 0.07], "cpu_s": [5.0, 6.0, 7.0]}
-                 ).to_csv(folder / "sampler.csv", index=False)
+                  "ess_worst": 400.0, "rhat_worst": 1.2, "mean_error_over_sd": [0.05, 0.06, 0.07],
+                  "cpu_s": [5.0, 6.0, 7.0]}).to_csv(folder / "sampler.csv", index=False)
     pd.DataFrame({"touch": "inside", "method": ["eitsim", "a peer"], "setting": "300 triangles",
                   "dv_error": [0.02, 0.03], "cpu_s": [0.01, 0.2]}).to_csv(folder / "peers_signal.csv", index=False)
     pd.DataFrame({"scene": ["far, 1 N"], "method": ["as planned"], "wanted": [0.01], "dv_error": [5e-3],
@@ -77,6 +77,7 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
                   "no method comes within 0.1 %; the least error, 2.0 %, is that of “eitsim” in 400 ms",
                   "the cheapest is “eitsim, from rest, order 2” (150 ms)", "1 of 3 rows of the file",
                   "0.01 % is reached in 2 of 8 problems", "3 % is reached in 0 of 1 problem",
+                  "400 effective draws, R-hat 1.20: 5.00 s",
                   "asked for 0.01 of the signal: 300 ms", "from the tables, 40 rows: 320 ms, 300 ms of it once",
                   "RMSE over spread", "variable projection, 1 starts, tolerance 0.01: 20.0 ms", "A peer, QUAD"):
         assert words in text, words
