@@ -2,7 +2,8 @@
 
 Cramer-Rao standard deviations, without a prior, of the place along the radius and across it, of diameter and of force,
 for d = 14 mm at 0.3 and 1 N, noise 60 dB below the RMS of the baseline, with a known material and with what a posterior
-leaves open of it. Places are those of one sector, as in `surrogate limit --map`. Mechanics is axisymmetric: what the
+leaves open of it. Near 1 N the signal of this punch is largest and falls under more force, so that the force is told
+worst there. Places are those of one sector, as in `surrogate limit --map`. Mechanics is axisymmetric: what the
 rim changes of it is left out; the last rows tell what that costs at one place, 20 mm from the rim. Give a card with a
 posterior: python benchmarks/limits.py card.json; writes results/limits.csv beside this file.
 """
