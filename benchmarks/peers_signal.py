@@ -19,9 +19,11 @@ from electric_peers import CONTACT_OHM_M, ELECTRODES, RADIUS_M, mesh_of, peers
 from materials import TABLE_1
 from timing import least_cpu_s
 
+from eitsim.alike import alike_mesh
 from eitsim.axisymmetric import solve_touch
 from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.drive import read_out
+from eitsim.halving import halved
 from eitsim.results import Touch
 from eitsim.scene import Body, Drive, Electrodes, Punch
 from eitsim.template import template
@@ -31,8 +33,9 @@ BODY, DRIVE = Body(), Drive(current_A=1.0, reading="differential")
 ON_RIM = Electrodes(count=ELECTRODES, width_m=2 * np.pi * RADIUS_M / ELECTRODES / 4)
 PLACES = {"inside, 49 mm from the rim": Punch(0.05, 0.01), "18 mm from the rim": Punch(-0.05, 0.065)}
 WIDTH_M, UNTOUCHED_S, FALL = 7e-3, 1e-3, 2.0
-CIRCLES, LEVELS = quick((14, 28, 55, 109), (14, 28)), quick((1, 2, 4), (1,))
-# of the reference, and of what tells its error
+CIRCLES, HALVINGS = quick((14, 28, 55, 109), (14, 28)), quick(("not halved", "halved once", "halved twice"),
+                                                              ("not halved",))
+# levels of the reference, and of what tells its error
 FINEST, FINER = quick((8, 6), (4, 2))
 
 
@@ -47,9 +50,16 @@ def untouched(mesh: SkinMesh) -> np.ndarray:
     return np.full(len(mesh.cells), UNTOUCHED_S)
 
 
-def on_template(place: Punch, touch: Touch, level: int) -> list[np.ndarray]:
-    """Impedance matrices with the touch and without, Ohm, on a mesh that follows it."""
-    mesh = template(BODY, ON_RIM, place, touch, level)
+def following(place: Punch, touch: Touch, halvings: int) -> SkinMesh:
+    """The program's own curved quadratic triangles that follow a touch, halved."""
+    mesh = alike_mesh(BODY, ON_RIM, ((place, touch),))
+    for _ in range(halvings):
+        mesh = halved(mesh)
+    return mesh
+
+
+def solved(mesh: SkinMesh, place: Punch) -> list[np.ndarray]:
+    """Impedance matrices with the touch and without, Ohm."""
     order = dissection(mesh)
     return [impedance(mesh, s, CONTACT_OHM_M, order=order) for s in (conductance(mesh, place), untouched(mesh))]
 
@@ -59,11 +69,11 @@ def off(signal: np.ndarray, exact: np.ndarray) -> float:
 
 
 def followed(place: Punch, touch: Touch, exact: np.ndarray) -> Iterator[dict[str, object]]:
-    for level in LEVELS:
-        after, before = on_template(place, touch, level)
-        yield {"method": "eitsim, quadratic elements that follow the touch", "setting": f"level {level}", "dv_error":
-               off(read_out(DRIVE, after - before), exact),
-               "cpu_s": least_cpu_s(lambda level=level: on_template(place, touch, level))}
+    for n, setting in enumerate(HALVINGS):
+        after, before = solved(following(place, touch, n), place)
+        yield {"method": "eitsim, a mesh that follows the touch", "setting": setting,
+               "dv_error": off(read_out(DRIVE, after - before), exact),
+               "cpu_s": least_cpu_s(lambda n=n: solved(following(place, touch, n), place))}
 
 
 def on_mesh(circles: int, references: Mapping[str, list[np.ndarray]]) -> Iterator[dict[str, object]]:
@@ -89,7 +99,8 @@ def main() -> None:
     references, changes = {}, {}
     for name, place in PLACES.items():
         touch = solve_touch(TABLE_1, BODY, place)
-        finer, references[name] = (on_template(place, touch, level) for level in (FINER, FINEST))
+        finer, references[name] = (solved(template(BODY, ON_RIM, place, touch, level), place)
+                                   for level in (FINER, FINEST))
         exact, other = (read_out(DRIVE, after - before) for after, before in (references[name], finer))
         changes[name] = off(other, exact)
         rows += [{"touch": name} | row for row in followed(place, touch, exact)]
