@@ -85,7 +85,7 @@ def on_mesh(circles: int, references: Mapping[str, list[np.ndarray]]) -> Iterato
     first, *others = (impedance(mesh, case, CONTACT_OHM_M, order=order) for case in cases.T)
     seconds = least_cpu_s(lambda: impedance(mesh, cases[:, 1], CONTACT_OHM_M, order=order))
     for (name, (after, before)), own in zip(references.items(), others, strict=True):
-        yield setting | {"touch": name, "method": "eitsim", "cpu_s": seconds, "dv_error":
+        yield setting | {"touch": name, "method": "eitsim, the peers' mesh", "cpu_s": seconds, "dv_error":
                          off(read_out(DRIVE, own - first), read_out(DRIVE, after - before))}
     for peer in peers(mesh, cases):
         for (name, (after, before)), own in zip(references.items(), peer.readings.T[1:], strict=True):

@@ -18,7 +18,7 @@ from reports.touch import read_result
 from reports.touch_plates import sensor
 
 # benchmarks drawn, of each its first problem
-DRAWN = ("fit", "peers_mechanics", "electrics")
+DRAWN = ("fit", "peers_mechanics", "peers_signal")
 SIDE, DOTS_PER_INCH = 400, 160
 
 
