@@ -59,6 +59,14 @@ def written(rows: pd.DataFrame | Iterable[Mapping[str, Any]], name: str, digits:
     return table
 
 
+def earlier(name: str) -> pd.DataFrame:
+    """Rows of results/<name>.csv of an earlier run, "unknown" for the conditions that they do not tell; none where it
+    is not there."""
+    path = RESULTS / f"{name}.csv"
+    table = pd.read_csv(path) if path.exists() else pd.DataFrame()
+    return table.assign(**{one: table[one].fillna("unknown") if one in table else "unknown" for one in CONDITIONS})
+
+
 def shown(table: pd.DataFrame, digits: int = 3) -> None:
     """Print a table without its conditions."""
     plain = table.drop(columns=[name for name in CONDITIONS if name in table])

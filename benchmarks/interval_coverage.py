@@ -23,7 +23,7 @@ from types import ModuleType
 
 import numpy as np
 import pandas as pd
-from conditions import RESULTS, quick, shown, written
+from conditions import earlier, quick, shown, written
 
 from matcal.calibrate import Calibration, Choices, calibrate
 from matcal.derived import derived_of, stress_of
@@ -189,9 +189,8 @@ def main() -> None:
         parser.error(f"unknown case {', '.join(sorted(unknown))}; known: {', '.join(CASES)}")
     rows = run(tuple(asked.cases), asked.replicas, asked.posterior)
     table = summary(rows)
-    out = RESULTS / "coverage.csv"
-    if out.exists():  # keep the other cases and the other method
-        old = pd.read_csv(out)
+    old = earlier("coverage")
+    if len(old):  # keep the other cases and the other method
         fresh = set(zip(table["case"], table["method"], strict=True))
         kept = old[[(c, m) not in fresh for c, m in zip(old["case"], old["method"], strict=True)]]
         table = pd.concat([kept, table], ignore_index=True)

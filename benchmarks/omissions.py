@@ -16,11 +16,10 @@ import argparse
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from conditions import RESULTS, quick, written
+from conditions import CONDITIONS, earlier, quick, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.axisymmetric import force_unit, pressings, solve_touch, touch_of, under_force
@@ -233,7 +232,8 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             **{f"{key}_{label}": part[key].quantile(share) for key in ("depth_change", "strain_change_L2",
                                                                        "signal_change")
                for label, share in (("median", 0.5), ("95", 0.95))},
-            "cpu_s_median": part["cpu_s"].median(), "cpu_s_without_median": part["cpu_s_without"].median()})
+            "cpu_s_median": part["cpu_s"].median(), "cpu_s_without_median": part["cpu_s_without"].median(),
+            **{key: ", ".join(sorted({str(told) for told in part[key]})) for key in CONDITIONS}})
     return pd.DataFrame(out)
 
 
@@ -268,10 +268,10 @@ def rows_of(name: str, scenes: int) -> Iterator[dict[str, object]]:
             yield row(name, number, pair)
 
 
-def with_rows_of_before(rows: pd.DataFrame, path: Path) -> pd.DataFrame:
+def with_rows_of_before(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows and those of an earlier table for other omissions, in the order of OMISSIONS."""
-    if path.exists():
-        before = pd.read_csv(path)
+    before = earlier("omissions")
+    if len(before):
         others = ~before["omission"].isin(list(rows["omission"].unique()))
         rows = pd.concat([before.loc[others], rows])
     return rows.sort_values("omission", key=lambda names: names.map(OMISSIONS.index), kind="stable")
@@ -284,7 +284,7 @@ def main() -> None:
     given = options.parse_args()
     rows = pd.DataFrame([r for name in given.only or OMISSIONS for r in rows_of(name, given.scenes)])
     if given.only:
-        rows = with_rows_of_before(rows, RESULTS / "omissions.csv")
+        rows = with_rows_of_before(rows)
     table = written(summary(written(rows, "omissions")), "omissions_summary", 3)
     print(table.T.to_string())
 

@@ -31,6 +31,16 @@ def test_every_row_tells_its_conditions_and_keeps_those_it_has(conditions: Modul
     assert "touchcal" in table["versions"][0]
 
 
+def test_rows_kept_of_an_earlier_run_do_not_claim_the_conditions_of_this_one(conditions: ModuleType,
+                                                                             tmp_path: Path) -> None:
+    assert not len(conditions.earlier("table"))
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "table.csv").write_text("x,date\n1,2026-01-01\n2,\n")
+    table = conditions.written(pd.concat([conditions.earlier("table"), pd.DataFrame({"x": [3]})]), "table")
+    assert table["date"].tolist() == ["2026-01-01", "unknown", conditions.conditions()["date"]]
+    assert table["code"].tolist()[:2] == ["unknown", "unknown"]
+
+
 @pytest.mark.parametrize("path", sorted(BENCHMARKS.glob("*.py")), ids=lambda path: path.stem)
 def test_benchmarks_use_public_names_alone(path: Path) -> None:
     found = [alias.name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
