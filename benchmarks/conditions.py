@@ -63,7 +63,7 @@ def earlier(name: str) -> pd.DataFrame:
     """Rows of results/<name>.csv of an earlier run, "unknown" for the conditions that they do not tell; none where it
     is not there."""
     path = RESULTS / f"{name}.csv"
-    table = pd.read_csv(path) if path.exists() else pd.DataFrame()
+    table = pd.read_csv(path, dtype=dict.fromkeys(CONDITIONS, str)) if path.exists() else pd.DataFrame()
     return table.assign(**{one: table[one].fillna("unknown") if one in table else "unknown" for one in CONDITIONS})
 
 
