@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from matcal.errors import NotConverged
 from surrogate import outputs, response
+from surrogate.curvature import bend
 from surrogate.dead_channels import Mask, named, silent
 from surrogate.direct import Direct, direct
 from surrogate.familiar import learn_familiar
@@ -36,6 +37,9 @@ UNEXPLAINED = 2.0
 FEW = 100.0
 # Standard deviations of the readings by which the corrected map may miss a scene.
 MISSED = 1.0
+# Standard deviations of the readings by which they leave their tangent over an interval that is told too narrow.
+BENT = 1.0
+BENT_WORDS = "readings bend along d and F, whose intervals may be too narrow: ask for --posterior"
 # Standard deviation of a diameter, mm, below which the learned map is sure of a known punch.
 SURE_MM = 0.05
 
@@ -129,6 +133,8 @@ def direct_row(model: Model, simulator: Simulator, one: One, noise_V: float) -> 
     if why:
         shared = np.sqrt(np.maximum(np.diag(own.covariance) - np.diag(own.own) * max(own.misfit, 1.0), 0.0))
         return _direct_row(one, kept, np.hypot(half, shared * normal(COVERAGE)), "learned", own, _joined(flag, why))
+    if not sure and bend(learner.forward, own.touch, own.covariance, own.unknowns.whitening) > BENT:
+        flag = _joined(flag, BENT_WORDS)
     return _direct_row(one, own.touch, np.sqrt(np.diag(own.covariance)) * normal(COVERAGE), "simulator", own, flag)
 
 
@@ -177,11 +183,15 @@ def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | N
 
 def posterior_row(model: Model, simulator: Simulator | None, one: One, noise_V: float, seed: int) -> Row:
     """Median, standard deviation, 5 and 95 % of every output of the model, correlation of d and F, and how good the
-    chains are; without numbers where the frame has no touch. Where there is a simulator, its likelihood."""
+    chains are; without numbers where the frame has no touch or no posterior. Where there is a simulator, by its
+    likelihood."""
     learner = learner_of(model)
     if not np.isfinite(one.learned.value).any():
         return {"line": one.line, "flag": one.learned.flag[0]}
-    found, why, by = _posterior(learner, simulator, one, noise_V, seed)
+    try:
+        found, why, by = _posterior(learner, simulator, one, noise_V, seed)
+    except NotConverged as error:
+        return {"line": one.line, "flag": _joined(one.learned.flag[0], str(error))}
     row: Row = {"line": one.line}
     for name, values in _values(model, learner, found, seed).items():
         unit, (low, middle, high) = outputs.of(name).unit, np.quantile(values, (0.05, 0.5, 0.95))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.chains import Derived, run_ensembles
+from matcal.errors import NotConverged
 from surrogate import emulator, punch_ridge
 from surrogate.emulator import Emulator
 from surrogate.forward_map import ForwardMap, floor_at, linearise
@@ -32,6 +33,8 @@ REACH, MARGIN = 2.0, 0.1
 # Draws of the chains that the map itself weighs, the part that must be worth as much as draws of their own, every
 # which one is added to the emulator's points where they are not, rounds, and CPU time, s, after which none begins.
 CHECKED, ENOUGH, ADDED, ROUNDS, SPENT_S = 2000, 0.3, 5, 3, 25.0
+# Times that points are drawn, where the prior leaves few.
+TRIES = 10
 # Draws that are kept.
 KEPT = 1000
 # Touches that the learned map is asked for at once, to bound the memory.
@@ -107,14 +110,20 @@ class Draws:
 
 
 def prior_of(forward: ForwardMap) -> Prior:
-    """Uniform over the ranges of diameter and force of the training touches, and where the punch fits."""
+    """Uniform over the ranges of diameter and force of the training touches, and where the punch fits; ValueError
+    where these share one diameter or force."""
     (_, d_low, f_low), (reach, d_high, f_high) = forward.bounds
+    for name, low, high in (("d", d_low, d_high), ("F", f_low, f_high)):
+        if not low < high:
+            raise ValueError(f"the training touches have one {name} alone, {low:g}, so that it has no posterior. "
+                             f"Train on a sweep with a range of {name}, or predict without --posterior.")
     gap = max(forward.ring.radius_mm - reach - d_low / 2, 0.0)
     return Prior(forward.ring.radius_mm, float(gap), (float(d_low), float(d_high)), (float(f_low), float(f_high)))
 
 
 def posterior_of(forward: ForwardMap, signal_V: Array, noise_V: float, seed: int = 0) -> Posterior:
-    """The posterior of one signal (readings,), V, under white noise. Chains that end short say so in `checks`."""
+    """The posterior of one signal (readings,), V, under white noise. Chains that end short say so in `checks`;
+    NotConverged where no touch of the prior is near the signal."""
     start = invert(replace(forward, known_mm=np.zeros(0)), signal_V[None], noise_V).touch[0]
     return sampled(forward, signal_V, _of_map(forward, start, noise_V).whitening, start, seed)
 
@@ -133,8 +142,7 @@ def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, s
     begun = time.process_time()
     frame = _Frame(forward, signal_V, prior_of(forward), whiten, correction)
     ridge = _ridge(frame, to_unknown(touch[None], forward.p0)[0])
-    points = punch_ridge.points_about(ridge, 2 * emulator.wanted(4), REACH, np.random.default_rng([seed, 5]))
-    points = points[frame.allowed(punch_ridge.bent(ridge, points), MARGIN)]
+    points = _points(frame, ridge, np.random.default_rng([seed, 5]))
     found = weighed_draws(lambda straight: frame.residual(punch_ridge.bent(ridge, straight)),
                           lambda straight: log_prior(forward, frame.prior, punch_ridge.bent(ridge, straight)),
                           _derived(forward, ridge), points, seed, begun + SPENT_S)
@@ -142,18 +150,33 @@ def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, s
                      time.process_time() - begun, found.chi_squared / (len(frame.signal_V) - 4))
 
 
+def _points(frame: _Frame, ridge: Ridge, rng: np.random.Generator) -> Array:
+    """(n, 4) straightened touches about a ridge, enough for an emulator, some of them within the prior; NotConverged
+    where these are not to be had."""
+    wanted, found = emulator.wanted(4), np.empty((0, 4))
+    for _ in range(TRIES):
+        points = punch_ridge.points_about(ridge, 2 * wanted, REACH, rng)
+        found = np.vstack([found, points[frame.allowed(punch_ridge.bent(ridge, points), MARGIN)]])
+        if len(found) >= wanted and np.isfinite(log_prior(frame.forward, frame.prior,
+                                                          punch_ridge.bent(ridge, found))).any():
+            return found
+    raise NotConverged("no touch within the training range is near this frame, so that it has no posterior there. "
+                       "Sweep and train on a wider range.")
+
+
 def weighed_draws(residual: Callable[[Array], Array], log_prior: Callable[[Array], Array], derived: Derived,
                   points: Array, seed: int, until_s: float = np.inf) -> Draws:
     """Draws of exp(log_prior(u) - |residual(u)|^2 / 2) by chains on an emulator of the residuals (n, readings), first
-    through points (n, p) about the posterior, each draw weighed by what the emulator misses.
+    through points (n, p) about the posterior, one or more of them of finite prior, each draw weighed by what the
+    emulator misses.
 
     Draws are added to the emulator's points where few are left, unless the process has used until_s of CPU time.
     """
     at = residual(points)
     for _ in range(ROUNDS):
         made = emulator.fit(points, at)
-        chains = run_ensembles(_density(log_prior, made), points[np.argmin(np.sum(at**2, axis=1))], _scale(points, at),
-                               derived, seed)
+        best = np.argmin(np.where(np.isfinite(log_prior(points)), np.sum(at**2, axis=1), np.inf))
+        chains = run_ensembles(_density(log_prior, made), points[best], _scale(points, at), derived, seed)
         draws = chains.spread_out(CHECKED)
         exact = residual(draws)
         chi2 = np.sum(exact**2, axis=1)

@@ -62,9 +62,9 @@ def find(whitened: Whitened, centre: Array, log_d: tuple[float, float], load: Ca
 
 def _at(whitened: Whitened, centre: Array, log_d: Array, load: Callable[[Array], tuple[Array, Array]],
         within: Callable[[Array], Array]) -> tuple[Ridge, Array]:
-    """The ridge at these diameters and at that of the centre, and the least cost of each."""
+    """The ridge at these diameters and at that of the centre, held between them, and the least cost of each."""
     share = np.append((np.arange(LOADS) + 0.5) / LOADS, np.nan)
-    every = np.unique(np.append(log_d, centre[LOG_D]))
+    every = np.unique(np.append(log_d, np.clip(centre[LOG_D], log_d[0], log_d[-1])))
     held = np.repeat(every, len(share))
     low, high = load(held)
     start = np.where(np.isnan(np.tile(share, len(every))), centre[3], low + np.tile(share, len(every)) * (high - low))

@@ -51,7 +51,8 @@ class Correction:
         share = ((at - self.log_d[right - 1]) / width)[:, None]
         beside = (1 - share) * self.beside[right - 1] + share * self.beside[right]
         slope = np.repeat(self.slope[None], len(unknown), axis=0)
-        slope[..., LOG_D] += (self.beside[right] - self.beside[right - 1]) / width[:, None]
+        between = (at == unknown[:, LOG_D])[:, None]
+        slope[..., LOG_D] += np.where(between, self.beside[right] - self.beside[right - 1], 0.0) / width[:, None]
         return self.offset + (unknown - self.centre) @ self.slope.T + beside, slope
 
 

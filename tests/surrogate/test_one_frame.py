@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from matcal.errors import NotConverged
 from surrogate import direct as direct_module
 from surrogate import emulator, punch_ridge
+from surrogate import posterior as posterior_module
 from surrogate import simulated_posterior as simulated_posterior_module
+from surrogate.curvature import bend
 from surrogate.direct import direct
 from surrogate.forward_map import ForwardMap, learn, linearise
 from surrogate.limit import Slopes
 from surrogate.loading import to_unknown
-from surrogate.posterior import posterior_of, weighed_draws
+from surrogate.posterior import posterior_of, prior_of, weighed_draws
 from surrogate.predict_cli import predict
 from surrogate.ring import Ring
 from surrogate.simulated import Simulator, Solved, Unknowns, unknowns_of
@@ -125,6 +127,44 @@ def test_a_straightened_ridge_is_the_best_place_and_load_of_each_diameter() -> N
     assert ridge.spread[0] == pytest.approx(np.diag([1, 1, 0.04]), rel=1e-6)
 
 
+def test_a_ridge_stays_between_its_diameters_wherever_it_starts() -> None:
+    def whitened(u: Array) -> tuple[Array, Array]:
+        return u.copy(), np.broadcast_to(np.eye(4), (len(u), 4, 4))
+
+    ridge = punch_ridge.find(whitened, np.array([0.0, 0.0, 9.0, 0.0]), (-1.0, 1.0), lambda d: (0 * d - 2, 0 * d + 2),
+                             lambda u: u)
+    assert (ridge.log_d[0], ridge.log_d[-1]) == (-1.0, 1.0)
+
+
+def test_chains_start_where_the_prior_is_not_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though the likelihood is best outside."""
+    started: list[Array] = []
+
+    def run_ensembles(density: object, centre: Array, *rest: object) -> object:
+        started.append(centre)
+        raise NotConverged("started")
+
+    monkeypatch.setattr(posterior_module, "run_ensembles", run_ensembles)
+    points = np.random.default_rng(0).normal(size=(60, 2))
+    with pytest.raises(NotConverged):
+        weighed_draws(lambda u: 9 * (u - [2.0, 0.0]), lambda u: np.where(u[:, 0] < 0, 0.0, -np.inf),
+                      lambda u: {"x": u[:, 0]}, points, seed=0)
+    assert started[0][0] < 0
+
+
+def test_a_posterior_of_one_diameter_is_refused(forward: ForwardMap) -> None:
+    one = replace(forward, bounds=np.array([[0.0, 14.0, 0.1], [65.0, 14.0, 2.0]]))
+    with pytest.raises(ValueError, match="one d alone, 14"):
+        prior_of(one)
+
+
+def test_readings_leave_their_tangent_by_the_square_of_the_interval(forward: ForwardMap) -> None:
+    touch, covariance = np.array([20.0, -11.0, 14.0, 0.9]), np.diag([0.1, 0.1, 0.05, 0.01]) ** 2
+    covariance[2, 3] = covariance[3, 2] = 0.9 * 0.05 * 0.01
+    once, twice = (bend(forward, touch, scale**2 * covariance, np.eye(208) / 1e-5) for scale in (1.0, 2.0))
+    assert twice / once == pytest.approx(4.0, rel=0.05)
+
+
 def test_draws_under_a_linear_map_and_a_gaussian_prior_are_those_of_the_closed_form() -> None:
     rng = np.random.default_rng(1)
     slope, signal = rng.normal(size=(9, 2)), rng.normal(size=9)
@@ -149,9 +189,10 @@ def test_a_correction_is_what_it_was_made_from_and_its_derivatives_are_its_own()
     made = Correction(centre, rng.normal(size=6), rng.normal(size=(6, 4)), log_d, beside)
     at = centre + np.outer(log_d - 2.6, [0, 0, 1, 0])
     assert made.at(at)[0] == pytest.approx(made.offset + (at - centre) @ made.slope.T + beside)
-    touch = (centre + np.array([0.3, -0.2, 0.11, 0.4]))[None]
-    by = [(made.at(touch + h)[0] - made.at(touch - h)[0]) / 2e-6 for h in 1e-6 * np.eye(4)[:, None]]
-    assert np.stack(by, axis=2) == pytest.approx(made.at(touch)[1], rel=1e-6)
+    for log_d_off in (0.11, 0.5, -0.4):
+        touch = (centre + np.array([0.3, -0.2, log_d_off, 0.4]))[None]
+        by = [(made.at(touch + h)[0] - made.at(touch - h)[0]) / 2e-6 for h in 1e-6 * np.eye(4)[:, None]]
+        assert np.stack(by, axis=2) == pytest.approx(made.at(touch)[1], rel=1e-6)
 
 
 @pytest.mark.slow
