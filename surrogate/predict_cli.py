@@ -48,16 +48,17 @@ def predict(model_folder: ModelFolder,
             as_json: JsonOption = False) -> None:
     """Read touches from recorded frames, or from frames as they come.
 
-    A frame is a row of voltages separated by commas, in the order of the readings or under a header that names v_000 ...
-    in any order; a header of other names is refused. A line that is no frame has a row without values whose flag says
-    why, and costs no other; a cell that is empty or no finite number is a dead channel, which the forward method leaves
-    out and other methods cannot read without. A channel that is stuck at one value is noticed in a file of three or more
-    frames, not in a stream. --direct, --posterior and --touches 2 leave frames with dead channels unread.
+    A frame is a row of voltages separated by commas, in the order of the readings or under a header that names
+    v_000 ... in any order; a header of other names is refused. A line that is no frame has a row without values
+    whose flag says why, and costs no other; a cell that is empty or no finite number is a dead channel, which the
+    forward method leaves out and other methods cannot read without. A channel that is stuck at one value is noticed
+    in a file of three or more frames, not in a stream. --direct, --posterior and --touches 2 leave frames with dead
+    channels unread.
 
-    Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate evaluate`
-    prints. A touch beyond them is flagged where its signal or its answer shows it; in noise a heavier or a thicker punch
-    may look like one within, and then no flag can tell: where an interval of d or F reaches an end of the range, the
-    touch may lie beyond it.
+    Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
+    evaluate` prints. A touch beyond them is flagged where its signal or its answer shows it; in noise a heavier or
+    a thicker punch may look like one within, and then no flag can tell: where an interval of d or F reaches an end
+    of the range, the touch may lie beyond it.
 
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
