@@ -293,4 +293,4 @@ def test_intervals_of_rows_measured_otherwise_are_cautioned(call: Call, few: Pat
     description = json.loads((tmp_path / "m" / "model.json").read_text())
     del description["dataset"]["measurement"], description["calibration"]
     (tmp_path / "m" / "model.json").write_text(json.dumps(description))
-    assert "caution" not in call("evaluate", tmp_path / "m", few)[1]
+    assert "caution: intervals were" not in call("evaluate", tmp_path / "m", few)[1]
