@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import rim_effect
+from surrogate import near_rim
 from surrogate.model import Model
 from surrogate.ring import Ring
 from surrogate.touch_inversion import TouchInversion
@@ -76,8 +76,8 @@ def without(model: Model, dead: Mask) -> Model:
     ring = _kept(model.ring, kept)
     assert isinstance(model.learner, TouchInversion)
     forward = model.learner.forward
-    learner = replace(model.learner, forward=replace(forward, ring=ring,
-                                                     rim=rim_effect.without(forward.rim, model.ring, kept)))
+    beside = near_rim.without(forward.beside, model.ring, kept)
+    learner = replace(model.learner, forward=replace(forward, ring=ring, beside=beside))
     weakest = model.trained.weakest_V * float(np.sqrt(np.mean(kept)))
     return replace(model, ring=ring, learner=learner, calibration=calibration, baseline_V=model.baseline_V[kept],
                    trained=replace(model.trained, weakest_V=weakest))

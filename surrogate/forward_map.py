@@ -8,13 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import gaussian_process, multipole, polarization, rim_effect
+from surrogate import gaussian_process, multipole, near_rim, polarization, rim_effect, rim_error, step
 from surrogate.gaussian_process import GaussianProcess
 from surrogate.known_punches import known_mm
 from surrogate.loading import force, light_pressure, to_unknown
-from surrogate.rim_effect import RimEffect
+from surrogate.near_rim import Taught
 from surrogate.ring import Ring
-from surrogate.shared_process import SharedProcess
 
 Array = NDArray[np.float64]
 
@@ -26,8 +25,6 @@ MIN_FLOOR = 1e-5
 INTERIOR = 0.40
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole.ORDERS, polarization.ORDERS) + 1
-# Rows whose effect is worked out together, to bound the memory.
-BATCH = 256
 # Inputs of the strengths that the touch gives: log d, g, |z0|^2.
 TOUCH_INPUTS = 3
 
@@ -44,10 +41,8 @@ class ForwardMap:
     sign: float
     # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
     strengths: tuple[GaussianProcess, ...]
-    # coefficients by which the skin near the rim answers beyond the series
-    polarization: SharedProcess
-    # what is still left there, of the electrodes' metal
-    rim: RimEffect
+    # what the rim adds, and the error there
+    beside: Taught
     # pressure p0 of the load g, N/mm^2
     p0: float
     # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
@@ -103,29 +98,29 @@ def learn(ring: Ring, touch: Array, signal_V: Array, material: Array | None = No
     p0 = light_pressure(touch)
     unknown = to_unknown(touch, p0)
     material = np.zeros((len(touch), 0)) if material is None else material
-    z = _place(ring, touch)
+    z = place(ring, touch)
     inner = _within(z, INTERIOR)
     field, sign, processes, floor = _series(ring, z[inner], _inputs(ring, unknown[inner], material[inner]),
                                               touch[inner, 3], signal_V[inner])
-    series = ForwardMap(ring, field, sign, processes, polarization.none_of(), rim_effect.none_of(ring), p0, floor,
-                        unknown.mean(0), np.maximum(unknown.std(0), 1e-6), _bounds(touch),
-                        known_mm(touch[:, 2]), len(touch))
+    series = ForwardMap(ring, field, sign, processes, near_rim.none_of(ring), p0, floor, unknown.mean(0),
+                        np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch))
     return _with_rim(series, z, unknown, signal_V, material)
 
 
 def _with_rim(series: ForwardMap, z: NDArray[np.complex128], unknown: Array, signal_V: Array,
               material: Array) -> ForwardMap:
     """The series with what the rim adds to it."""
-    ring, field, punch, norm = series.ring, series.field, unknown[:, 2:], np.linalg.norm(signal_V, axis=1)
-    base, value = multipole.basis(*multipole.patterns(ring, field, z)), _strengths(series, unknown, material)[0]
-    left = signal_V - multipole.combined(base, value)
-    answer = polarization.learn(ring, field, z, punch, left, value[:, 0], norm)
-    near = np.flatnonzero(np.abs(z) > polarization.FROM)
-    for rows in np.array_split(near, len(near) // BATCH + 1):
-        fields = multipole.electrode_fields(ring, field, z[rows], FIELDS)
-        left[rows] -= polarization.effect(answer, ring, fields, z[rows], punch[rows]).value * value[rows, :1]
-    size = value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
-    return replace(series, polarization=answer, rim=rim_effect.learn(ring, z, punch, left, size, norm))
+    base = multipole.basis(*multipole.patterns(series.ring, series.field, z))
+    value = _strengths(series, unknown, material)[0]
+    rows = near_rim.Rows(z, unknown[:, 2:], gap(series.ring, unknown), signal_V - multipole.combined(base, value),
+                         value[:, 0], value[:, 0] * np.linalg.norm(base[..., 0], axis=1),
+                         np.linalg.norm(signal_V, axis=1))
+    return replace(series, beside=near_rim.learn(series.ring, series.field, rows))
+
+
+def gap(ring: Ring, unknown: Array) -> Array:
+    """(n,) gap between punch and rim over the disc's radius."""
+    return 1 - np.abs(place(ring, unknown)) - polarization.half_width(ring, unknown[:, 2])
 
 
 def _within(z: NDArray[np.complex128], reach: float) -> NDArray[np.bool_]:
@@ -152,11 +147,15 @@ def _series(ring: Ring, z: NDArray[np.complex128], inputs: Array, force_N: Array
     return field, sign, tuple(processes), max(float(floor), MIN_FLOOR)
 
 
-def floor_at(forward: ForwardMap, place_mm: Array, load: Array) -> Array:
-    """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at places (n, 2) and loads g
-    (n,); as large as it counts among readings that are taken for independent ones."""
-    z, spread = _place(forward.ring, place_mm), np.sqrt(max(forward.rim.directions.shape[2], 1))
-    return rim_effect.error_at(forward.rim, z, load, forward.floor * spread) / spread * np.sqrt(forward.ring.copies)
+def floor_at(forward: ForwardMap, unknown: Array) -> Array:
+    """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at touches (n, 4) given as
+    (x, y, log d, g); as large as it counts among readings that are taken for independent ones."""
+    floor = np.full(len(unknown), forward.floor)
+    near = rim_effect.reaches(forward.beside.rim, place(forward.ring, unknown))
+    if np.any(near):
+        error = rim_error.size_at(forward.beside.error, gap(forward.ring, unknown[near]), unknown[near, 3])
+        floor[near] = np.maximum(floor[near], error / np.sqrt(forward.beside.rim.directions.shape[2]))
+    return floor * np.sqrt(forward.ring.copies)
 
 
 def _bounds(touch: Array) -> Array:
@@ -170,7 +169,7 @@ def _bounds(touch: Array) -> Array:
 def linearise(forward: ForwardMap, unknown: Array, doubt: Array | None = None) -> Linearised:
     """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, g); `doubt` (n, orders) is that
     of the strengths, `strength_doubt` there or, cheaper, close by."""
-    fields = multipole.fields_at(forward.series, _place(forward.ring, unknown))
+    fields = multipole.fields_at(forward.series, place(forward.ring, unknown))
     base, by_x, by_y = multipole.basis_and_slopes(forward.ring, fields)
     value, slope, by_card = _strengths(forward, unknown)
     sd = strength_doubt(forward, unknown) if doubt is None else doubt
@@ -178,7 +177,7 @@ def linearise(forward: ForwardMap, unknown: Array, doubt: Array | None = None) -
     jacobian[..., 0] += multipole.combined(by_x, value) / forward.ring.radius_mm
     jacobian[..., 1] += multipole.combined(by_y, value) / forward.ring.radius_mm
     signal = multipole.combined(base, value)
-    near = np.flatnonzero(rim_effect.reaches(forward.rim, _place(forward.ring, unknown)))
+    near = np.flatnonzero(rim_effect.reaches(forward.beside.rim, place(forward.ring, unknown)))
     if len(near):
         parts = (part[near] for part in (base, by_x, by_y, value, slope, unknown))
         added, added_slope = _near_rim(forward, fields[:, near], *parts)
@@ -210,9 +209,10 @@ def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
 def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, by_x: Array, by_y: Array, value: Array,
               slope: Array, unknown: Array) -> tuple[Array, Array]:
     """What polarization and the electrodes' metal add to the signal, and its derivatives by (x, y, log d, g)."""
-    z, punch, dipole = _place(forward.ring, unknown), unknown[:, 2:], value[:, 0]
-    answer = polarization.counted(polarization.effect(forward.polarization, forward.ring, fields, z, punch), z)
-    metal = polarization.counted(rim_effect.effect(forward.rim, z, punch), z)
+    z, punch, dipole = place(forward.ring, unknown), unknown[:, 2:], value[:, 0]
+    beside, side = forward.beside, step.side(gap(forward.ring, unknown), forward.beside.step)
+    answer = polarization.counted(polarization.effect(beside.polarization, forward.ring, fields, z, punch, side), z)
+    metal = polarization.counted(rim_effect.effect(beside.rim, z, punch, side), z)
     norm, norm_slope = np.linalg.norm(base[..., 0], axis=1), np.zeros((len(z), 4))
     for k, by in enumerate((by_x, by_y)):
         norm_slope[:, k] = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
@@ -223,12 +223,13 @@ def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, 
     return whole * dipole[:, None], by_unknown * dipole[:, None, None] + whole[..., None] * slope[:, :1]
 
 
-def _place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
+def place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
+    """(n,) x + iy over the radius of touches (n, ...) that begin with x and y in mm."""
     return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
 
 
 def _inputs(ring: Ring, unknown: Array, material: Array) -> Array:
-    return np.column_stack([unknown[:, 2:], np.minimum(np.abs(_place(ring, unknown)), INTERIOR) ** 2, material])
+    return np.column_stack([unknown[:, 2:], np.minimum(np.abs(place(ring, unknown)), INTERIOR) ** 2, material])
 
 
 def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:

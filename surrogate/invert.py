@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate import bounded, known_punches
+from surrogate import bounded, known_punches, rim_effect, uncertainty
 from surrogate.forward_map import INTERIOR, ForwardMap, floor_at, linearise, strength_doubt
 from surrogate.known_punches import Settled
 from surrogate.levenberg import Minimum, inverse, minimise
@@ -22,6 +22,7 @@ from surrogate.locate import Located, locate, on_range
 from surrogate.multipole import combined
 from surrogate.punches import Posterior, make_table, moments, posterior, resolved, starts
 from surrogate.rim_starts import rim_starts
+from surrogate.uncertainty import Uncertainty, of, whitened
 
 Array = NDArray[np.float64]
 
@@ -77,25 +78,26 @@ class Inversion:
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
-    size = np.linalg.norm(signal, axis=1)
+    size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
     punches = posterior(forward, make_table(forward), located)
-    usual = floor_at(forward, located.place_mm, np.full(len(signal), forward.mean[3])) * size
-    short = _descend(forward, signal, np.hypot(noise_V, usual), _starts(forward, signal, located, punches), SHORT)
+    usual = floor_at(forward, np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])) * size
+    short = _descend(forward, signal, uncertainty.white(np.hypot(noise_V, usual), signal.shape[1]),
+                     _starts(forward, signal, located, punches), SHORT)
     start = _unknown(forward, _best(short, len(signal), 1).state)
-    floor = floor_at(forward, start[:, :2], start[:, 3]) * size
-    sd = np.hypot(noise_V, floor)
+    floor = floor_at(forward, start) * size
+    sd = uncertainty.at(forward, start, size, noise_V)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
     settled = _settled(forward, signal, sd, free, branches)
-    found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, (noise_V / sd) ** 2)
+    found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, noise_V)
     return _broadened(_bounded(forward, _mixed(forward, found, settled)))
 
 
-def _descend(forward: ForwardMap, signal: Array, sd: Array, state: Array, steps: int) -> Minimum:
+def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
     """Minima from states (m, p), the same number of each frame."""
     frames, doubt = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _doubt(forward, state)
-    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], sd[frames[which]], doubt[which], s),
+    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]), doubt[which], s),
                     state, steps, lambda s: _within(forward, s))
 
 
@@ -111,7 +113,7 @@ def _best(ends: Minimum, frames: int, most: int) -> Minimum:
     return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
 
 
-def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branches: Minimum) -> Settled:
+def _settled(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum, branches: Minimum) -> Settled:
     """Known punches tried from the end of the free fit and from the next best branch; the free fit alone where none
     is known."""
     if not len(forward.known_mm):
@@ -123,7 +125,8 @@ def _settled(forward: ForwardMap, signal: Array, sd: Array, free: Minimum, branc
 
     def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
         frame = frames[which]
-        return known_punches.held(_residuals(forward, signal[frame], sd[frame], doubt[which], state), signal.shape[1])
+        free = _residuals(forward, signal[frame], of(sd, frame), doubt[which], state)
+        return known_punches.held(free, signal.shape[1])
 
     start = _within(forward, known_punches.starts(branches, log_d).reshape(len(worth), -1))
     doubt = _doubt(forward, start[worth])
@@ -180,28 +183,34 @@ def _broadened(found: Inversion) -> Inversion:
 
 
 def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDArray[np.bool_],
-               share: Array) -> Inversion:
+               noise_V: float) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
     misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1])
     unknown = _unknown(forward, state)
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
-    peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), share)
+    peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
     in_table = noisy & (np.hypot(touch[:, 0], touch[:, 1]) <= INTERIOR * forward.ring.radius_mm)
     return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit,
                      _inside(forward, touch), resolved(punches) & in_table, punches)
 
 
-def _peak(forward: ForwardMap, normal: Array, slope: Array, widened: Array, share: Array) -> Peak:
+def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
+    """(n, 4, 4) covariance of the scaled touches were the map exact; 0 without noise."""
+    if noise_V == 0:
+        return np.zeros((len(unknown), 4, 4))
+    slope = linearise(forward, unknown).jacobian * forward.sd / noise_V
+    return inverse(slope.transpose(0, 2, 1) @ slope + np.eye(4))
+
+
+def _peak(forward: ForwardMap, normal: Array, slope: Array, widened: Array, noise: Array) -> Peak:
     """From normal matrices (n, p, p) of the scaled states, derivatives (n, 4, 4) of the touch by them, the factor (n,)
-    by which the misfit widens variances, and the part (n,) of the readings' variance that is noise."""
+    by which the misfit widens variances, and the covariance (n, 4, 4) of the scaled touches by noise alone."""
     n, k, known = len(normal), forward.materials, 4 + len(forward.strengths)
     to_touch_and_card = np.broadcast_to(np.eye(4 + k), (n, 4 + k, 4 + k)).copy()
     to_touch_and_card[:, :4, :4] = slope
     kept = np.r_[:4, known:known + k]
-    told = (normal[:, :4, :4] - np.eye(4)) / np.maximum(share, 1e-12)[:, None, None] + np.eye(4)
-    noise = np.where((share > 0)[:, None, None], inverse(told), 0.0)
     return Peak(_carried(to_touch_and_card, inverse(normal)[:, kept[:, None], kept]) * widened[:, None, None],
                 _carried(slope, inverse(normal[:, :known, :known])[:, :4, :4]) * widened[:, None, None],
                 _carried(slope, noise))
@@ -219,18 +228,19 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     unknown[..., :2] = located.place_mm[:, None]
     unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
     near = np.hypot(*located.place_mm.T) > INTERIOR * forward.ring.radius_mm
-    if len(forward.rim.radius) and np.any(near):
+    if rim_effect.teaches(forward.beside.rim) and np.any(near):
         unknown[near] = rim_starts(forward, signal[near], located.place_mm[near], BANDS)
     scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd
     return np.column_stack([scaled, np.zeros((len(scaled), forward.doubts))])
 
 
-def _residuals(forward: ForwardMap, signal: Array, sd: Array, doubt: Array, state: Array) -> tuple[Array, Array]:
-    """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + doubts: readings over their sd, then prior
-    and doubts."""
+def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, doubt: Array, state: Array) -> tuple[Array, Array]:
+    """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + doubts: whitened readings, then prior and
+    doubts."""
     here = linearise(forward, _unknown(forward, state), doubt)
-    misfit = (here.signal_V + combined(here.doubt, state[:, 4:]) - signal) / sd[:, None]
-    jacobian = np.concatenate([here.jacobian * forward.sd, here.doubt], axis=2) / sd[:, None, None]
+    misfit = here.signal_V + combined(here.doubt, state[:, 4:]) - signal
+    both = whitened(sd, np.concatenate([misfit[..., None], here.jacobian * forward.sd, here.doubt], axis=2))
+    misfit, jacobian = both[..., 0], both[..., 1:]
     identity = np.broadcast_to(np.eye(state.shape[1]), (len(state), state.shape[1], state.shape[1]))
     return np.column_stack([misfit, state]), np.concatenate([jacobian, identity], axis=1)
 

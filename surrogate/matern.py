@@ -35,16 +35,20 @@ class Matern:
         return np.hstack([self.weights, *(column[:, None] * self.weights for column in self.nodes.T)])
 
 
-def fit(x: Array, y: Array) -> tuple[Matern, Array]:
-    """Fit y (n, outputs) on x (n, q), and the errors (n, outputs) that each row has by the others (Rasmussen and
-    Williams 2006, eq. 5.12)."""
-    rows = np.random.default_rng(0).permutation(len(x))[:MAX_SEARCH]
-    lengths, ratio = _hyperparameters(x[rows], y[rows, :MAX_QUANTITIES])
+def fit(x: Array, y: Array) -> Matern:
+    """Fit y (n, outputs) on x (n, q) (Rasmussen and Williams 2006, ch. 2)."""
+    lengths, ratio = hyperparameters(x, y)
     nodes = x / lengths
     factor = cholesky(_kernel(_root(nodes, nodes)) + ratio**2 * np.eye(len(x)), lower=True)
-    inverse = cho_solve((factor, True), np.eye(len(x)))
-    weights = inverse @ y
-    return Matern(nodes, lengths, weights), weights / np.diag(inverse)[:, None]
+    return Matern(nodes, lengths, cho_solve((factor, True), y))
+
+
+def log_evidence(x: Array, y: Array, noise: float) -> float:
+    """Log likelihood of quantities y (n, outputs) at inputs x (n, q) over the lengths, amplitudes eliminated, but for a
+    constant; the noise is over the amplitude."""
+    factor = cholesky(_kernel(_root(x, x)) + noise**2 * np.eye(len(x)), lower=True)
+    quadratic = np.maximum(np.sum(y * cho_solve((factor, True), y), axis=0), np.finfo(float).tiny)
+    return -0.5 * len(x) * np.log(quadratic).sum() - y.shape[1] * np.log(np.diag(factor)).sum()
 
 
 def predict(process: Matern, x: Array) -> tuple[Array, Array]:
@@ -68,8 +72,10 @@ def _kernel(root: Array) -> Array:
     return (1 + root + root**2 / 3) * np.exp(-root)
 
 
-def _hyperparameters(x: Array, y: Array) -> tuple[Array, float]:
-    """Most likely lengths and noise ratio."""
+def hyperparameters(x: Array, y: Array) -> tuple[Array, float]:
+    """Most likely lengths (q,), and noise over amplitude, by some of the rows and quantities."""
+    rows = np.random.default_rng(0).permutation(len(x))[:MAX_SEARCH]
+    x, y = x[rows], y[rows, :MAX_QUANTITIES]
     span = np.std(x, axis=0)
     span = np.where(span > 1e-9 * np.maximum(np.abs(x).max(axis=0), 1.0), span, 1.0)
     q = x.shape[1]

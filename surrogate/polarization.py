@@ -31,8 +31,9 @@ FROM, FULL = 0.33, 0.40
 MIN_ROWS, MAX_ROWS = 200, 3000
 # Gaps between the punch's edge and the rim are felt as log(SOFT + gap), over the disc's radius.
 SOFT = 0.03
-# Lengths of the coefficients over the spread of (log d, g, the gap's logarithm); chosen on validation rows.
-LENGTHS = np.array([6.0, 1.0, 1.0])
+# Lengths of the coefficients over the spread of (log d, g, the gap's logarithm), chosen on validation rows, and over
+# the step between sides where what made the data changes its method.
+LENGTHS, STEP = np.array([6.0, 1.0, 1.0]), 2.0
 
 
 @dataclass(frozen=True)
@@ -47,12 +48,14 @@ class Effect:
 
 def none_of() -> SharedProcess:
     """Coefficients that are 0 everywhere."""
-    return shared_process.zero(len(LENGTHS), 2 * len(PAIRS))
+    return shared_process.zero(len(LENGTHS) + 1, 2 * len(PAIRS))
 
 
-def learn(ring: Ring, field: Array, z: Complex, punch: Array, left: Array, dipole: Array, norm: Array) -> SharedProcess:
-    """Learn the coefficients from places z (n,), (log d, g) (n, 2), what the series leaves (n, readings) of signals of
-    these norms (n,), and the dipole's strength (n,); 0 where too few touches lie near the rim."""
+def learn(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, dipole: Array,
+          norm: Array) -> SharedProcess:
+    """Learn the coefficients from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves
+    (n, readings) of signals of these norms (n,), and the dipole's strength (n,); 0 where too few touches lie near the
+    rim."""
     near = np.flatnonzero(np.abs(z) > FROM)
     if len(near) < MIN_ROWS:
         return none_of()
@@ -60,17 +63,17 @@ def learn(ring: Ring, field: Array, z: Complex, punch: Array, left: Array, dipol
     half = half_width(ring, punch[near, 0])
     fields = multipole.electrode_fields(ring, field, z[near], ORDERS + 1)
     design = _design(ring, fields, z[near], half) * (dipole[near] / half**2 / norm[near])[:, None, None]
-    inputs = _inputs(z[near], punch[near], half)
-    spread = np.std(inputs, axis=0)
-    lengths = LENGTHS * np.where(spread > 1e-6, spread, 1.0)
+    inputs = _inputs(z[near], punch[near], side[near], half)
+    spread = np.std(inputs[:, :len(LENGTHS)], axis=0)
+    lengths = np.append(LENGTHS * np.where(spread > 1e-6, spread, 1.0), STEP)
     return shared_process.fit(inputs, design, left[near] / norm[near, None], lengths, order=inputs[:, 2])
 
 
-def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punch: Array) -> Effect:
-    """The effect at places z (n,) that it reaches and (log d, g) (n, 2), where electrodes have these derivatives of
-    their fields (ORDERS + 1, n, electrodes)."""
+def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punch: Array, side: Array) -> Effect:
+    """The effect at places z (n,) that it reaches, (log d, g) (n, 2) and sides of the step (n,), where electrodes have
+    these derivatives of their fields (ORDERS + 1, n, electrodes)."""
     half = half_width(ring, punch[:, 0])
-    mean, gradient = shared_process.predict(process, _inputs(z, punch, half))
+    mean, gradient = shared_process.predict(process, _inputs(z, punch, side, half))
     scale = half[:, None] ** -2
     form, by_form = _form(mean * scale), _form((gradient * scale[..., None]) @ _along(z, half))
     by_form[:, 2] -= 2 * form
@@ -90,7 +93,7 @@ def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punc
 def _along(z: Complex, half: Array) -> Array:
     """(n, 3, 4) derivatives of the inputs by (x / R, y / R, log d, g)."""
     unit, gap = z / np.abs(z), _gap(z, half)
-    along = np.zeros((len(z), 3, 4))
+    along = np.zeros((len(z), 4, 4))
     along[:, 0, 2], along[:, 1, 3] = 1.0, 1.0
     felt = np.where(gap > 0, 1 / (SOFT + np.maximum(gap, 0)), 0.0)
     along[:, 2, :3] = -felt[:, None] * np.column_stack([unit.real, unit.imag, half])
@@ -135,8 +138,8 @@ def _gap(z: Complex, half: Array) -> Array:
     return 1 - np.abs(z) - half
 
 
-def _inputs(z: Complex, punch: Array, half: Array) -> Array:
-    return np.column_stack([punch, np.log(SOFT + np.maximum(_gap(z, half), 0.0))])
+def _inputs(z: Complex, punch: Array, side: Array, half: Array) -> Array:
+    return np.column_stack([punch, np.log(SOFT + np.maximum(_gap(z, half), 0.0)), side])
 
 
 def _design(ring: Ring, fields: Complex, z: Complex, half: Array) -> Array:

@@ -132,7 +132,7 @@ def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
     """Noise and the learned map's own error about a touch."""
     unknown = to_unknown(touch[None], forward.p0)
     here = linearise(forward, unknown)
-    floor = floor_at(forward, unknown[:, :2], unknown[:, 3])[0] * np.linalg.norm(here.signal_V)
+    floor = floor_at(forward, unknown)[0] * np.linalg.norm(here.signal_V)
     return Unknowns(float(np.hypot(noise_V, floor)), here.doubt[0])
 
 

@@ -44,9 +44,9 @@ class Foreseen:
 def rim_starts(forward: ForwardMap, signal: Array, place_mm: Array, bands: int) -> Array:
     """(n, bands, 4) touches (x, y, log d, g), in each band of loads the one whose signal comes closest to (n, readings)
     by one step, for frames located at places (n, 2)."""
-    known, symmetry = _foreseen(forward), forward.rim.symmetry
+    known, symmetry = _foreseen(forward), forward.beside.rim.symmetry
     _, chosen = fold(symmetry, (place_mm[:, 0] + 1j * place_mm[:, 1]) / forward.ring.radius_mm)
-    folded = (symmetry.readings[chosen] @ (signal @ forward.rim.fill.T)[..., None])[..., 0].astype(np.float32)
+    folded = (symmetry.readings[chosen] @ (signal @ forward.beside.rim.fill.T)[..., None])[..., 0].astype(np.float32)
     touch = np.concatenate([_closest(known, folded[i:i + FRAMES], bands) for i in range(0, len(folded), FRAMES)])
     z = (touch[..., 0] + 1j * touch[..., 1]) / symmetry.turn[chosen, None]
     z = np.asarray(np.where(symmetry.mirrored[chosen, None], z.conj(), z), np.complex128)
@@ -81,7 +81,8 @@ def _seen(forward: ForwardMap, unknown: Array, unit: Array) -> tuple[NDArray[np.
                                                                      Array, Array]:
     """Direction, norm, slopes, these along the direction, and their damped inverse."""
     found = linearise(forward, unknown)
-    signal, slope = found.signal_V @ forward.rim.fill.T, np.swapaxes(forward.rim.fill @ found.jacobian, 1, 2)
+    fill = forward.beside.rim.fill
+    signal, slope = found.signal_V @ fill.T, np.swapaxes(fill @ found.jacobian, 1, 2)
     norm = np.linalg.norm(signal, axis=1)
     signal, slope = signal / norm[:, None], slope * unit[:, None] / norm[:, None, None]
     damped = np.linalg.inv(slope @ slope.transpose(0, 2, 1) + BENT**2 * np.eye(4))
@@ -94,7 +95,7 @@ def _touches(forward: ForwardMap) -> tuple[Array, float]:
     (_, d_lo, f_lo), (reach, d_hi, f_hi) = forward.bounds
     lightest, heaviest = (np.arcsinh(f / (d**2 * forward.p0)) for f, d in ((f_lo, d_hi), (f_hi, d_lo)))
     load = np.linspace(lightest, heaviest, LOADS + 2)[1:-1]
-    sector = 2 * np.pi / len(forward.rim.symmetry.turn)
+    sector = 2 * np.pi / len(forward.beside.rim.symmetry.turn)
     count = min(max(round(sector / ANGLE), 1), MOST_ANGLES)
     angle = (np.arange(-BEYOND, count + BEYOND) + 0.5) * sector / count
     inner, outer = np.log(SOFT - INTERIOR), np.log(SOFT - reach / forward.ring.radius_mm)

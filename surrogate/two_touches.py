@@ -103,7 +103,7 @@ def _error(forward: ForwardMap, state: Array) -> Array:
     """(n,) 2-norm of what the map, and of pairs superposition, miss of the signal, V."""
     unknown = _unknown(forward, state)
     signal = linearise(forward, unknown).signal_V
-    own = floor_at(forward, unknown[:, :2], unknown[:, 3]) * np.linalg.norm(signal, axis=1)
+    own = floor_at(forward, unknown) * np.linalg.norm(signal, axis=1)
     own = own * np.sqrt(signal.shape[1])
     own = np.sqrt(np.sum(own.reshape(len(state), -1) ** 2, axis=1))
     if state.shape[1] == 4:

@@ -31,17 +31,19 @@ def test_signals_of_a_bilinear_form_give_it_back(ring: Ring) -> None:
     """Coefficients that are linear in log d, load and the gap's logarithm lie in the span of the trend, so rows of
     exact signals determine them at any other touch; the signals have no other part that could be learned instead."""
     rng = np.random.default_rng(0)
-    z = rng.uniform(0.45, 0.85, 500) * np.exp(2j * np.pi * rng.random(500))
+    z = np.asarray(rng.uniform(0.45, 0.85, 500) * np.exp(2j * np.pi * rng.random(500)), np.complex128)
     punch = np.column_stack([np.log(rng.uniform(10, 18, 500)), rng.uniform(0.2, 2.0, 500)])
     dipole, count = rng.uniform(0.5, 2.0, 500), 2 * len(polarization.PAIRS)
-    weights = np.vstack([rng.normal(size=(4, count)) * np.array([[1.0], [0.3], [0.3], [0.3]]), np.zeros((1, count))])
-    truth = SharedProcess(np.zeros((1, 3)), np.array([2.6, 1.0, -1.5]), np.array([1.0, 1.0, 0.5]), weights)
+    weights = np.vstack([rng.normal(size=(4, count)) * np.array([[1.0], [0.3], [0.3], [0.3]]), np.zeros((2, count))])
+    truth = SharedProcess(np.zeros((1, 4)), np.array([2.6, 1.0, -1.5, 0.0]), np.array([1.0, 1.0, 0.5, 1.0]), weights)
+    side = np.zeros(500)
     fields = multipole.electrode_fields(ring, ring.modes, z, polarization.ORDERS + 1)
-    signal = polarization.effect(truth, ring, fields, z, punch).value * dipole[:, None]
+    signal = polarization.effect(truth, ring, fields, z, punch, side).value * dipole[:, None]
     taught, asked = np.arange(400), np.arange(400, 500)
-    learned = polarization.learn(ring, ring.modes, z[taught], punch[taught], signal[taught], dipole[taught],
-                                 np.linalg.norm(signal[taught], axis=1))
-    found = polarization.effect(learned, ring, fields[:, asked], z[asked], punch[asked]).value * dipole[asked, None]
+    learned = polarization.learn(ring, ring.modes, z[taught], punch[taught], side[taught], signal[taught],
+                                 dipole[taught], np.linalg.norm(signal[taught], axis=1))
+    effect = polarization.effect(learned, ring, fields[:, asked], z[asked], punch[asked], side[asked])
+    found = effect.value * dipole[asked, None]
     error = np.linalg.norm(found - signal[asked], axis=1) / np.linalg.norm(signal[asked], axis=1)
     print("relative error, median and largest:", np.median(error), error.max())
     assert error.max() < 1e-5

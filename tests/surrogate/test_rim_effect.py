@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from surrogate import forward_map, matern, multipole, rim_effect
+from surrogate import forward_map, matern, multipole, rim_effect, uncertainty
 from surrogate.loading import to_unknown
 from surrogate.ring import Ring
 from surrogate.symmetry import fold, symmetry_of
@@ -35,16 +35,15 @@ def test_places_fold_into_one_half_sector(ring: Ring) -> None:
     assert np.all((np.angle(place) > -1e-9) & (np.angle(place) < np.pi / 16 + 1e-9))
 
 
-def test_a_process_of_two_quantities_has_its_gradient_and_own_errors() -> None:
+def test_a_process_of_two_quantities_has_its_gradient() -> None:
     x = np.random.default_rng(1).random((120, 2))
-    process, error = matern.fit(x, np.column_stack([np.sin(3 * x[:, 0]), x[:, 1] ** 2]))
+    process = matern.fit(x, np.column_stack([np.sin(3 * x[:, 0]), x[:, 1] ** 2]))
     at = np.array([[0.4, 0.6], [0.2, 0.3]])
     mean, gradient = matern.predict(process, at)
     assert np.allclose(mean, np.column_stack([np.sin(3 * at[:, 0]), at[:, 1] ** 2]), atol=2e-3)
     for j, h in enumerate(1e-6 * np.eye(2)):
         change = (matern.predict(process, at + h)[0] - matern.predict(process, at - h)[0]) / 2e-6
         assert np.allclose(gradient[..., j], change, atol=1e-6)
-    assert np.all(np.abs(np.median(error, axis=0)) < 1e-2)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +56,7 @@ def test_the_rim_effect_improves_the_map_near_the_rim(whole: forward_map.Forward
     touch, signal = synthetic(100, 1, (), 85.0)
     near = np.hypot(touch[:, 0], touch[:, 1]) > 70
     unknown = to_unknown(touch, whole.p0)[near]
-    series = replace(whole, rim=rim_effect.none_of(ring))
+    series = replace(whole, beside=replace(whole.beside, rim=rim_effect.none_of(ring)))
     left = [np.median(np.linalg.norm(forward_map.linearise(one, unknown).signal_V - signal[near], axis=1)
                       / np.linalg.norm(signal[near], axis=1)) for one in (series, whole)]
     print("relative error of series, and with the effect of the rim:", left)
@@ -72,3 +71,13 @@ def test_its_jacobian_equals_finite_differences(whole: forward_map.ForwardMap) -
         ends = [forward_map.linearise(whole, unknown + s * h).signal_V for s in (1, -1)]
         change = (ends[0] - ends[1]) / (2 * h[q])
         assert np.allclose(jacobian[..., q], change, atol=1e-4 * np.abs(change).max())
+
+
+def test_touches_near_the_rim_are_told_to_err_more_and_alike(whole: forward_map.ForwardMap) -> None:
+    unknown = to_unknown(np.array([[5.0, 3.0, 14.0, 1.0], [80.0, 10.0, 14.0, 1.0]]), whole.p0)
+    told = uncertainty.at(whole, unknown, np.ones(2), 0.0)
+    assert np.all(told.shrink[0] == 0)
+    assert np.max(told.shrink[1]) > 0.5
+    noisy = uncertainty.at(whole, unknown, np.ones(2), 1.0)
+    assert noisy.white == pytest.approx([1.0, 1.0], rel=1e-3)
+    assert np.max(noisy.shrink) < np.max(told.shrink)

@@ -1,0 +1,62 @@
+"""What readings are uncertain by: white noise, and the map's own error, which is alike among readings near the rim.
+
+The covariance white^2 I + U diag(sd^2) U' of each frame has orthonormal U of few columns, so that residuals are
+whitened by one product with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate import rim_effect, rim_error
+from surrogate.forward_map import ForwardMap, floor_at, gap, place
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Covariance of the readings of some frames."""
+
+    # (n,) standard deviation of what is white, V
+    white: Array
+    # (n, readings, k) orthonormal directions of the rest, and (n, k) the part of a component that whitening takes off
+    axes: Array
+    shrink: Array
+
+
+def white(sd: Array, readings: int) -> Uncertainty:
+    """White noise of standard deviations sd (n,), V."""
+    return Uncertainty(sd, np.zeros((len(sd), readings, 0)), np.zeros((len(sd), 0)))
+
+
+def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Uncertainty:
+    """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of norms size
+    (n,), V, as far as known of all readings of the ring."""
+    ring, beside = forward.ring, forward.beside
+    floor, z = floor_at(forward, unknown) * size, place(ring, unknown)
+    near = rim_effect.reaches(beside.rim, z)
+    axes = np.zeros((len(z), len(ring.read), beside.error.alike.shape[3]))
+    sd = np.zeros((len(z), beside.error.alike.shape[3]))
+    if np.any(near):
+        gaps = gap(ring, unknown[near])
+        norm = rim_error.size_at(beside.error, gaps, unknown[near, 3]) * size[near]
+        axes[near], along, rest = rim_error.spread(beside.error, z[near], gaps)
+        sd[near] = along * norm[:, None]
+        floor[near] = np.hypot(norm * np.sqrt(rest / len(beside.rim.fill)), forward.floor * size[near]) * np.sqrt(ring.copies)
+    whole = np.hypot(noise_V, floor)
+    return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
+
+
+def whitened(told: Uncertainty, values: Array) -> Array:
+    """Values (n, readings, q) in V times the inverse root of the covariance."""
+    off = told.axes @ (told.shrink[..., None] * (told.axes.transpose(0, 2, 1) @ values))
+    return (values - off) / told.white[:, None, None]
+
+
+def of(told: Uncertainty, frames: NDArray[np.intp]) -> Uncertainty:
+    """Those of some frames."""
+    return Uncertainty(told.white[frames], told.axes[frames], told.shrink[frames])
