@@ -51,7 +51,7 @@ def _digits(error: float) -> float:
 
 def _most(digits: Iterable[float]) -> str:
     largest = max(digits)
-    return f"at most {number(largest, 2)} of 16 digits are lost" if math.isfinite(largest) else "some have no answer"
+    return f"at most {largest:.1f} of 16 digits are lost" if math.isfinite(largest) else "some have no answer"
 
 
 def electrics(rows: Rows, file: str) -> Plate:
