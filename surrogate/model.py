@@ -134,10 +134,20 @@ def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) ->
     runs where they take long (TOUCHCAL_CACHE)."""
     if model.method not in SLOW:
         return _scales(model, noise_V, coverages)
-    made_from = {"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
-                 "seed": model.seed, "noise_V": noise_V, "coverages": list(coverages),
-                 "code": package_hash("surrogate")}
-    return cache.kept(cache.key_of(made_from), lambda: {"scales": _scales(model, noise_V, coverages)})[0]["scales"]
+    kept, _ = cache.kept(_key(model, noise_V, coverages), lambda: {"scales": _scales(model, noise_V, coverages)})
+    return kept["scales"]
+
+
+def calibrated(model: Model, noise_V: float) -> bool:
+    """Whether interval_scale answers at once at this noise."""
+    return model.method not in SLOW or cache.stored(_key(model, noise_V, (COVERAGE,))) is not None
+
+
+def _key(model: Model, noise_V: float, coverages: Sequence[float]) -> str:
+    """What the scales of a model follow from, for the cache."""
+    return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
+                         "seed": model.seed, "noise_V": noise_V, "coverages": list(coverages),
+                         "code": package_hash("surrogate")})
 
 
 def _scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:

@@ -109,7 +109,7 @@ def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, 
     """A row a frame, by the model alone."""
     from surrogate.predict import prepare, sign_caution, table_of
 
-    _say_few(model)
+    _say_intervals(model, noise)
     table = table_of(prepare(model, reference.volts, noise, dead), frames)
     if words := sign_caution(table["flag"].tolist()):
         _say(words)
@@ -200,7 +200,7 @@ def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, 
 
     reference, dead = (None, None) if baseline is None else _untouched(model, baseline)
     noise = _noise(model, reference or Untouched(model.baseline_V, None), noise_V)
-    _say_few(model)
+    _say_intervals(model, noise)
     widen_pipe(sys.stdin.fileno())
     with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
           nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
@@ -226,8 +226,12 @@ def _noise(model: Model, reference: Untouched, given: float | None) -> float:
     return noise or 0.0
 
 
-def _say_few(model: Model) -> None:
+def _say_intervals(model: Model, noise_V: float) -> None:
     from surrogate.intervals import few
+    from surrogate.model import calibrated
+
+    if not calibrated(model, noise_V):
+        _say("the intervals are calibrated at this noise first, some 20 s; they are kept for the next time.")
 
     if words := few(len(model.calibration.target)):
         _say(words)

@@ -69,7 +69,7 @@ def _ends(rows: int) -> list[int]:
     """Rows after which a bin ends."""
     ends = [0]
     for end in np.round(np.multiply(CLOSER, rows)).astype(int).tolist():
-        ends += [end] if FEWEST <= min(end - ends[-1], rows - end) else []
+        ends += [end] if min(end - ends[-1], rows - end) >= FEWEST else []
     return ends[1:]
 
 

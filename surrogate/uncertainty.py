@@ -46,7 +46,8 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Unce
         norm = rim_error.size_at(beside.error, gaps, unknown[near, 3]) * size[near]
         axes[near], along, rest = rim_error.spread(beside.error, z[near], gaps)
         sd[near] = along * norm[:, None]
-        floor[near] = np.hypot(norm * np.sqrt(rest / len(beside.rim.fill)), forward.floor * size[near]) * np.sqrt(ring.copies)
+        left = norm * np.sqrt(rest / len(beside.rim.fill))
+        floor[near] = np.hypot(left, forward.floor * size[near]) * np.sqrt(ring.copies)
     whole = np.hypot(noise_V, floor)
     return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
 

@@ -13,7 +13,7 @@ from eitsim import dataset
 from matcal.errors import TestFileError
 from surrogate import export, outputs, store
 from surrogate.evaluate import evaluate, parts_of
-from surrogate.model import METHODS, Model, estimate, interval_scale
+from surrogate.model import METHODS, Model, calibrated, estimate, interval_scale
 from surrogate.ring import ring_of_design
 from surrogate.samples import Samples, read_samples, take
 from surrogate.split import split
@@ -45,7 +45,9 @@ def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Sam
 def test_intervals_of_a_slow_method_are_calibrated_once(models: dict[str, Model], tmp_path: Path,
                                                         monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
+    assert not calibrated(models["forward"], 0.0)
     first, worked_out = interval_scale(models["forward"]), []
+    assert calibrated(models["forward"], 0.0)
     monkeypatch.setattr("surrogate.model._scales", lambda *_: worked_out.append(1) or np.ones((1, len(NAMES))))
     assert np.array_equal(interval_scale(models["forward"]), first)
     assert not worked_out
