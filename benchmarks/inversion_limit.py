@@ -1,14 +1,17 @@
 """Errors of the inversion on unseen touches, any diameter allowed, over the least that white noise allows.
 
+The floor's prior has diameters even over their range. Where the touches have a few, such as the paper's five, which
+alone have 1.22 times that standard deviation, their mean squares are weighed by the trapezoidal rule over the range.
+
 Three floors of the same noise, root mean squares of x0, y0, d and F. `prior`: the least error of any estimator over the
 data set's prior, by the simulator's derivatives and Van Trees' inequality (`surrogate limit --data`; within 80 mm its
-places are weighed anew by a cubic in the square of the distance from the centre); its diameters are even over their
-range, where the paper's sweep has five of 1.22 times that standard deviation. `rows`: Cramer-Rao variances at the
+places are weighed anew by a cubic in the square of the distance from the centre). `rows`: Cramer-Rao variances at the
 scored touches by the simulator's derivatives there, which leave out what the rim changes of the mechanics, with a
 Gaussian prior of the data set's variances. `map`: the same by the learned map's own derivatives. The first bounds
 what anyone can do; the others are exact where readings are linear in the touch within its deviation, which (d, F) at
 60 dB is not. Run as `python benchmarks/inversion_limit.py MODEL_DIR DATA_SET CARD`, MODEL_DIR of method forward, CARD
-the one of DATA_SET; writes results/inversion_limit.csv. The table of the prior is kept between runs (TOUCHCAL_CACHE).
+the one of DATA_SET; rows that the model was made from are left out. Writes results/inversion_limit.csv. The table of
+the prior is kept between runs (TOUCHCAL_CACHE).
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ from matcal.card import MaterialCard, read_card
 from surrogate import store
 from surrogate.forward_map import ForwardMap
 from surrogate.invert import invert
+from surrogate.known_punches import MOST
 from surrogate.limit import Prior, local_covariance
 from surrogate.limit_material import known_material
 from surrogate.limit_set import example_of, least_rms, prior_of
@@ -82,14 +86,18 @@ def solved(scene: Scene, card: MaterialCard, touch: Array, prior: Prior, noise_V
     return out
 
 
-def rows(region: Region, level: float, squared: Array, variance: dict[str, Array], prior: dict[str, float]
-         ) -> Iterator[dict[str, object]]:
+def rows(region: Region, level: float, squared: Array, variance: dict[str, Array], prior: dict[str, float],
+         weight: Array) -> Iterator[dict[str, object]]:
     """One row an output: squared errors (n, 4), variances by the map (n, 4) and of the first touches by the simulator,
-    and the least error over the prior."""
+    and the least error over the prior, of touches of weights (n,)."""
+    def over(squares: Array, k: int) -> float:
+        kept = region.rows[:len(squares)]
+        return root_mean(squares[kept, k], weight[:len(squares)][kept])
+
     for k, name in enumerate(NAMES):
-        floor = {kind: root_mean(one[region.rows[:len(one)], k]) for kind, one in variance.items()}
-        told = {"rmse": root_mean(squared[region.rows, k])}
-        of_solved = root_mean(squared[:len(variance["rows"])][region.rows[:len(variance["rows"])], k])
+        floor = {kind: over(one, k) for kind, one in variance.items()}
+        told = {"rmse": over(squared, k)}
+        of_solved = over(squared[:len(variance["rows"])], k)
         yield {"noise_db": level, "region": region.name, "rows": int(region.rows.sum()), "output": name, **told,
                "floor_prior": prior[name], "ratio_prior": told["rmse"] / prior[name],
                "floor_map": floor["map"], "ratio_map": told["rmse"] / floor["map"],
@@ -97,9 +105,19 @@ def rows(region: Region, level: float, squared: Array, variance: dict[str, Array
                "floor_rows": floor["rows"], "ratio_rows": of_solved / floor["rows"]}
 
 
-def root_mean(squares: Array) -> float:
-    """Root of the mean."""
-    return float(np.sqrt(np.mean(squares)))
+def root_mean(squares: Array, weight: Array) -> float:
+    """Root of the weighed mean."""
+    return float(np.sqrt(np.average(squares, weights=weight)))
+
+
+def even(d_mm: Array) -> Array:
+    """(n,) weights that make of a mean over touches of a few diameters the mean over their range, by the trapezoidal
+    rule; 1 where diameters are many."""
+    values, which, counts = np.unique(d_mm, return_inverse=True, return_counts=True)
+    if not 1 < len(values) <= MOST:
+        return np.ones(len(d_mm))
+    ends = np.concatenate([values[:1], (values[1:] + values[:-1]) / 2, values[-1:]])
+    return (np.diff(ends) / counts)[which]
 
 
 def inverted(forward: ForwardMap, signal: Array, touch: Array, noise_V: float) -> tuple[Array, Array]:
@@ -111,12 +129,12 @@ def inverted(forward: ForwardMap, signal: Array, touch: Array, noise_V: float) -
 
 def main() -> None:
     if len(sys.argv) != 4:
-        raise SystemExit("inversion_limit.py: give a forward model, the data set that it was trained on, and its card.")
+        raise SystemExit("inversion_limit.py: give a forward model, a data set, and its card.")
     model, samples, card = store.load(Path(sys.argv[1])), read_samples(sys.argv[2]), read_card(Path(sys.argv[3]))
     if not isinstance(model.learner, TouchInversion):
         raise SystemExit(f"inversion_limit.py: {sys.argv[1]} is of method {model.method}; give one of method forward.")
-    tests = model.rows.row_hash[model.rows.part == PARTS.index("test")]
-    some = np.flatnonzero(np.isin(samples.row_hash, tests))[:ROWS]
+    made_from = model.rows.row_hash[model.rows.part != PARTS.index("test")]
+    some = np.flatnonzero(~np.isin(samples.row_hash, made_from))[:ROWS]
     signal, touch = samples.signal_V[some], samples.target[some, :4]
     prior, scene = prior_of(samples), example_of(sys.argv[2])
     noise_V = [below(level, rms(samples.baseline_V)) for level in LEVELS_DB]
@@ -127,7 +145,7 @@ def main() -> None:
         squared, of_map = inverted(free, signal, touch, noise)
         for part in parts:
             least = least_rms(part.table, prior, noise, known_material())
-            found += rows(part, level, squared, {"map": of_map, "rows": variance}, least)
+            found += rows(part, level, squared, {"map": of_map, "rows": variance}, least, even(touch[:, 2]))
     shown(written(found, "inversion_limit"))
 
 
