@@ -146,7 +146,7 @@ def calibrated(model: Model, noise_V: float) -> bool:
 def _key(model: Model, noise_V: float, coverages: Sequence[float]) -> str:
     """What the scales of a model follow from, for the cache."""
     return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
-                         "seed": model.seed, "noise_V": noise_V, "coverages": list(coverages),
+                         "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages),
                          "code": package_hash("surrogate")})
 
 

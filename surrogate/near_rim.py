@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 # Rows whose effect is worked out together, to bound the memory.
 BATCH = 256
-# Parts of the rows, each of which tells the error of what the others teach.
+# Parts of the touches, each of which tells the error of what the others teach.
 FOLDS = 4
 
 
@@ -66,37 +66,48 @@ def without(taught: Taught, ring: Ring, kept: NDArray[np.bool_]) -> Taught:
 def learn(ring: Ring, field: Array, rows: Rows) -> Taught:
     """Learn from touches; the effect of electrodes and an error only where enough of them lie near the rim."""
     near = rows.some(np.abs(rows.z) > polarization.FROM)
-    answer = _answer(ring, field, near, step.NONE)
+    touch = _touch(near)
+    fewest = (1 - 1 / FOLDS) * len(np.unique(touch))
+    if fewest < rim_effect.MIN_ROWS:
+        return none_of(ring)
+    answers = fewest >= polarization.MIN_ROWS
+    answer = _answer(ring, field, near, step.NONE, answers)
     where = rim_effect.step_of(ring, near.z, near.punch, near.gap, _leaves(ring, field, near, answer, step.NONE),
                                near.size)
-    answer, rim = _both(ring, field, near, where)
-    if not rim_effect.teaches(rim):
-        return Taught(answer, rim, rim_error.none_of(rim.symmetry), where)
-    told = rim_error.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], _left_out(ring, field, near, where))
-    return Taught(answer, rim, told, where)
+    answer, rim = _both(ring, field, near, where, answers)
+    error = _left_out(ring, field, near, where, answers, touch % FOLDS)
+    return Taught(answer, rim, rim_error.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], error), where)
 
 
-def _both(ring: Ring, field: Array, near: Rows, where: float) -> tuple[SharedProcess, RimEffect]:
-    answer = _answer(ring, field, near, where)
+def _touch(near: Rows) -> NDArray[np.intp]:
+    """(n,) which different touch each row is of; a sweep may solve one with several cards."""
+    told = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
+    return np.unique(told, axis=0, return_inverse=True)[1].ravel()
+
+
+def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, RimEffect]:
+    answer = _answer(ring, field, near, where, answers)
     left = _leaves(ring, field, near, answer, where)
     return answer, rim_effect.learn(ring, near.z, near.punch, step.side(near.gap, where), left, near.size)
 
 
-def _left_out(ring: Ring, field: Array, near: Rows, where: float) -> Array:
-    """(n, readings) errors of the signals, over their norms, by what the rows of the other parts teach."""
-    out, part = np.empty_like(near.left), np.arange(len(near.z)) % FOLDS
+def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: NDArray[np.intp]) -> Array:
+    """(n, readings) errors of the signals, over their norms, by what the rows of the other parts (n,) teach, as far as
+    it counts."""
+    out = np.empty_like(near.left)
     for k in range(FOLDS):
         asked = near.some(part == k)
-        answer, rim = _both(ring, field, near.some(part != k), where)
-        left = _leaves(ring, field, asked, answer, where)
-        if rim_effect.teaches(rim):
-            effect = rim_effect.effect(rim, asked.z, asked.punch, step.side(asked.gap, where))
-            left -= effect.value * asked.size[:, None]
+        answer, rim = _both(ring, field, near.some(part != k), where, answers)
+        effect = rim_effect.effect(rim, asked.z, asked.punch, step.side(asked.gap, where))
+        left = _leaves(ring, field, asked, answer, where) - effect.value * asked.size[:, None]
+        left = asked.left + polarization.part_at(asked.z)[:, None] * (left - asked.left)
         out[part == k] = left / asked.norm[:, None]
     return out
 
 
-def _answer(ring: Ring, field: Array, near: Rows, where: float) -> SharedProcess:
+def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> SharedProcess:
+    if not answers:
+        return polarization.none_of()
     return polarization.learn(ring, field, near.z, near.punch, step.side(near.gap, where), near.left, near.dipole,
                               near.norm)
 

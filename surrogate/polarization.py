@@ -119,10 +119,20 @@ def _readings(ring: Ring, table: Array) -> Array:
     return plus - flat[:, ring.source * count + ring.ground] - flat[:, ring.sink * count + ring.read]
 
 
+def part_at(z: Complex) -> Array:
+    """(n,) part of an effect that counts at places z (n,)."""
+    t = _along_onset(z)
+    return t**2 * (3 - 2 * t)
+
+
+def _along_onset(z: Complex) -> Array:
+    return np.clip((np.abs(z) - FROM) / (FULL - FROM), 0, 1)
+
+
 def counted(effect: Effect, z: Complex) -> Effect:
     """The part of an effect at places z (n,) that counts: none at FROM, all from FULL on."""
-    t, unit = np.clip((np.abs(z) - FROM) / (FULL - FROM), 0, 1), z / np.abs(z)
-    part, by_radius = t**2 * (3 - 2 * t), 6 * t * (1 - t) / (FULL - FROM)
+    t, unit = _along_onset(z), z / np.abs(z)
+    part, by_radius = part_at(z), 6 * t * (1 - t) / (FULL - FROM)
     slope = effect.slope * part[:, None, None]
     slope[..., 0] += effect.value * (by_radius * unit.real)[:, None]
     slope[..., 1] += effect.value * (by_radius * unit.imag)[:, None]

@@ -56,8 +56,9 @@ def told_by(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error: Arra
     folded = np.einsum("nij,nj->ni", symmetry.readings[fold(symmetry, z)[1]], error)
     bins = np.split(np.argsort(gap), _ends(len(gap)))
     each = [[b[part] for part in np.array_split(np.argsort(load[b]), LOADS)] for b in bins]
-    norm = np.linalg.norm(error, axis=1)
-    alike, rest = (np.stack(part) for part in zip(*(_alike(folded[b]) for b in bins), strict=True))
+    norm = np.maximum(np.linalg.norm(error, axis=1), np.finfo(float).tiny)
+    unit = folded / norm[:, None]
+    alike, rest = (np.stack(part) for part in zip(*(_alike(unit[b]) for b in bins), strict=True))
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
     return RimError(symmetry, np.array([gap[b].mean() for b in bins]),
                     np.array([[load[b].mean() for b in parts] for parts in each]),
@@ -73,13 +74,12 @@ def _ends(rows: int) -> list[int]:
     return ends[1:]
 
 
-def _alike(error: Array) -> tuple[Array, float]:
+def _alike(unit: Array) -> tuple[Array, float]:
     """Principal directions (readings, ALIKE) of errors (n, readings) of unit norm, times their standard deviations, and
     what part of the squared norm they leave."""
-    unit = error / np.linalg.norm(error, axis=1, keepdims=True)
     _, values, axes = np.linalg.svd(unit / np.sqrt(len(unit)), full_matrices=False)
     count = min(len(axes), ALIKE)
-    kept = np.zeros((ALIKE, error.shape[1]))
+    kept = np.zeros((ALIKE, unit.shape[1]))
     kept[:count] = values[:count, None] * axes[:count]
     return kept.T, max(float(np.sum(values[count:] ** 2)), REST)
 

@@ -27,7 +27,10 @@ def place(x: Array, y: Array, along: Array, noise: float) -> float:
     order = np.argsort(along)
     if len(order) < 2 * FEWEST:
         return NONE
-    tried = np.arange(FEWEST, len(order) - FEWEST + 1)
+    tried = np.arange(FEWEST, len(order) - FEWEST)
+    tried = tried[along[order[tried - 1]] < along[order[tried]]]
+    if not len(tried):
+        return NONE
     best, _ = _best(x, y, order, tried[::APART], noise)
     best, gain = _best(x, y, order, tried[np.abs(tried - best) < APART], noise)
     return float(along[order[best - 1:best + 1]].mean()) if gain > WORTH * y.shape[1] else NONE

@@ -39,8 +39,8 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Unce
     ring, beside = forward.ring, forward.beside
     floor, z = floor_at(forward, unknown) * size, place(ring, unknown)
     near = rim_effect.reaches(beside.rim, z)
-    axes = np.zeros((len(z), len(ring.read), beside.error.alike.shape[3]))
-    sd = np.zeros((len(z), beside.error.alike.shape[3]))
+    directions = min(beside.error.alike.shape[2:])
+    axes, sd = np.zeros((len(z), len(ring.read), directions)), np.zeros((len(z), directions))
     if np.any(near):
         gaps = gap(ring, unknown[near])
         norm = rim_error.size_at(beside.error, gaps, unknown[near, 3]) * size[near]

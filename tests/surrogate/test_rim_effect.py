@@ -81,3 +81,20 @@ def test_touches_near_the_rim_are_told_to_err_more_and_alike(whole: forward_map.
     noisy = uncertainty.at(whole, unknown, np.ones(2), 1.0)
     assert noisy.white == pytest.approx([1.0, 1.0], rel=1e-3)
     assert np.max(noisy.shrink) < np.max(told.shrink)
+
+
+def test_copies_of_a_touch_do_not_tell_its_error(ring: Ring, synthetic: Synthetic) -> None:
+    """Rows of the same touches, as a sweep with several cards has them: the error is that of touches left out."""
+    touch, signal = synthetic(120, 4, (), 85.0)
+    near = np.hypot(touch[:, 0], touch[:, 1]) > 40
+    touch, signal = touch[near], signal[near]
+    once = forward_map.learn(ring, touch, signal).beside.error.error
+    twice = forward_map.learn(ring, np.repeat(touch, 2, axis=0), np.repeat(signal, 2, axis=0)).beside.error.error
+    assert np.median(twice) > np.median(once) / 3
+
+
+def test_touches_far_from_the_rim_and_few_readings_are_learned(ring: Ring, synthetic: Synthetic) -> None:
+    touch, signal = synthetic(40, 5, (), 30.0)
+    learned = forward_map.learn(ring, touch, signal)
+    assert not rim_effect.teaches(learned.beside.rim)
+    assert np.all(np.isfinite(forward_map.linearise(learned, to_unknown(touch, learned.p0)).signal_V))

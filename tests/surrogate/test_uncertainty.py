@@ -21,7 +21,8 @@ def test_whitened_covariances_are_the_identity() -> None:
 
 
 def test_alike_errors_are_told_at_every_touch_by_those_of_one_half_sector(ring: Ring) -> None:
-    """Errors along one pattern of the half-sector, as large as the gap and load ask: axis, size and rest come back."""
+    """Errors along one pattern of the half-sector, as large as the gap and load ask: axis, size and rest come back, to
+    the half per cent by which a mirror changes a norm."""
     rng, symmetry = np.random.default_rng(1), symmetry_of(ring)
     z = np.asarray(rng.uniform(0.5, 0.9, 900) * np.exp(2j * np.pi * rng.random(900)), np.complex128)
     gap, load = 0.95 - np.abs(z), rng.uniform(0.5, 2.5, 900)
@@ -33,8 +34,9 @@ def test_alike_errors_are_told_at_every_touch_by_those_of_one_half_sector(ring: 
     asked = np.asarray(np.exp(1j * np.array([0.3, 2.0, -1.2])) * 0.7, np.complex128)
     axes, sd, rest = rim_error.spread(told, asked, np.full(3, 0.25))
     expected = folded[fold(symmetry, asked)[1]]
-    assert np.allclose(np.abs(np.einsum("nr,nr->n", axes[..., 0], expected)), np.linalg.norm(expected, axis=1))
-    assert np.allclose(sd[:, 0], np.linalg.norm(expected, axis=1))
+    assert np.allclose(np.abs(np.einsum("nr,nr->n", axes[..., 0], expected)),
+                       np.linalg.norm(expected, axis=1))
+    assert np.allclose(sd[:, 0], np.linalg.norm(expected, axis=1), rtol=5e-3)
     assert np.allclose(sd[:, 1:], 0, atol=1e-9)
     assert np.all(rest == rim_error.REST)
     size = rim_error.size_at(told, np.array([0.15, 0.35]), np.array([2.0, 1.0]))
