@@ -231,7 +231,7 @@ def _say_intervals(model: Model, noise_V: float) -> None:
     from surrogate.model import calibrated
 
     if not calibrated(model, noise_V):
-        _say("the intervals are calibrated at this noise first, some 20 s; they are kept for the next time.")
+        _say("the intervals are calibrated at this noise first, which takes a while; they are kept for the next time.")
 
     if words := few(len(model.calibration.target)):
         _say(words)

@@ -157,8 +157,8 @@ def test_predict_reads_recorded_frames(call: Call, forward: Path, synthetic: Syn
     asked = ("predict", forward, frames_file, "--baseline", untouched, "--out", tmp_path / "p.csv")
     first, again = call(*asked), call(*asked)
     assert (first[0], again[0]) == (0, 0)
-    assert first[2].splitlines()[0] == ("surrogate: the intervals are calibrated at this noise first, some 20 s; they "
-                                        "are kept for the next time.")
+    assert first[2].splitlines()[0] == ("surrogate: the intervals are calibrated at this noise first, which takes a "
+                                        "while; they are kept for the next time.")
     assert first[2].splitlines()[1:] == again[2].splitlines()
     assert len(again[2].splitlines()) == 1
     assert "30 calibrating rows are few: the 90 % intervals may hold as little as 80 %" in again[2]
