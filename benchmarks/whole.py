@@ -1,8 +1,9 @@
 """Every benchmark in turn, each in a process of its own, and what each took; `make bench`, or `make bench QUICK=1`.
 
 Those that read a card, a data set or a model get those of a short chain made first from data_raw (synthetic). A
-benchmark that fails is told at the end and does not stop the others; those that need the paper's sweep are left out.
-Writes results/whole.csv, in quick mode results/quick/whole.csv; names of benchmarks as arguments run those alone.
+benchmark that fails is told at the end and does not stop the others; those that need the paper's sweep
+or a GPU are left out. Writes results/whole.csv, in quick mode results/quick/whole.csv; names of benchmarks as arguments
+run those alone.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ RAW = HERE.parent / "data_raw"
 # what each benchmark is given, of the short chain's files
 GIVEN = {"inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",), "streaming": ("ridge",),
          "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json")}
-# what needs the paper's sweep of 4,000 scenes, and is run by hand
-APART = ("faithful", "surrogates", "transfer")
+# what needs the paper's sweep of 4,000 scenes, or a GPU, and is run by hand
+APART = ("faithful", "gpu", "surrogates", "transfer")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",
@@ -63,7 +64,7 @@ def runs(asked: Sequence[str], folder: Path) -> Iterator[dict[str, object]]:
 
 
 def main() -> None:
-    print(f"left out, since they need the paper's sweep: {', '.join(APART)}", flush=True)
+    print(f"left out, since they need the paper's sweep or a GPU: {', '.join(APART)}", flush=True)
     found = []
     if unknown := set(sys.argv[1:]) - set(names()):
         raise SystemExit(f"no benchmark {', '.join(sorted(unknown))}; known: {', '.join(names())}.")

@@ -31,8 +31,8 @@ class Matern:
 
     @cached_property
     def moments(self) -> Array:
-        """(k, (1 + q) outputs) weights, then these times each input of the nodes."""
-        return np.hstack([self.weights, *(column[:, None] * self.weights for column in self.nodes.T)])
+        """(k, (1 + q) outputs) weights, then these times each input of the nodes, from the first one."""
+        return np.hstack([self.weights, *(column[:, None] * self.weights for column in (self.nodes - self.nodes[0]).T)])
 
 
 def fit(x: Array, y: Array) -> Matern:
@@ -47,8 +47,7 @@ def log_evidence(x: Array, y: Array, noise: float) -> float:
     """Log likelihood of quantities y (n, outputs) at inputs x (n, q) over the lengths, amplitudes eliminated, but for a
     constant; the noise is over the amplitude."""
     factor = cholesky(_kernel(_root(x, x)) + noise**2 * np.eye(len(x)), lower=True)
-    quadratic = np.maximum(np.sum(y * cho_solve((factor, True), y), axis=0), np.finfo(float).tiny)
-    return -0.5 * len(x) * np.log(quadratic).sum() - y.shape[1] * np.log(np.diag(factor)).sum()
+    return -_cost(factor, y, cho_solve((factor, True), y))[0]
 
 
 def predict(process: Matern, x: Array) -> tuple[Array, Array]:
@@ -59,11 +58,14 @@ def predict(process: Matern, x: Array) -> tuple[Array, Array]:
     mean = ((1 + root + root**2 / 3) * decay) @ process.weights
     along = (-5 / 3 * (1 + root) * decay) @ process.moments
     whole, *each = np.split(along, 1 + x.shape[1], axis=1)
+    x = x - process.nodes[0]
     gradient = [(x[:, j, None] * whole - each[j]) / length for j, length in enumerate(process.lengths)]
     return mean, np.stack(gradient, axis=2)
 
 
 def _root(a: Array, b: Array) -> Array:
+    """sqrt(5) |a - b|, from the first of b, so that inputs that are alike lose no digits."""
+    a, b = a - b[0], b - b[0]
     squared = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T
     return np.sqrt(5 * np.maximum(squared, 0.0))
 
@@ -87,16 +89,22 @@ def hyperparameters(x: Array, y: Array) -> tuple[Array, float]:
 
 
 def _negative_log_likelihood(log: Array, x: Array, y: Array) -> tuple[float, Array]:
-    """sum over the quantities of n/2 log(y'C^-1 y) + log|C|/2, amplitudes eliminated, and its gradient."""
+    """Cost of quantities y (n, outputs) at inputs x (n, q), and its gradient by the logarithms of lengths and noise."""
     lengths, ratio = np.exp(log[:-1]), np.exp(log[-1])
     n, quantities = y.shape
     root = _root(x / lengths, x / lengths)
     factor = cholesky(_kernel(root) + ratio**2 * np.eye(n), lower=True)
     inverse = cho_solve((factor, True), np.eye(n))
     weights = inverse @ y
-    quadratic = np.maximum(np.sum(y * weights, axis=0), np.finfo(float).tiny)
-    value = 0.5 * n * np.log(quadratic).sum() + quantities * np.log(np.diag(factor)).sum()
+    value, quadratic = _cost(factor, y, weights)
     outer = quantities * inverse - n * (weights / quadratic) @ weights.T
     slope = outer * (5 / 3) * (1 + root) * np.exp(-root)
     by_length = [0.5 * np.sum(slope * (x[:, j, None] - x[:, j]) ** 2) / lengths[j] ** 2 for j in range(len(lengths))]
-    return float(value), np.array([*by_length, ratio**2 * np.trace(outer)])
+    return value, np.array([*by_length, ratio**2 * np.trace(outer)])
+
+
+def _cost(factor: Array, y: Array, weights: Array) -> tuple[float, Array]:
+    """Sum over the quantities y (n, outputs) of n/2 log(y'C^-1 y) + log|C|/2, amplitudes eliminated, with C's factor
+    and C^-1 y; and y'C^-1 y (outputs,)."""
+    quadratic = np.maximum(np.sum(y * weights, axis=0), np.finfo(float).tiny)
+    return float(0.5 * len(y) * np.log(quadratic).sum() + y.shape[1] * np.log(np.diag(factor)).sum()), quadratic

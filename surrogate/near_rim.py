@@ -98,7 +98,7 @@ def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool,
     for k in range(FOLDS):
         asked = near.some(part == k)
         answer, rim = _both(ring, field, near.some(part != k), where, answers)
-        effect = rim_effect.effect(rim, asked.z, asked.punch, step.side(asked.gap, where))
+        effect = rim_effect.effect(rim, ring, asked.z, asked.punch, step.side(asked.gap, where))
         left = _leaves(ring, field, asked, answer, where) - effect.value * asked.size[:, None]
         left = asked.left + polarization.part_at(asked.z)[:, None] * (left - asked.left)
         out[part == k] = left / asked.norm[:, None]
@@ -115,6 +115,8 @@ def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -
 def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: float) -> Array:
     """(n, readings) what series and polarization leave of the signals, V."""
     left, side = near.left.copy(), step.side(near.gap, where)
+    if not len(answer.nodes):
+        return left
     for rows in np.array_split(np.arange(len(near.z)), len(near.z) // BATCH + 1):
         fields = multipole.electrode_fields(ring, field, near.z[rows], polarization.ORDERS + 1)
         effect = polarization.effect(answer, ring, fields, near.z[rows], near.punch[rows], side[rows])

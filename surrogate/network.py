@@ -71,7 +71,7 @@ def jacobian(w: Tensor, x: Tensor) -> Tensor:
     """(n, p) derivative of the outputs by the weights."""
     hidden, slope = _hidden(w, x)
     inner = (slope[:, :, None] * x[:, None, :]).flatten(1)
-    return torch.cat([inner, slope, hidden, torch.ones(len(x), 1, dtype=x.dtype)], dim=1)
+    return torch.cat([inner, slope, hidden, x.new_ones(len(x), 1)], dim=1)
 
 
 def by_input(w: Tensor, x: Tensor) -> Tensor:

@@ -54,11 +54,8 @@ def none_of() -> SharedProcess:
 def learn(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, dipole: Array,
           norm: Array) -> SharedProcess:
     """Learn the coefficients from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves
-    (n, readings) of signals of these norms (n,), and the dipole's strength (n,); 0 where too few touches lie near the
-    rim."""
+    (n, readings) of signals of these norms (n,), and the dipole's strength (n,)."""
     near = np.flatnonzero(np.abs(z) > FROM)
-    if len(near) < MIN_ROWS:
-        return none_of()
     near = near[np.linspace(0, len(near) - 1, min(len(near), MAX_ROWS)).round().astype(int)]
     half = half_width(ring, punch[near, 0])
     fields = multipole.electrode_fields(ring, field, z[near], ORDERS + 1)
@@ -92,10 +89,9 @@ def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punc
 
 def _along(z: Complex, half: Array) -> Array:
     """(n, 3, 4) derivatives of the inputs by (x / R, y / R, log d, g)."""
-    unit, gap = z / np.abs(z), _gap(z, half)
+    unit, felt = z / np.abs(z), log_gap(z, half)[1]
     along = np.zeros((len(z), 4, 4))
     along[:, 0, 2], along[:, 1, 3] = 1.0, 1.0
-    felt = np.where(gap > 0, 1 / (SOFT + np.maximum(gap, 0)), 0.0)
     along[:, 2, :3] = -felt[:, None] * np.column_stack([unit.real, unit.imag, half])
     return along
 
@@ -144,12 +140,16 @@ def half_width(ring: Ring, log_d: Array) -> Array:
     return np.exp(log_d) / 2 / ring.radius_mm
 
 
-def _gap(z: Complex, half: Array) -> Array:
-    return 1 - np.abs(z) - half
+def log_gap(z: Complex, half: Array) -> tuple[Array, Array]:
+    """(n,) log(SOFT + gap) of punches of these halves at places z (n,), and its derivative by the gap, 0 where one
+    overhangs."""
+    gap = 1 - np.abs(z) - half
+    felt = SOFT + np.maximum(gap, 0.0)
+    return np.log(felt), np.where(gap > 0, 1 / felt, 0.0)
 
 
 def _inputs(z: Complex, punch: Array, side: Array, half: Array) -> Array:
-    return np.column_stack([punch, np.log(SOFT + np.maximum(_gap(z, half), 0.0)), side])
+    return np.column_stack([punch, log_gap(z, half)[0], side])
 
 
 def _design(ring: Ring, fields: Complex, z: Complex, half: Array) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from surrogate import matern, step
 from surrogate.matern import Matern
-from surrogate.polarization import FROM, Effect
+from surrogate.polarization import FROM, Effect, half_width, log_gap
 from surrogate.ring import Ring
 from surrogate.symmetry import Symmetry, filled_from, fold, symmetry_of
 
@@ -23,14 +23,15 @@ MIN_ROWS, MAX_ROWS = 60, 2400
 ACROSS = 0.03
 # Part of the effect's energy that the kept components may leave out.
 LEFT_OUT = 1e-4
-# Distances to the rim are felt as log(SOFT - |z|); lengths along it count ALONG times.
+# Distances of the centre to the rim are felt as log(SOFT - |z|), beside the punch's own gap; lengths along it count
+# ALONG times.
 SOFT, ALONG = 1.06, 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class RimEffect:
-    """effect = strength of the dipole x norm of its pattern x directions @ y(log d, g, place in the half-sector, side
-    of the step)."""
+    """effect = strength of the dipole x norm of its pattern x directions @ y(log d, g, place in the half-sector, gap,
+    side of the step)."""
 
     symmetry: Symmetry
     # (maps, readings, components) directions of the effect at touches that each map folds
@@ -43,34 +44,29 @@ class RimEffect:
 def none_of(ring: Ring) -> RimEffect:
     """No effect anywhere."""
     identity = Symmetry(np.ones(1, complex), np.zeros(1, bool), np.eye(len(ring.read))[None])
-    process = Matern(np.zeros((0, 5)), np.ones(5), np.zeros((0, 0)))
+    process = Matern(np.zeros((0, 6)), np.ones(6), np.zeros((0, 0)))
     return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, np.eye(len(ring.read)))
 
 
 def learn(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
     """Learn from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves (n, readings) of
-    signals, and the dipole's strength times the norm of its pattern (n,); no effect where too few touches lie near the
-    rim."""
+    signals, and the dipole's strength times the norm of its pattern (n,)."""
     near = _taught_by(z)
-    if len(near) < MIN_ROWS:
-        return none_of(ring)
     symmetry = symmetry_of(ring)
     place, folded = _folded(symmetry, z[near], residual[near] / size[near, None])
     place, of, folded = _with_images(symmetry, place, folded)
     axes = _axes(folded)
-    process = matern.fit(_inputs(place, punch[near][of], side[near][of]), folded @ axes.T)
+    process = matern.fit(_inputs(ring, place, punch[near][of], side[near][of]), folded @ axes.T)
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
     return RimEffect(symmetry, back @ axes.T, process, np.eye(len(ring.read)))
 
 
 def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, size: Array) -> float:
     """Gap to the rim where what made the data changes its method, among those (n,) of the touches; step.NONE where none
-    is seen, or few touches lie near the rim."""
+    is seen."""
     near = _taught_by(z)
-    if len(near) < MIN_ROWS:
-        return step.NONE
     place, folded = _folded(symmetry_of(ring), z[near], residual[near] / size[near, None])
-    inputs, quantities = _inputs(place, punch[near], np.zeros(len(near)))[:, :-1], folded @ _axes(folded).T
+    inputs, quantities = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :-1], folded @ _axes(folded).T
     lengths, noise = matern.hyperparameters(inputs, quantities)
     return step.place(inputs / lengths, quantities[:, :matern.MAX_QUANTITIES], gap[near], noise)
 
@@ -94,15 +90,18 @@ def _axes(folded: Array) -> Array:
     return axes[:int(np.argmax(left < LEFT_OUT)) + 1]
 
 
-def effect(rim: RimEffect, z: Complex, punch: Array, side: Array) -> Effect:
+def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array) -> Effect:
     """The effect over the dipole's strength and the norm of its pattern, at places z (n,) that it reaches,
     (log d, g) (n, 2) and sides of the step (n,)."""
     place, chosen = fold(rim.symmetry, z)
-    mean, by_input = matern.predict(rim.process, _inputs(place, punch, side))
+    mean, by_input = matern.predict(rim.process, _inputs(ring, place, punch, side))
+    half = half_width(ring, punch[:, 0])
+    felt = log_gap(place, half)[1]
     turn = rim.symmetry.turn[chosen]
     by_y = np.where(rim.symmetry.mirrored[chosen], -1j, 1j) * turn
-    along = np.stack([_input_slope(place, turn), _input_slope(place, by_y)], axis=2)
-    slope = np.concatenate([np.einsum("nki,nij->nkj", by_input[..., 2:4], along), by_input[..., :2]], axis=2)
+    along = np.stack([_input_slope(place, felt, turn), _input_slope(place, felt, by_y)], axis=2)
+    slope = np.concatenate([np.einsum("nki,nij->nkj", by_input[..., 2:5], along), by_input[..., :2]], axis=2)
+    slope[..., 2] -= by_input[..., 4] * (felt * half)[:, None]
     directions = rim.directions[chosen]
     return Effect((directions @ mean[..., None])[..., 0], directions @ slope)
 
@@ -122,16 +121,17 @@ def reaches(rim: RimEffect, z: Complex) -> NDArray[np.bool_]:
     return (np.abs(z) > FROM) & teaches(rim)
 
 
-def _inputs(place: Complex, punch: Array, side: Array) -> Array:
-    radius = np.abs(place)
-    return np.column_stack([punch, np.log(SOFT - radius), ALONG * np.angle(place) * radius, side])
+def _inputs(ring: Ring, place: Complex, punch: Array, side: Array) -> Array:
+    radius, gap = np.abs(place), log_gap(place, half_width(ring, punch[:, 0]))[0]
+    return np.column_stack([punch, np.log(SOFT - radius), ALONG * np.angle(place) * radius, gap, side])
 
 
-def _input_slope(place: Complex, step: Complex) -> Array:
-    """(n, 2) change of the inputs of the place along a step."""
+def _input_slope(place: Complex, felt: Array, step: Complex) -> Array:
+    """(n, 3) change of the inputs of the place along a step, where the gap is felt (n,)."""
     radius, angle = np.abs(place), np.angle(place)
     forward = step * place.conj() / radius
-    return np.column_stack([-forward.real / (SOFT - radius), ALONG * (angle * forward.real + forward.imag)])
+    return np.column_stack([-forward.real / (SOFT - radius), ALONG * (angle * forward.real + forward.imag),
+                            -felt * forward.real])
 
 
 def _with_images(symmetry: Symmetry, place: Complex, folded: Array) -> tuple[Complex, NDArray[np.intp], Array]:

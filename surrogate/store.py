@@ -20,7 +20,7 @@ from surrogate.arrays import Arrays, flat, rebuilt
 from surrogate.model import METHODS, Calibration, Model, Range, Rows, learner_class
 from surrogate.ring import Ring
 
-SCHEMA = 7
+SCHEMA = 8
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 

@@ -18,6 +18,9 @@ Complex = NDArray[np.complex128]
 
 # How far an electrode or a combination of readings may be from its image, rad and relative.
 TOLERANCE = 1e-9
+# Part of the largest singular value below which one is zero but for rounding: half of all are, as readings that
+# exchange drive and read are equal, and some libraries leave these above numpy's default of 1e-15.
+ROUNDING = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,7 @@ def symmetry_of(ring: Ring) -> Symmetry:
     """
     point = np.exp(1j * ring.angle_rad)
     entries = _entries(ring, np.arange(len(point)))
-    inverse = np.linalg.pinv(entries)
+    inverse = np.linalg.pinv(entries, rcond=ROUNDING)
     found: list[tuple[complex, bool, Array]] = []
     for mirrored in (False, True):
         base = point.conj() if mirrored else point
@@ -68,7 +71,7 @@ def filled_from(ring: Ring, kept: NDArray[np.bool_]) -> Array:
     """(readings, kept) all readings of a ring by those kept, least in norm where these do not tell: two readings of one
     transfer impedance are equal."""
     entries = _entries(ring, np.arange(len(ring.angle_rad)))
-    return entries @ np.linalg.pinv(entries[kept])
+    return entries @ np.linalg.pinv(entries[kept], rcond=ROUNDING)
 
 
 def fold(symmetry: Symmetry, z: Complex) -> tuple[Complex, NDArray[np.intp]]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate import rim_effect, rim_error
-from surrogate.forward_map import ForwardMap, floor_at, gap, place
+from surrogate.forward_map import ForwardMap, gap, place
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Unce
     """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of norms size
     (n,), V, as far as known of all readings of the ring."""
     ring, beside = forward.ring, forward.beside
-    floor, z = floor_at(forward, unknown) * size, place(ring, unknown)
+    floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
     near = rim_effect.reaches(beside.rim, z)
     directions = min(beside.error.alike.shape[2:])
     axes, sd = np.zeros((len(z), len(ring.read), directions)), np.zeros((len(z), directions))
@@ -47,7 +47,7 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Unce
         axes[near], along, rest = rim_error.spread(beside.error, z[near], gaps)
         sd[near] = along * norm[:, None]
         left = norm * np.sqrt(rest / len(beside.rim.fill))
-        floor[near] = np.hypot(left, forward.floor * size[near]) * np.sqrt(ring.copies)
+        floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
     whole = np.hypot(noise_V, floor)
     return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
 

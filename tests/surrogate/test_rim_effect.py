@@ -98,3 +98,16 @@ def test_touches_far_from_the_rim_and_few_readings_are_learned(ring: Ring, synth
     learned = forward_map.learn(ring, touch, signal)
     assert not rim_effect.teaches(learned.beside.rim)
     assert np.all(np.isfinite(forward_map.linearise(learned, to_unknown(touch, learned.p0)).signal_V))
+
+
+def test_diameters_that_differ_by_rounding_are_learned_as_one(ring: Ring, synthetic: Synthetic) -> None:
+    touch, signal = synthetic(140, 6, (12.0,), 85.0)
+    jittered = touch.copy()
+    jittered[:, 2] *= 1 + 1e-6 * np.random.default_rng(0).normal(size=len(touch))
+    asked, expected = synthetic(40, 7, (12.0,), 85.0)
+    error = []
+    for taught in (touch, jittered):
+        learned = forward_map.learn(ring, taught, signal)
+        found = forward_map.linearise(learned, to_unknown(asked, learned.p0)).signal_V
+        error.append(np.median(np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)))
+    assert error[1] == pytest.approx(error[0], rel=0.5)
