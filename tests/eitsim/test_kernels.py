@@ -16,7 +16,7 @@ from eitsim.scene import Body, Punch
 from eitsim.solid import assemble
 from matcal.hyperfoam import Hyperfoam
 law = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
-touch = solve_touch(law, Body(), Punch(force_N=0.5), element_m=0.48e-3)
+touch = solve_touch(law, Body(), Punch(force_N=0.5), element_m=0.8e-3)
 print(json.dumps({"compiled": hasattr(assemble, "py_func"), "depth": touch.depth_m, "moved": list(touch.u_z_m)}))
 """
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import meshio
 import numpy as np
@@ -144,28 +144,23 @@ def test_a_missing_electrode_leaves_its_readings_out():
     assert figures_of_merit(points, area, image, np.array(PLACES[2]), 1.0).displacement_m < 2 * SIZE
 
 
-def reconstruct(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "eitsim", "reconstruct", *words], cwd=folder, capture_output=True,
-                          text=True, timeout=300)
-
-
-def test_command_writes_images_of_frames(tmp_path: Path):
+def test_command_writes_images_of_frames(command: Callable[..., CompletedProcess[str]], tmp_path: Path):
     names = [f"v_{i:03d}" for i in range(208)]
     write_numbers(tmp_path / "frames.csv", names, np.array([baseline(), baseline() + signal(PLACES[3])]))
-    done = reconstruct(tmp_path, "frames.csv", "--out", "image.vtu", "--json")
+    done = command("eitsim", "reconstruct", "frames.csv", "--out", "image.vtu", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (told,) = json.loads(done.stdout)["frames"]
     assert np.hypot(told["x_mm"] - 60, told["y_mm"] + 30) < 9
     mesh = meshio.read(tmp_path / "image.vtu")
     assert mesh.cell_data["frame_000"][0].max() == pytest.approx(told["peak"], rel=1e-6)
     write_numbers(tmp_path / "rest.csv", names, baseline()[None])
-    done = reconstruct(tmp_path, "frames.csv", "--baseline", "rest.csv", "--out", "image.csv")
+    done = command("eitsim", "reconstruct", "frames.csv", "--baseline", "rest.csv", "--out", "image.csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "line 2: this frame equals the untouched one" in done.stdout
     lines = (tmp_path / "image.csv").read_text().splitlines()
     assert lines[0] == "x_mm,y_mm,area_mm2,frame_000,frame_001"
     assert float(lines[1].split(",")[3]) == 0
-    done = reconstruct(tmp_path, "frames.csv", "--out", "image.png")
+    done = command("eitsim", "reconstruct", "frames.csv", "--out", "image.png", cwd=tmp_path)
     assert (done.returncode, "give a name that ends so" in done.stderr) == (2, True)
 
 

@@ -25,7 +25,7 @@ from matcal.card import MaterialCard, write_card
 from matcal.conductivity import Conductivity
 from matcal.hyperfoam import Hyperfoam
 
-RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.2, 0.3]},
+RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.25, 0.298]},
        "accuracy": {"signal": [0.005, 0.03]}, "fields": {"names": ["strain"], "side": 8}}
 FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3), "longterm")
 CARD = MaterialCard("Table 1", FOAM, None, Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0, 0.4)))
@@ -88,7 +88,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Account]
     accounts = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TOUCHCAL_CACHE", str(place / "cache"))
-        patch.setattr(reuse, "DEPTHS", (0.055, 0.07, 0.09))
+        patch.setattr(reuse, "DEPTHS", (0.065, 0.07, 0.075))
         patch.setattr(tabulate, "_CHECKS", 3)
         for scenes in (3, 5):
             *_, last = sweep(design_from(RAW, scenes), place / "card.json", place / "set", reuse=True)
@@ -161,7 +161,7 @@ def test_sets_without_times_have_an_account(tmp_path: Path) -> None:
 
 def test_the_command_prints_the_account(tmp_path: Path) -> None:
     write_card(CARD, tmp_path / "card.json")
-    (tmp_path / "design.toml").write_text("scenes = 1\n[punch]\nx_mm = 5\ny_mm = 0\nforce_N = 0.3\n")
+    (tmp_path / "design.toml").write_text("scenes = 1\n[punch]\nx_mm = 5\ny_mm = 0\nforce_N = 0.3\n[accuracy]\nsignal = 0.05\n")
     command = ["sweep", str(tmp_path / "design.toml"), "--card", str(tmp_path / "card.json"), "--workers", "1",
                "--out", str(tmp_path / "set")]
     told = CliRunner().invoke(app, [*command, "--report", str(tmp_path / "set.pdf")], catch_exceptions=False)

@@ -26,7 +26,7 @@ from matcal.hyperfoam import Hyperfoam
 distributed = pytest.importorskip("distributed")
 psutil = pytest.importorskip("psutil")
 
-RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.22, 0.3]},
+RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.262, 0.298]},
        "accuracy": {"signal": 0.05}}
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
 SCENES = 30
@@ -35,7 +35,7 @@ SCENES = 30
 @pytest.fixture
 def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(reuse, "DEPTHS", (0.055, 0.07, 0.09))
+    monkeypatch.setattr(reuse, "DEPTHS", (0.065, 0.07, 0.075))
     monkeypatch.setattr(sweeping, "ROWS_FROM_TABLE", 3)
     write_card(MaterialCard("Table 1", FOAM, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4))), tmp_path / "card.json")
     return tmp_path / "card.json"

@@ -26,10 +26,10 @@ from matcal.hyperfoam import Hyperfoam
 
 psutil = pytest.importorskip("psutil")
 
-RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.22, 0.3]},
+RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.262, 0.298]},
        "accuracy": {"signal": 0.05}}
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
-DEPTHS, PART = (0.055, 0.07, 0.09), 4
+DEPTHS, PART = (0.065, 0.07, 0.075), 4
 SWEEP = f"""
 import sys
 from pathlib import Path

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from eitsim.electrics import solve
 from eitsim.near_rim import COARSE as COARSE_RIM
 from eitsim.near_rim import rim_change, solve_near_rim
 from eitsim.pressing import equilibrium
-from eitsim.results import Touch
+from eitsim.results import RimField, Touch
 from eitsim.rim_tangent import rim_line
 from eitsim.scene import Body, Electrodes, Hold, Punch, Scene, Skin
 from eitsim.sensitivity import impedance_by_field
@@ -253,21 +252,26 @@ def test_readings_that_need_a_missing_electrode_have_no_derivative(tmp_path):
     assert np.array_equal(empty, np.repeat(np.tile(lost, 2)[:, None], 1 + len(found.parameters), axis=1))
 
 
-@pytest.mark.parametrize("side", [-0.5, 0.5])
+@lru_cache(maxsize=1)
+def at_the_rim() -> RimField:
+    """What the rim changes of the touch from which the lines start."""
+    return rim_change(FOAM, Body(), Punch(0.083, 0.0, 0.014, 1.0), COARSE_RIM).field
+
+
 @pytest.mark.parametrize(("step", "within", "at"), [
     pytest.param(1e-4, 0.02, lambda by: (FOAM, Punch(0.083 + by, 0.0, 0.014, 1.0)), id="place"),
     pytest.param(0.02, 0.2, lambda by: (FOAM, Punch(0.083, 0.0, 0.014, 1.0 + by)), id="force"),
     pytest.param(1e-4, 0.2, lambda by: (FOAM, Punch(0.083, 0.0, 0.014 + by, 1.0)), id="diameter")])
-def test_what_the_rim_changes_halfway_to_the_ends_of_its_line_is_on_it(step: float, within: float, at: Callable,
-                                                                      side: float):
-    here, there = (rim_change(FOAM, Body(), at(by)[1], COARSE_RIM).field for by in (0.0, side * step))
-    found = rim_line(here, Body(), at(0.0)[1], at, step, COARSE_RIM).at(side * step)
-    assert found.offset_m == pytest.approx(there.offset_m, abs=1e-12)
-    assert found.radius_m == pytest.approx(there.radius_m, abs=2e-4)
-    apart, moved_by = (np.linalg.norm(np.interp(found.radius_m, there.radius_m, there.normal[:, 0]) - one.normal[:, 0])
-                       for one in (found, here))
-    print(f"apart {apart / moved_by:.3f} of what the way there changes")
-    assert apart < within * moved_by
+def test_what_the_rim_changes_halfway_to_the_ends_of_its_line_is_on_it(step: float, within: float, at: Callable):
+    here, line = at_the_rim(), rim_line(at_the_rim(), Body(), at(0.0)[1], at, step, COARSE_RIM)
+    for side in (-0.5, 0.5):
+        there, found = rim_change(FOAM, Body(), at(side * step)[1], COARSE_RIM).field, line.at(side * step)
+        assert found.offset_m == pytest.approx(there.offset_m, abs=1e-12)
+        assert found.radius_m == pytest.approx(there.radius_m, abs=2e-4)
+        normal = np.interp(found.radius_m, there.radius_m, there.normal[:, 0])
+        apart, moved_by = (np.linalg.norm(normal - one.normal[:, 0]) for one in (found, here))
+        print(f"apart {apart / moved_by:.3f} of what the way there changes")
+        assert apart < within * moved_by
 
 
 @pytest.mark.slow
@@ -329,15 +333,14 @@ def test_what_is_not_built_is_refused_with_its_reason(scene: Scene, named: str):
         scene_sensitivity(scene, card)
 
 
-def test_run_writes_the_file_and_refuses_before_solving(tmp_path):
+def test_run_writes_the_file_and_refuses_before_solving(command: Callable[..., CompletedProcess[str]], tmp_path):
     write_card(CARD, tmp_path / "card.json")
-    (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
+    few = "[electrodes]\ncount = 8\n"
+    (tmp_path / "scene.toml").write_text(f'card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n{few}')
     (tmp_path / "stick.toml").write_text('card = "card.json"\n[punch]\nfriction = "stick"\n')
-    run = [sys.executable, "-m", "eitsim", "run", "scene.toml", "--sensitivity", "sens.csv"]
-    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    done = command("eitsim", "run", "scene.toml", "--sensitivity", "sens.csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "sens.csv").read_text().startswith("reading,value_V,x_mm,y_mm,F_N,d_mm,mu_1_Pa")
-    run[4] = "stick.toml"
-    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    done = command("eitsim", "run", "stick.toml", "--sensitivity", "sens.csv", cwd=tmp_path)
     assert done.returncode == 2
     assert "sensitivities are not built for friction" in done.stderr

@@ -1,0 +1,37 @@
+"""What the tests of several packages share: a command line run in this process, without a second start of Python."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from subprocess import CompletedProcess
+
+import pytest
+
+Command = Callable[..., CompletedProcess[str]]
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """(program, words, folder) -> exit status, standard output and standard error of a command run in that folder.
+
+    What main() does not turn into an exit status is raised here.
+    """
+
+    def run(program: str, *words: object, cwd: Path | None = None) -> CompletedProcess[str]:
+        arguments = [program, *map(str, words)]
+        with monkeypatch.context() as patch:
+            patch.setattr("sys.argv", arguments)
+            if cwd is not None:
+                patch.chdir(cwd)
+            capsys.readouterr()
+            status = 0
+            try:
+                importlib.import_module(f"{program}.cli").main()
+            except SystemExit as end:
+                status = int(end.code or 0)
+        out, err = capsys.readouterr()
+        return CompletedProcess(arguments, status, out, err)
+
+    return run
