@@ -1,15 +1,19 @@
 """Frames a second from standard input: models answer a stream of text lines, on one core.
 
 Lines hold the validation rows of each model with noise of 1e-6 V. `waiting` lets all frames wait, so that they are
-answered 32 at a time; `lone` gives one at a time, and tells how long an answer takes. CPU time, without start-up (the
-calibration of the intervals), which start_s tells. Run as `python benchmarks/streaming.py MODEL_DIR...`; writes
+answered 32 at a time; `lone` gives one at a time, and tells how long an answer takes. Both count CPU time, without
+start-up (the calibration of the intervals), which start_s tells. `paced` writes lines into a pipe at the pace of a
+sensor, as `surrogate predict -` reads them: frames_per_s and delay_ms, from a line's turn to its answer, are wall time,
+and a model keeps up where frames_per_s is nearly the pace. Run as `python benchmarks/streaming.py MODEL_DIR...`; writes
 results/streaming.csv beside this file.
 """
 
 from __future__ import annotations
 
 import io
+import os
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -17,21 +21,28 @@ import numpy as np
 from conditions import quick, shown, written
 
 from surrogate import store
-from surrogate.frame_lines import BATCH, frames_of
+from surrogate.frame_lines import BATCH, frames_of, waiting_lines
 from surrogate.model import Model
 from surrogate.predict import prepare
-from surrogate.stream import answers
+from surrogate.stream import answers, widen_pipe
 
 FRAMES, LONE, NOISE_V = *quick((512, 128), (64, 8)), 1e-6
+# lines a second of a paced stream: of a map that is inverted, and of what answers at once; and for how long, s
+INVERTED, DIRECT, PACED_S = 50, 1000, quick(20, 2)
+
+
+def lines_of(model: Model, frames: int) -> list[str]:
+    """Lines of text that a model is asked."""
+    rng = np.random.default_rng(0)
+    signal = model.calibration.signal_V[np.arange(frames) % len(model.calibration.signal_V)]
+    volts = model.baseline_V + signal + NOISE_V * rng.normal(size=signal.shape)
+    return [",".join(map(repr, frame)) for frame in volts.tolist()]
 
 
 def row(model: Model, most: int, frames: int) -> dict[str, object]:
     """Rate of one model, at most so many lines at a time."""
-    rng = np.random.default_rng(0)
-    signal = model.calibration.signal_V[np.arange(frames) % len(model.calibration.signal_V)]
-    volts = model.baseline_V + signal + NOISE_V * rng.normal(size=signal.shape)
-    lines = [(number, ",".join(map(repr, frame))) for number, frame in enumerate(volts.tolist(), start=1)]
-    order = np.arange(volts.shape[1])
+    lines = list(enumerate(lines_of(model, frames), start=1))
+    order = np.arange(len(model.baseline_V))
     begun = time.process_time()
     predictor = prepare(model, model.baseline_V, NOISE_V)
     answers(predictor, frames_of(lines[:1], order))
@@ -45,12 +56,42 @@ def row(model: Model, most: int, frames: int) -> dict[str, object]:
             "frames_per_s": frames / spent, "start_s": start_s}
 
 
+def paced(model: Model) -> dict[str, object]:
+    """Rate and delays of one model whose lines come at the pace of a sensor."""
+    pace = INVERTED if model.method == "forward" else DIRECT
+    lines = [f"{line}\n".encode() for line in lines_of(model, pace * PACED_S)]
+    predictor, order = prepare(model, model.baseline_V, NOISE_V), np.arange(len(model.baseline_V))
+    read_end, write_end = os.pipe()
+    widen_pipe(read_end)
+    begun = time.perf_counter() + 0.1
+    writer = threading.Thread(target=_write, args=(write_end, lines, begun, pace))
+    writer.start()
+    delay, sink = [], io.StringIO()
+    with os.fdopen(read_end, "rb") as source:
+        for waiting in waiting_lines(source):
+            sink.writelines(",".join(cells) + "\n" for cells in answers(predictor, frames_of(waiting, order)))
+            delay += [time.perf_counter() - begun - (number - 1) / pace for number, _ in waiting]
+    spent = time.perf_counter() - begun
+    writer.join()
+    return {"method": model.method, "outputs": len(model.names), "rows": len(model.rows.part), "mode": "paced",
+            "frames": len(lines), "pace_per_s": pace, "frames_per_s": len(lines) / spent,
+            "delay_ms": 1e3 * float(np.median(delay)), "delay_95_ms": 1e3 * float(np.quantile(delay, 0.95)),
+            "last_delay_ms": 1e3 * delay[-1]}
+
+
+def _write(write_end: int, lines: list[bytes], begun: float, pace: float) -> None:
+    with os.fdopen(write_end, "wb", buffering=0) as sink:
+        for number, line in enumerate(lines):
+            time.sleep(max(begun + number / pace - time.perf_counter(), 0.0))
+            sink.write(line)
+
+
 def main() -> None:
     models = [store.load(Path(name)) for name in sys.argv[1:]]
     if not models:
         raise SystemExit("streaming.py: give folders of models, from `surrogate train`.")
-    shown(written([row(model, most, frames) for model in models for most, frames in ((BATCH, FRAMES), (1, LONE))],
-                  "streaming"))
+    rows = [row(model, most, frames) for model in models for most, frames in ((BATCH, FRAMES), (1, LONE))]
+    shown(written(rows + [paced(model) for model in models], "streaming"))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 Array = NDArray[np.float64]
 
 # Most rows and quantities that the lengths are searched on.
-MAX_SEARCH, MAX_QUANTITIES = 400, 8
+MAX_SEARCH, MAX_QUANTITIES = 600, 8
 # Bounds of the lengths over the spread of their input, of the noise over the amplitude, and the most iterations.
 LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
 

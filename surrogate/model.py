@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -134,7 +135,9 @@ def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) ->
     runs where they take long (TOUCHCAL_CACHE)."""
     if model.method not in SLOW:
         return _scales(model, noise_V, coverages)
-    kept, _ = cache.kept(_key(model, noise_V, coverages), lambda: {"scales": _scales(model, noise_V, coverages)})
+    kept, note = cache.kept(_key(model, noise_V, coverages), lambda: {"scales": _scales(model, noise_V, coverages)})
+    if note:
+        warnings.warn(f"the calibration of intervals is {note}", stacklevel=2)
     return kept["scales"]
 
 

@@ -26,6 +26,8 @@ LEFT_OUT = 1e-4
 # Distances of the centre to the rim are felt as log(SOFT - |z|), beside the punch's own gap; lengths along it count
 # ALONG times.
 SOFT, ALONG = 1.06, 5.0
+# Inputs that tell a step along the gap apart from what changes fast with them: all before the gap itself.
+OF_STEP = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,8 @@ def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, s
     is seen."""
     near = _taught_by(z)
     place, folded = _folded(symmetry_of(ring), z[near], residual[near] / size[near, None])
-    inputs, quantities = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :-1], folded @ _axes(folded).T
+    inputs = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :OF_STEP]
+    quantities = folded @ _axes(folded).T
     lengths, noise = matern.hyperparameters(inputs, quantities)
     return step.place(inputs / lengths, quantities[:, :matern.MAX_QUANTITIES], gap[near], noise)
 

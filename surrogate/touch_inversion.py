@@ -19,7 +19,7 @@ from surrogate.ring import Ring
 Array = NDArray[np.float64]
 
 # Frames solved together, to bound the memory.
-BATCH = 256
+BATCH = 64
 # What an estimate holds for each frame, beside the parts of its standard deviations.
 _EACH = ("value", "sd", "misfit", "inside")
 
