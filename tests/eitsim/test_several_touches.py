@@ -53,13 +53,17 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
-PAIRS = {"apart": (at(-40, 10), at(40, -20, 0.010, 2.0)), "close": (at(-8, 0), at(8, 3)),
-         "near the rim": (at(84, 0), at(-20, 0, 0.010, 2.0)), "three": (at(0, 50), at(-40, -20), at(30, 0))}
+PAIRS = {"apart": ((-40, 10), (40, -20, 0.010, 2.0)), "close": ((-8, 0), (8, 3)),
+         "near the rim": ((84, 0), (-20, 0, 0.010, 2.0)), "three": ((0, 50), (-40, -20), (30, 0))}
+
+
+def pair(name: str) -> Touches:
+    return tuple(at(*touch) for touch in PAIRS[name])
 
 
 @pytest.mark.parametrize("name", PAIRS)
 def test_the_triangulation_covers_the_disc_with_circles_at_the_contacts(name):
-    touches = PAIRS[name]
+    touches = pair(name)
     mesh = triangulation(Body(), Electrodes(), touches, 1)
     _, area = gradients(mesh, np.zeros((len(mesh.nodes_m), 1)))
     assert area.min() > 0

@@ -38,17 +38,26 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     return run
 
 
-@pytest.fixture(scope="module")
-def forward(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A forward model of the synthetic sweep, trained on the command line."""
-    out = tmp_path_factory.mktemp("models") / "forward"
+def trained(sweep: Path, out: Path, *options: str) -> Path:
+    """A model of a sweep, trained on the command line."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.argv", ["surrogate", "train", str(sweep), "--out", str(out), "--seed", "1",
-                                       "--noise-db", "80"])
+        patch.setattr("sys.argv", ["surrogate", "train", str(sweep), "--out", str(out), "--seed", "1", *options])
         with pytest.raises(SystemExit) as end:
             cli.main()
     assert not end.value.code
     return out
+
+
+@pytest.fixture(scope="module")
+def forward(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A forward model of the synthetic sweep."""
+    return trained(sweep, tmp_path_factory.mktemp("models") / "forward", "--noise-db", "80")
+
+
+@pytest.fixture(scope="module")
+def ridge(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of the quickest method, for what the commands do with any."""
+    return trained(sweep, tmp_path_factory.mktemp("models") / "ridge", "--method", "ridge")
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +105,8 @@ def test_report_writes_a_pdf(call: Call, forward: Path, tmp_path: Path) -> None:
     assert (tmp_path / "forward.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_evaluate_prints_a_table(call: Call, forward: Path, few: Path) -> None:
-    status, out, _ = call("evaluate", forward, few, "--noise-db", "90")
+def test_evaluate_prints_a_table(call: Call, ridge: Path, few: Path) -> None:
+    status, out, _ = call("evaluate", ridge, few, "--noise-db", "90")
     assert status == 0
     assert "90.0 dB below the baseline" in out
     assert "delta_max" in out
@@ -106,9 +115,9 @@ def test_evaluate_prints_a_table(call: Call, forward: Path, few: Path) -> None:
     assert "+-90 %" in out
 
 
-def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, forward: Path, few: Path, sweep: Path,
+def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, ridge: Path, few: Path, sweep: Path,
                                                                  tmp_path: Path) -> None:
-    model = Path(shutil.copytree(forward, tmp_path / "model"))
+    model = Path(shutil.copytree(ridge, tmp_path / "model"))
     own = json.loads(call("evaluate", model, few, "--json")[1])["dataset"]["sha256"]
     pd.DataFrame({"dataset": own, "noise_db": 80.0, "material": ["known", "posterior"], "output": "F",
                   "limit": [0.0123, 0.0456]}).to_csv(model / "limits.csv", index=False)
@@ -118,10 +127,10 @@ def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, for
     assert json.loads(call("evaluate", model, sweep, "--noise-db", "80", "--json")[1])["noise"][0]["limits"] == {}
 
 
-def test_several_sets_are_compared(call: Call, forward: Path, few: Path, make_dataset: Callable[..., Path],
+def test_several_sets_are_compared(call: Call, ridge: Path, few: Path, make_dataset: Callable[..., Path],
                                    tmp_path: Path) -> None:
     other = make_dataset(tmp_path / "other", 12, 9)
-    status, out, _ = call("evaluate", forward, few, other, "--json")
+    status, out, _ = call("evaluate", ridge, few, other, "--json")
     result = json.loads(out)
     assert status == 0
     assert list(result["sets"]) == [str(few), str(other)]
@@ -184,13 +193,13 @@ def test_the_first_frame_serves_as_the_baseline(call: Call, forward: Path, synth
     assert table["line"].tolist() == [2, 3, 4]
 
 
-def test_named_columns_may_come_in_any_order(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array,
+def test_named_columns_may_come_in_any_order(call: Call, ridge: Path, synthetic: Synthetic, untouched_V: Array,
                                              tmp_path: Path) -> None:
     frames = np.vstack([untouched_V, untouched_V + synthetic(2, 52)[1]])
     order = np.random.default_rng(0).permutation(208)
-    straight = call("predict", forward, write_frames(tmp_path / "a.csv", frames), "--noise-V", "1e-6")[1]
+    straight = call("predict", ridge, write_frames(tmp_path / "a.csv", frames), "--noise-V", "1e-6")[1]
     turned = write_frames(tmp_path / "b.csv", frames[:, order], [voltage_columns(208)[i] for i in order])
-    mixed = call("predict", forward, turned, "--noise-V", "1e-6")[1]
+    mixed = call("predict", ridge, turned, "--noise-V", "1e-6")[1]
     one, other = (pd.read_csv(io.StringIO(text)).drop(columns=["line", "flag"]) for text in (straight, mixed))
     assert np.allclose(one, other)
 
