@@ -49,22 +49,22 @@ def account(design: Design, card: Path, folder: Path, workers: int = 1) -> Accou
 def test_a_continued_sweep_equals_one_in_a_go_on_any_number_of_workers(card: Path, tmp_path: Path) -> None:
     assert account(design_from(RAW, 3), card, tmp_path / "a").solved == 3
     first = read_dataset(tmp_path / "a").table
-    grown = account(design_from(RAW, 10), card, tmp_path / "a", workers=2)
-    assert (grown.kept, grown.solved, dict(grown.outcomes)) == (3, 7, {"ok": 10})
-    account(design_from(RAW, 10), card, tmp_path / "b")
+    grown = account(design_from(RAW, 6), card, tmp_path / "a", workers=2)
+    assert (grown.kept, grown.solved, dict(grown.outcomes)) == (3, 3, {"ok": 6})
+    account(design_from(RAW, 6), card, tmp_path / "b")
     a, b = (read_dataset(tmp_path / name).table.drop(columns=[*COST]) for name in "ab")
     pd.testing.assert_frame_equal(a, b)
     pd.testing.assert_frame_equal(a.head(3), first.drop(columns=[*COST]))
 
 
 def test_a_lost_part_is_made_again(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweeping, "ROWS_AFRESH", 4)
-    account(design_from(RAW, 9), card, tmp_path / "a")
+    monkeypatch.setattr(sweeping, "ROWS_AFRESH", 2)
+    account(design_from(RAW, 5), card, tmp_path / "a")
     whole = read_dataset(tmp_path / "a").table.drop(columns=[*COST])
     monkeypatch.undo()
-    assert [path.name for path in parts(tmp_path / "a")] == [f"part-{first:09d}.parquet" for first in (0, 4, 8)]
+    assert [path.name for path in parts(tmp_path / "a")] == [f"part-{first:09d}.parquet" for first in (0, 2, 4)]
     parts(tmp_path / "a")[1].unlink()
-    assert account(design_from(RAW, 9), card, tmp_path / "a").solved == 4
+    assert account(design_from(RAW, 5), card, tmp_path / "a").solved == 2
     pd.testing.assert_frame_equal(read_dataset(tmp_path / "a").table.drop(columns=[*COST]), whole)
 
 
