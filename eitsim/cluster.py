@@ -15,9 +15,9 @@ from eitsim.cache import key_of
 from eitsim.crew import Crew, NoCrew, Submit, Task
 from eitsim.provenance import versions
 
-# How long a scheduler may take to answer, how often the cluster's size is asked for, and how long it may be without
-# workers, s.
-_ANSWER_S, _SIZE_S, _WITHOUT_S = 10.0, 5.0, 300.0
+# How long a scheduler may take to answer, how often the cluster's size is asked for, how long it may be without
+# workers, and how long a finished result may take to come, s: to a client that is closed meanwhile it never does.
+_ANSWER_S, _SIZE_S, _WITHOUT_S, _FETCH_S = 10.0, 5.0, 300.0, 60.0
 _GONE = "the dask scheduler is gone. Start one, and the same command again: what is finished is kept."
 
 
@@ -158,9 +158,10 @@ class _Cluster:
 
     def _pass_on(self, answer: Future[Any], done: Any) -> None:
         try:
-            answer.set_result(done.result())
-        except CancelledError as error:
-            answer.set_exception(error if self._client.status == "running" else NoCrew(_GONE))
+            answer.set_result(done.result(timeout=_FETCH_S))
+        except (CancelledError, TimeoutError):
+            lost = CancelledError(f"no result came from the cluster within {_FETCH_S:g} s")
+            answer.set_exception(lost if self._client.status == "running" else NoCrew(_GONE))
         except BaseException as error:
             answer.set_exception(error)
 
