@@ -21,7 +21,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 app = application("Learn touches from electrode voltages: the paper's networks, a forward map, ridge regression.")
 
-# Training rows that a forward model is scored on after its training, at most: it reads frames at some 20 ms each.
+# Training rows that a forward model is scored on, at most: it reads frames at some 15 ms each.
 MOST_TRAINED = 600
 DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
 
@@ -62,7 +62,7 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
                 calibrate=None if calibrate is None else read_samples(calibrate))
     store.save(model, out)
-    result = scored(model, samples, levels, most_trained=MOST_TRAINED if method == "forward" else None)
+    result = scored(model, samples, levels, most_trained=_most_trained(model))
     store.save_evaluation(out, result.scores, result.predictions)
     if as_json:
         print_json({"model": out, "training": model.record["training"], **result.scores})
@@ -94,8 +94,8 @@ def evaluate(model_folder: ModelFolder,
 
     levels, model = _levels(noise_db), store.load(model_folder)
     limits = read_limits(model_folder)
-    sets = {str(folder): with_limits(scored(model, read_samples(folder), levels, noise_reference).scores, limits)
-            for folder in folders}
+    sets = {str(folder): with_limits(scored(model, read_samples(folder), levels, noise_reference,
+                                            _most_trained(model)).scores, limits) for folder in folders}
     if not as_json:
         for name, scores in sets.items():
             if len(sets) > 1:
@@ -107,6 +107,10 @@ def evaluate(model_folder: ModelFolder,
         print_json({"model": model_folder, **next(iter(sets.values()))})
     else:
         print_json({"model": model_folder, "sets": sets, "transfer": transfer(sets)})
+
+
+def _most_trained(model: Model) -> int | None:
+    return MOST_TRAINED if model.method == "forward" else None
 
 
 @app.command()

@@ -213,21 +213,16 @@ def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, 
     beside, side = forward.beside, step.side(gap(forward.ring, unknown), forward.beside.step)
     answer = polarization.counted(polarization.effect(beside.polarization, forward.ring, fields, z, punch, side), z)
     metal = polarization.counted(rim_effect.effect(beside.rim, forward.ring, z, punch, side), z)
-    pattern, *moved = (_of_all(forward, part[..., 0]) for part in (base, by_x, by_y))
-    norm, norm_slope = np.linalg.norm(pattern, axis=1), np.zeros((len(z), 4))
-    for k, by in enumerate(moved):
-        norm_slope[:, k] = np.sum(pattern * by, axis=1) / norm / forward.ring.radius_mm
+    if base.shape[1] < len(beside.rim.whole.read):
+        base, by_x, by_y = multipole.basis_and_slopes(beside.rim.whole, fields)
+    norm, norm_slope = np.linalg.norm(base[..., 0], axis=1), np.zeros((len(z), 4))
+    for k, by in enumerate((by_x, by_y)):
+        norm_slope[:, k] = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
     whole = answer.value + metal.value * norm[:, None]
     by_unknown = answer.slope + metal.slope * norm[:, None, None]
     by_unknown[..., :2] /= forward.ring.radius_mm
     by_unknown += metal.value[..., None] * norm_slope[:, None]
     return whole * dipole[:, None], by_unknown * dipole[:, None, None] + whole[..., None] * slope[:, :1]
-
-
-def _of_all(forward: ForwardMap, signal: Array) -> Array:
-    """Signals (n, readings) of all readings of the ring, as far as those that frames have tell them."""
-    fill = forward.beside.rim.fill
-    return signal if len(fill) == fill.shape[1] else signal @ fill.T
 
 
 def place(ring: Ring, touch: Array) -> NDArray[np.complex128]:

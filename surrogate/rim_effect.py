@@ -39,6 +39,8 @@ class RimEffect:
     # (maps, readings, components) directions of the effect at touches that each map folds
     directions: Array
     process: Matern
+    # the ring with all readings, whose patterns' norms the effect is over
+    whole: Ring
     # (all readings of the ring, readings) all of them by those that frames have
     fill: Array
 
@@ -47,7 +49,7 @@ def none_of(ring: Ring) -> RimEffect:
     """No effect anywhere."""
     identity = Symmetry(np.ones(1, complex), np.zeros(1, bool), np.eye(len(ring.read))[None])
     process = Matern(np.zeros((0, 6)), np.ones(6), np.zeros((0, 0)))
-    return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, np.eye(len(ring.read)))
+    return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, ring, np.eye(len(ring.read)))
 
 
 def learn(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
@@ -60,7 +62,7 @@ def learn(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, si
     axes = _axes(folded)
     process = matern.fit(_inputs(ring, place, punch[near][of], side[near][of]), folded @ axes.T)
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
-    return RimEffect(symmetry, back @ axes.T, process, np.eye(len(ring.read)))
+    return RimEffect(symmetry, back @ axes.T, process, ring, np.eye(len(ring.read)))
 
 
 def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, size: Array) -> float:

@@ -8,6 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.dead_channels import check_needed, named, silent, stuck, without
+from surrogate.forward_map import linearise
+from surrogate.loading import to_unknown
 from surrogate.model import Model, estimate
 from surrogate.predict import MISFIT, NO_TOUCH, OTHER_SIGN, OUTSIDE, Predictor, predict, prepare, sign_caution
 from surrogate.samples import Samples
@@ -131,6 +133,18 @@ def test_a_dead_electrode_widens_the_intervals(predictors: dict[str, Predictor],
     ratio = estimate(without(model, dead), signal[:, ~dead], NOISE_V).sd / estimate(model, signal, NOISE_V).sd
     assert np.all(ratio > 0.95)
     assert np.all(np.median(ratio, axis=0) > 1.1)
+
+
+def test_the_map_beside_a_dead_electrode_is_the_whole_map_without_its_readings(forward: Model,
+                                                                               synthetic: Synthetic) -> None:
+    ring = forward.ring
+    dead = np.any([getattr(ring, name) == 3 for name in ("source", "sink", "read", "ground")], axis=0)
+    touch = np.array([[r * np.cos(ring.angle_rad[3] + t), r * np.sin(ring.angle_rad[3] + t), 12.0, 1.0]
+                      for r in (60.0, 75.0, 84.0) for t in (0.0, 0.1)])
+    maps = [model.learner.forward for model in (forward, without(forward, dead))]
+    whole, kept = (linearise(one, to_unknown(touch, one.p0)) for one in maps)
+    assert np.allclose(kept.signal_V, whole.signal_V[:, ~dead], rtol=1e-9, atol=1e-12)
+    assert np.allclose(kept.jacobian, whole.jacobian[:, ~dead], rtol=1e-9, atol=1e-12)
 
 
 def test_a_channel_that_is_dead_in_the_baseline_is_dead_in_every_frame(forward: Model, synthetic: Synthetic,
