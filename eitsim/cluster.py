@@ -159,9 +159,12 @@ class _Cluster:
     def _pass_on(self, answer: Future[Any], done: Any) -> None:
         try:
             answer.set_result(done.result(timeout=_FETCH_S))
-        except (CancelledError, TimeoutError):
-            lost = CancelledError(f"no result came from the cluster within {_FETCH_S:g} s")
-            answer.set_exception(lost if self._client.status == "running" else NoCrew(_GONE))
+        except CancelledError as error:
+            answer.set_exception(error if self._client.status == "running" else NoCrew(_GONE))
+        except TimeoutError as error:
+            late = CancelledError(f"its result did not come within {_FETCH_S:g} s")
+            own = error if done.status == "error" else late
+            answer.set_exception(own if self._client.status == "running" else NoCrew(_GONE))
         except BaseException as error:
             answer.set_exception(error)
 

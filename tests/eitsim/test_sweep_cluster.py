@@ -7,14 +7,16 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import CancelledError, Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
 from eitsim import reuse
 from eitsim import sweep as sweeping
-from eitsim.cluster import cluster
+from eitsim.cluster import _Cluster, cluster
 from eitsim.crew import NoCrew, answers
 from eitsim.dataset import COST, read_dataset
 from eitsim.design import design_from
@@ -145,3 +147,17 @@ def test_a_scheduler_that_goes_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     finally:
         process.kill()
         process.communicate()
+
+
+@pytest.mark.parametrize(("client", "task", "error", "told"), [
+    ("running", "finished", TimeoutError(), CancelledError), ("closed", "finished", TimeoutError(), NoCrew),
+    ("running", "error", TimeoutError("of the row"), TimeoutError), ("closed", "cancelled", CancelledError(), NoCrew)])
+def test_a_result_that_does_not_come_is_lost_or_its_scheduler_is(client: str, task: str, error: BaseException,
+                                                                told: type[BaseException]) -> None:
+    """A task's own error stays its own."""
+    def late(timeout: float) -> None:
+        raise error
+
+    answer: Future[object] = Future()
+    _Cluster(SimpleNamespace(status=client))._pass_on(answer, SimpleNamespace(status=task, result=late))
+    assert type(answer.exception()) is told
