@@ -44,7 +44,7 @@ bench: install
 	QUICK=$(QUICK) PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python benchmarks/whole.py
 
 docs: install
-	$(BIN)/pdoc --docformat markdown -o reports/out/api matcal eitsim surrogate reports
+	$(BIN)/pdoc --docformat markdown -o reports/out/api touchcal matcal eitsim surrogate reports
 
 paper: install
 	@mkdir -p reports/out

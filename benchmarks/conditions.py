@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import pandas as pd
 
-from reports.measured_code import measured_code
+from touchcal.code_version import script_hash
 
 QUICK = os.environ.get("QUICK", "") == "1"
 RESULTS = Path(__file__).parent / "results" / ("quick" if QUICK else "")
@@ -34,7 +34,7 @@ def quick(whole: T, few: T) -> T:
 def conditions() -> dict[str, str]:
     """What CONDITIONS hold of this run; `code` is that of the benchmark which runs, "unknown" where none does."""
     running = Path(sys.argv[0]).resolve()
-    code = measured_code(running) if running.suffix == ".py" else "unknown"
+    code = script_hash(running) if running.suffix == ".py" else "unknown"
     names = ("touchcal", "numpy", "scipy", "numba")
     return {"machine": f"{processor()}, {os.cpu_count()} cores", "threads": os.environ.get("OMP_NUM_THREADS", "all"),
             "versions": " ".join(f"{name} {importlib.metadata.version(name)}" for name in names),

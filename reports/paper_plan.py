@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eitsim.code_hash import ROOT, code_hash
 from eitsim.dataset import MANIFEST, read_manifest
 from eitsim.design import read_design, tables_at
 from eitsim.provenance import card_identity
@@ -15,7 +14,7 @@ from matcal.card import read_card
 from reports.paper_stages import RECORD, Stage, calibration_code, state, touch_code
 from reports.provenance import source
 from reports.staleness import other_code
-from surrogate.own_code import package_hash
+from touchcal.code_version import ROOT, code_hash
 
 DATA, EXAMPLES, SCENES = ROOT / "data_raw", ROOT / "examples", Path(__file__).parent / "paper_scenes"
 SEED = "1"
@@ -131,7 +130,7 @@ def _sweep(work: Path, setting: Setting, card: Path, workers: int) -> Stage:
 
 def _trained(work: Path, name: str, data: Path, workers: int, method: tuple[str, ...]) -> Stage:
     return Stage(name, work / name, ("surrogate", "train", data, "--out", work / name, *method, "--seed", SEED),
-                 (data,), package_hash("surrogate"), beside=("--workers", str(workers)))
+                 (data,), code_hash(("surrogate.cli",)), beside=("--workers", str(workers)))
 
 
 def write_scenes(work: Path) -> None:

@@ -16,11 +16,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from eitsim.code_hash import code_hash
 from matcal.card import write_json
 from matcal.errors import NotConverged, TestFileError
 from matcal.terminal import NOT_CONVERGED
 from reports.provenance import Source, combined, machine, source
+from touchcal.code_version import code_hash
 
 RECORD, BEGUN, LOG = ".stage.json", ".begun.json", ".log"
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

@@ -12,8 +12,8 @@ import pandas as pd
 
 from eitsim.cache import key_of
 from eitsim.made_by import EARLIER
-from reports.measured_code import ROOT, measured_code
 from reports.numerals import counted
+from touchcal.code_version import ROOT, script_hash
 
 CURRENT, UNKNOWN, STALE = "current", "unknown", "stale"
 CODE, VERSIONS = "code", "versions"
@@ -40,7 +40,7 @@ def state(table: pd.DataFrame, file: str, benchmark: str, folder: Path = ROOT / 
     if not path.is_file():
         return State(file, UNKNOWN, f"unknown: {path.name} is not here")
     codes = _column(table, CODE)
-    old = codes.notna() & (codes != measured_code(path, folder.parent))
+    old = codes.notna() & (codes != script_hash(path, folder.parent))
     if changed := _changed({str(words) for words in _column(table, VERSIONS).dropna()}):
         return State(file, STALE, f"stale: measured with {', '.join(changed)}")
     if old.any():

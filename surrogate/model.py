@@ -17,7 +17,6 @@ from surrogate.arrays import fingerprint
 from surrogate.estimate import Estimate
 from surrogate.intervals import COVERAGE, conformal_scale
 from surrogate.metrics import Array
-from surrogate.own_code import package_hash
 from surrogate.ring import Ring
 
 if TYPE_CHECKING:
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
 METHODS = ("trainbr", "network", "forward", "mlp", "ridge", "gp")
 # Methods whose answers take long enough for the scales of their intervals to be kept between runs.
 SLOW = ("forward", "gp")
+# What decides the scales of intervals.
+_CODE = ("surrogate.train", "surrogate.model")
 # Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
 NOISY_FRAMES, NOISE_DRAWS = 1000, 4
 
@@ -149,8 +150,7 @@ def calibrated(model: Model, noise_V: float) -> bool:
 def _key(model: Model, noise_V: float, coverages: Sequence[float]) -> str:
     """What the scales of a model follow from, for the cache."""
     return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
-                         "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages),
-                         "code": package_hash("surrogate")})
+                         "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages)}, _CODE)
 
 
 def _scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:

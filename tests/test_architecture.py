@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-STAIRS = ("matcal", "eitsim", "surrogate", "reports")
+STAIRS = ("touchcal", "matcal", "eitsim", "surrogate", "reports")
 DRAWING = {"matplotlib", "typst", "corner"}
 
 

@@ -13,10 +13,10 @@ import pytest
 
 from matcal.errors import TestFileError
 from reports.benches import BENCHES, Bench, cheapest, points
-from reports.measured_code import ROOT, measured_code
 from reports.precision import report
 from reports.precision_plates import seconds
 from reports.stored_report import write
+from touchcal.code_version import ROOT, script_hash
 
 Reader = Callable[[Path], Any]
 
@@ -95,7 +95,7 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
 def test_stale_tables_are_marked_and_current_ones_are_not(tmp_path: Path, changed: dict[str, str],
                                                           words: str | None) -> None:
     write_electrics(tmp_path)
-    table, code = pd.read_csv(tmp_path / "electrics.csv"), measured_code(ROOT / "benchmarks" / "electrics.py")
+    table, code = pd.read_csv(tmp_path / "electrics.csv"), script_hash(ROOT / "benchmarks" / "electrics.py")
     table.assign(**{"code": code, "versions": f"numpy {version('numpy')}"} | changed).to_csv(
         tmp_path / "electrics.csv", index=False)
     made = report(tmp_path)
