@@ -16,12 +16,12 @@ import numpy as np
 from conditions import quick, shown, written
 from materials import TABLE_1
 
-from matcal.curves import Curve, weigh
-from matcal.fit import fit, modelled, relative_rms
-from matcal.hyperfoam import Hyperfoam
-from matcal.protocols import reduce_tests
-from matcal.search import pose, search
-from matcal.varpro import least_moduli
+from matcal.fitting.hyperfoam.curves import Curve, weigh
+from matcal.fitting.hyperfoam.exponent_search import pose, search
+from matcal.fitting.hyperfoam.hyperfoam_fit import fit, modelled, relative_rms
+from matcal.fitting.hyperfoam.variable_projection import least_moduli
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.reduction.reduce import reduce_tests
 
 HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"

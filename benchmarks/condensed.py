@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eitsim.cem import SkinMesh, quadrature_points, weights
-from eitsim.dissection import dissect
-from eitsim.elimination import eliminate, impedance_alone, solve
+from eitsim.electrics.cem.assembly import SkinMesh, quadrature_points, weights
+from eitsim.numerics.conductor_elimination import eliminate, impedance_alone, solve
+from eitsim.numerics.nested_dissection import dissect
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]

@@ -18,10 +18,10 @@ import pandas as pd
 from conditions import quick, shown, written
 from materials import TABLE_1
 
-from eitsim.axisymmetric import PENALTY, solve_touch
-from eitsim.mesh import ELEMENTS, default_element_m
-from eitsim.results import Touch
-from eitsim.scene import Body, Punch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, solve_touch
+from eitsim.mechanics.solid.grid import ELEMENTS, default_element_m
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Punch
 
 # Touches and the reference's element size over the default one; a sphere's elements are small all over its face.
 TOUCHES = {"d = 10 mm, 2 N": (Punch(diameter_m=0.010, force_N=2.0), 0.25),

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.io import loadmat, savemat
 from scipy.spatial import Delaunay
 
-from eitsim.cem import SkinMesh
+from eitsim.electrics.cem.assembly import SkinMesh
 
 RADIUS_M, ELECTRODES, CONTACT_OHM_M = 0.1, 16, 1.0
 PEERS = Path(__file__).parent / "peers"

@@ -25,17 +25,17 @@ from electrics_random import BODY, DRIVE, ELECTRODES, FINEST, SKIN, distance, re
 from materials import SKIN_LAW, TABLE_1
 from timing import least_cpu_s
 
-from eitsim.alike import alike_mesh
-from eitsim.axisymmetric import solve_touch
-from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
-from eitsim.drive import read_out
-from eitsim.electrics import solve
-from eitsim.halving import halved
-from eitsim.results import Touch
-from eitsim.rim import solve_rim
-from eitsim.scene import Punch
-from eitsim.skin import sheet_conductance, untouched_conductance
-from eitsim.template import rim_angles, ring_mesh, template
+from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.cem.boundary_integral import solve_rim
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.mesh.p2_triangles import halved
+from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh, template
+from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
+from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, untouched_conductance
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.drive import read_out
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Punch
 
 CENTRAL = (Punch(), Punch(0.05, 0.01, 0.010, 2.0), Punch(0.06, -0.02, 0.018, 0.5))[:quick(3, 1)]
 NEAR_RIM = (Punch(-0.05, 0.065),)[:quick(1, 0)]

@@ -22,17 +22,17 @@ import pandas as pd
 from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
-from eitsim.drive import Drive, read_out
-from eitsim.electrics import solve
-from eitsim.electrodes import Electrodes, arcs
-from eitsim.near_rim import solve_near_rim
-from eitsim.plan import near_rim
-from eitsim.results import Touch
-from eitsim.scene import Accuracy, Body, Punch, Scene, Skin
-from eitsim.skin import touched_conductance, untouched_conductance
-from eitsim.template import centred_radii, inside_rim, ring_mesh
+from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.mesh.ring_mesh import centred_radii, inside_rim, ring_mesh
+from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.scene.drive import Drive, read_out
+from eitsim.scene.electrodes import Electrodes, arcs
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Accuracy, Body, Punch, Scene, Skin
+from eitsim.simulation.plan import near_rim
 
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
 SCENES, SEED = quick(200, 3), 5

@@ -21,10 +21,10 @@ from conditions import quick, written
 from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
-from eitsim.cem import SkinMesh, dissection, eliminated, impedance, quadrature_points
-from eitsim.elimination import Elimination, residual, solve
-from eitsim.scene import Body, Electrodes
-from eitsim.template import rim_angles, ring_mesh
+from eitsim.electrics.cem.assembly import SkinMesh, dissection, eliminated, impedance, quadrature_points
+from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
+from eitsim.numerics.conductor_elimination import Elimination, residual, solve
+from eitsim.scene.scene import Body, Electrodes
 
 BODY, ELECTRODES = Body(), Electrodes()
 COUNT = ELECTRODES.count

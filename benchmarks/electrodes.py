@@ -11,12 +11,12 @@ import time
 import numpy as np
 from conditions import quick, shown, written
 
-from eitsim.electrics import solve
-from eitsim.electrodes import Electrodes, present
-from eitsim.results import Touch
-from eitsim.rim import solve_rim
-from eitsim.scene import Body, Drive, Punch, Skin
-from matcal.conductivity import Conductivity
+from eitsim.electrics.cem.boundary_integral import solve_rim
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.scene.electrodes import Electrodes, present
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Drive, Punch, Skin
+from matcal.laws.conductivity import Conductivity
 
 BODY, LAW, PUNCH = Body(), Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Punch(0.03, 0.02)
 RIM_M = 2 * np.pi * BODY.radius_m

@@ -16,9 +16,9 @@ from collections.abc import Iterator
 import numpy as np
 from conditions import quick, shown, written
 
-from surrogate.evaluate import UNSEEN, evaluate
-from surrogate.samples import Samples, read_samples, take
-from surrogate.train import train
+from surrogate.data.samples import Samples, read_samples, take
+from surrogate.model.evaluate import UNSEEN, evaluate
+from surrogate.model.train import train
 
 SEED, EPOCHS, ROWS, WORKERS = 1, quick(300, 5), quick(4000, 200), 2
 REACH_MM = {"within 80 mm": 80.0, "disc": np.inf}

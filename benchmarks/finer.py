@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.electrics import solve
-from eitsim.mesh import default_element_m
-from eitsim.near_rim import WHOLE, Fineness, corrected
-from eitsim.plan import law_of, near_rim
-from eitsim.results import Readings, Touch
-from eitsim.scene import Scene
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.solve_near_rim import WHOLE, Fineness, corrected
+from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.results import Readings, Touch
+from eitsim.scene.scene import Scene
+from eitsim.simulation.plan import law_of, near_rim
 from matcal.card import MaterialCard, require
 
 # meshes of the change by the rim, and the wanted error of the readings

@@ -11,8 +11,8 @@ import itertools
 from conditions import quick, shown, written
 from materials import TABLE_1
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.scene import Body, Punch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.scene import Body, Punch
 
 DIAMETERS_MM, FORCES_N = (10, 14, 18), quick((0.1, 0.5, 1.0, 2.0, 3.0), (1.0,))
 FRICTIONS = (("none", 0.0), ("stick", 0.0))

@@ -27,14 +27,14 @@ from conditions import quick, shown, written
 from faithful import PAPER, REACH_MM, ROWS, SEED
 from torch import Tensor
 
-from eitsim.cem import dissection, impedance, quadrature_points, weights
-from eitsim.scene import Body, Electrodes
-from eitsim.template import rim_angles, ring_mesh
-from surrogate import evidence, network, outputs
-from surrogate.laplace import Curvature
-from surrogate.samples import Samples, read_samples, take
-from surrogate.scaling import min_max, scaled, unscaled
-from surrogate.split import split
+from eitsim.electrics.cem.assembly import dissection, impedance, quadrature_points, weights
+from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
+from eitsim.scene.scene import Body, Electrodes
+from surrogate.data import outputs
+from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.learners.bayesian_network import bayesian_regularisation, layer
+from surrogate.learners.bayesian_network.laplace import Curvature
+from surrogate.learners.bayesian_network.min_max import min_max, scaled, unscaled
 
 DEVICE = "cuda"
 STARTS, EPOCHS, TIMED_STEPS = quick((1, 2, 3), (1,)), quick(1000, 5), 3
@@ -46,7 +46,7 @@ CONDUCTANCE_S, SPREAD = 1e-3, 0.3
 
 def curvature(w: Tensor, x: Tensor) -> Curvature:
     """As `laplace.curvature`, whole, of tensors on the device."""
-    jacobian = network.jacobian(w, x)
+    jacobian = layer.jacobian(w, x)
     gram = jacobian @ jacobian.T if len(x) < len(w) else jacobian.T @ jacobian
     return Curvature(gram, len(x), len(w))  # pyright: ignore[reportArgumentType]
 
@@ -82,10 +82,18 @@ def log_evidence(of: Curvature, alpha: float, beta: float, cost: float) -> float
 @contextlib.contextmanager
 def on_device() -> Iterator[None]:
     """`evidence.train` with the algebra above, for inputs on the device."""
-    start = network.initial_weights
-    with (patch.multiple(evidence, curvature=curvature, factor=factor, solve=solve, log_evidence=log_evidence,
-                         effective_parameters=effective_parameters),
-          patch.object(network, "initial_weights", lambda *given: start(*given).to(DEVICE))):
+    start = layer.initial_weights
+    with (
+        patch.multiple(
+            bayesian_regularisation,
+            curvature=curvature,
+            factor=factor,
+            solve=solve,
+            log_evidence=log_evidence,
+            effective_parameters=effective_parameters,
+        ),
+        patch.object(layer, "initial_weights", lambda *given: start(*given).to(DEVICE)),
+    ):
         yield
 
 
@@ -102,9 +110,11 @@ def training(samples: Samples, region: str, start: int) -> Iterator[dict[str, ob
         steps = timed_steps(x, y)
         begun = time.perf_counter()
         with on_device():
-            w, told = evidence.train(x.to(DEVICE), y.to(DEVICE), start, evidence.Options(epochs=EPOCHS))
+            w, told = bayesian_regularisation.train(
+                x.to(DEVICE), y.to(DEVICE), start, bayesian_regularisation.Options(epochs=EPOCHS)
+            )
         took = time.perf_counter() - begun
-        value = [unscaled(targets, network.output(w.cpu(), rows)[:, None].numpy())[:, 0] for rows in (x, unseen)]
+        value = [unscaled(targets, layer.output(w.cpu(), rows)[:, None].numpy())[:, 0] for rows in (x, unseen)]
         error = [found - rows.target[:, column] for found, rows in zip(value, (train, test), strict=True)]
         rmse = float(np.sqrt(np.mean(error[1]**2)))
         yield {"start": start, "region": region, "output": name, "unit": outputs.of(name).unit, "rmse": rmse,
@@ -119,7 +129,7 @@ def training(samples: Samples, region: str, start: int) -> Iterator[dict[str, ob
 def timed_steps(x: Tensor, y: Tensor) -> float:
     """Wall time of a step on the processor, s."""
     begun = time.perf_counter()
-    told = evidence.train(x, y, SEED, evidence.Options(epochs=TIMED_STEPS))[1]
+    told = bayesian_regularisation.train(x, y, SEED, bayesian_regularisation.Options(epochs=TIMED_STEPS))[1]
     return (time.perf_counter() - begun) / told.epochs
 
 

@@ -25,15 +25,15 @@ import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
 
-from matcal.calibrate import Calibration, Choices, calibrate
-from matcal.derived import derived_of, stress_of
-from matcal.errors import NotConverged
-from matcal.experiment import Experiment
-from matcal.hyperfoam import Hyperfoam
-from matcal.modes import nominal_stress
-from matcal.posterior import sample
-from matcal.protocols import reduce_tests
-from matcal.uncertainty import PLATEAU_STRAIN, intervals
+from matcal.fitting.calibrate import Calibration, Choices, calibrate
+from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, intervals
+from matcal.laws.deformation_modes import nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.posterior.derived_quantities import derived_of, stress_of
+from matcal.posterior.sample import sample
+from matcal.reduction.experiment import Experiment
+from matcal.reduction.reduce import reduce_tests
+from touchcal.errors import NotConverged
 
 HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"

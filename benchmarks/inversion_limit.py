@@ -25,22 +25,21 @@ import numpy as np
 from conditions import quick, shown, written
 from numpy.typing import NDArray
 
-from eitsim.measurement import below
-from eitsim.scene import Scene
+from eitsim.scene.scene import Scene
+from eitsim.sweeps.measurement.instrument import below
 from matcal.card import MaterialCard, read_card
-from surrogate import store
-from surrogate.forward_map import ForwardMap
-from surrogate.invert import invert
-from surrogate.known_punches import MOST
-from surrogate.limit import Prior, local_covariance
-from surrogate.limit_material import known_material
-from surrogate.limit_set import example_of, least_rms, prior_of
-from surrogate.limit_slopes import derivatives_of, slopes_of
-from surrogate.limit_table import Nodes, SlopeTable, table_for
-from surrogate.metrics import rms
-from surrogate.samples import read_samples
-from surrogate.split import PARTS
-from surrogate.touch_inversion import TouchInversion
+from surrogate.bounds.dataset_bound import example_of, least_rms, prior_of
+from surrogate.bounds.derivative_table import Nodes, SlopeTable, table_for
+from surrogate.bounds.fisher_information import Prior, local_covariance
+from surrogate.bounds.material_spread import known_material
+from surrogate.bounds.reading_derivatives import derivatives_of, slopes_of
+from surrogate.data.samples import PARTS, read_samples
+from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.inversion.invert import invert
+from surrogate.forward_map.load_coordinates import MOST
+from surrogate.learners.forward import TouchInversion
+from surrogate.model import store
+from surrogate.statistics.metrics import rms
 
 Array = NDArray[np.float64]
 NAMES, LEVELS_DB, REACH_MM = ("x0", "y0", "d", "F"), (80.0, 60.0), 80.0

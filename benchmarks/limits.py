@@ -20,12 +20,11 @@ import numpy as np
 import pandas as pd
 from conditions import quick, written
 
-from eitsim.scene import Punch, Scene
+from eitsim.scene.scene import Punch, Scene
 from matcal.card import MaterialCard, read_card
-from surrogate.limit import correlation
-from surrogate.limit_map import ANGLES, RADII, places, solved, turned
-from surrogate.limit_material import MaterialSpread, known_material, spread_of
-from surrogate.limit_touch import covariance_at
+from surrogate.bounds.cramer_rao import ANGLES, RADII, covariance_at, places, solved, turned
+from surrogate.bounds.fisher_information import correlation
+from surrogate.bounds.material_spread import MaterialSpread, known_material, spread_of
 
 NOISE_DB = 60.0
 DIAMETER_MM, FORCES_N = 14.0, quick((0.3, 1.0), (1.0,))

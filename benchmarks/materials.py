@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
 
 # The paper's foam, and a skin of plausible conductivity: the paper prints none.
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))

@@ -18,19 +18,19 @@ from dataclasses import replace
 import numpy as np
 from conditions import quick, shown, written
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.contact_slopes import by_contact
-from eitsim.electrics import solve
-from eitsim.electrodes import IMPEDANCES, Electrodes, contact_impedances
-from eitsim.fields_file import encoded
-from eitsim.measurement import Measurement, measured
-from eitsim.near_rim import solve_near_rim
-from eitsim.results import Touch
-from eitsim.scene import Body, Drive, Punch, Scene, Skin
-from eitsim.skin import untouched_conductance
-from eitsim.stored_fields import QUANTITIES, fields_from, values
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
+from eitsim.electrics.forward.gridded_fields import QUANTITIES, fields_from, values
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.forward.untouched import by_contact
+from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.scene.electrodes import IMPEDANCES, Electrodes, contact_impedances
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin
+from eitsim.sweeps.dataset.hdf5_fields import encoded
+from eitsim.sweeps.measurement.instrument import Measurement, measured
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
 
 FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))

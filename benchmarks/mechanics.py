@@ -17,11 +17,11 @@ import numpy as np
 from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.electrics import solve
-from eitsim.mesh import default_element_m
-from eitsim.results import Touch
-from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
 
 CASES = ((0.014, 1.0), (0.010, 2.0), (0.018, 0.5), (0.014, 0.1))[:quick(4, 1)]
 # element size over the default one; the last is the reference

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from conditions import quick, written
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.scene import Accuracy, Body, Punch, Scene
-from eitsim.simulate import simulate
+from eitsim.scene.scene import Accuracy, Body, Punch, Scene
+from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 
 CARD = MaterialCard("Table 1", TABLE_1, conductivity=SKIN_LAW)

@@ -22,22 +22,23 @@ import pandas as pd
 from conditions import CONDITIONS, earlier, quick, written
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.axisymmetric import force_unit, pressings, solve_touch, touch_of, under_force
-from eitsim.change import unchanged
-from eitsim.electrics import solve
-from eitsim.holding import Course, kept, states_over
-from eitsim.mesh import default_element_m
-from eitsim.near_rim import solve_near_rim
-from eitsim.neighbours import edge_gap_m, expected, gap_for, interaction
-from eitsim.plan import rim_effect
-from eitsim.results import RimField, Touch
-from eitsim.reuse import decision, table_for
-from eitsim.scene import Body, Drive, Electrodes, Hold, Punch, Skin
-from eitsim.skin import changes
-from eitsim.table import Table, shape_of, touch_from
-from eitsim.together import LEAST_GAP, solved_together
-from matcal.errors import NotConverged
-from matcal.prony import Prony
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.sheet.sheet_conductance import changes
+from eitsim.mechanics.axisymmetric.hold import Course, kept, states_over
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, pressings, solve_touch, touch_of, under_force
+from eitsim.mechanics.load_paths.table import shape_of, touch_from
+from eitsim.mechanics.load_paths.types import Table
+from eitsim.mechanics.rim.correction import unchanged
+from eitsim.mechanics.rim.interaction import edge_gap_m, expected, gap_for, interaction
+from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.mechanics.rim.two_punches import LEAST_GAP, solved_together
+from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.results import RimField, Touch
+from eitsim.scene.scene import Body, Drive, Electrodes, Hold, Punch, Skin
+from eitsim.simulation.plan import rim_effect
+from eitsim.simulation.reuse import decision, table_for
+from matcal.laws.prony import Prony
+from touchcal.errors import NotConverged
 
 SERIES = Prony(np.array([0.15, 0.1, 0.1]), np.array([0.29, 5.0, 60.0]))
 BODY, SCENES, SEED = Body(), quick(100, 2), 11

@@ -17,9 +17,9 @@ import pandas as pd
 from conditions import quick, shown, written
 from electric_peers import CONTACT_OHM_M, Answers, mesh_of, peers
 
-from eitsim.cem import SkinMesh, dissection, impedance, potentials
-from eitsim.drive import read_out
-from eitsim.scene import Drive
+from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, potentials
+from eitsim.scene.drive import read_out
+from eitsim.scene.scene import Drive
 
 # Circles of the mesh's points: about 19,000 and 75,000 triangles.
 CIRCLES = (55, 109)[:quick(2, 1)]

@@ -28,11 +28,11 @@ from conditions import quick, written
 from materials import TABLE_1
 from peers import calculix
 
-from eitsim.axisymmetric import solve_path, solve_touch
-from eitsim.mesh import ELEMENTS, default_element_m, foam_grid
-from eitsim.results import Touch
-from eitsim.scene import Body, Punch
-from matcal.errors import NotConverged
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_path, solve_touch
+from eitsim.mechanics.solid.grid import ELEMENTS, default_element_m, foam_grid
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Punch
+from touchcal.errors import NotConverged
 
 BODY = Body()
 FLAT, SPHERE = Punch(diameter_m=0.014, force_N=1.0), Punch(diameter_m=0.014, force_N=0.5, profile="sphere")

@@ -19,14 +19,14 @@ from electric_peers import CONTACT_OHM_M, ELECTRODES, RADIUS_M, mesh_of, peers
 from materials import TABLE_1
 from timing import least_cpu_s
 
-from eitsim.alike import alike_mesh
-from eitsim.axisymmetric import solve_touch
-from eitsim.cem import SkinMesh, dissection, impedance, quadrature_points
-from eitsim.drive import read_out
-from eitsim.halving import halved
-from eitsim.results import Touch
-from eitsim.scene import Body, Drive, Electrodes, Punch
-from eitsim.template import template
+from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.mesh.p2_triangles import halved
+from eitsim.electrics.mesh.ring_mesh import template
+from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.drive import read_out
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch
 
 BODY, DRIVE = Body(), Drive(current_A=1.0, reading="differential")
 # a quarter of the rim, as on the peers' meshes

@@ -2,9 +2,9 @@
 
 Scene k is drawn from the seed (SEED, k) alone, so that pieces may be solved in any order. A run continues where
 results/random_scenes.csv ends; --last N stops at scene N, --where and --friction solve only such scenes, --seconds S
-starts no scene after S seconds. Each scene is solved by eitsim.simulate.simulate, so that its CPU time holds plan,
-mechanics, skin and electrics. The lowest force is 1 mN for Table 1, the highest 1.3 mu_0 pi d^2, spread evenly in its
-logarithm. Pin threads to one as `make bench` does.
+starts no scene after S seconds. Each scene is solved by eitsim.simulation.simulate.simulate, so that its CPU time holds
+plan, mechanics, skin and electrics. The lowest force is 1 mN for Table 1, the highest 1.3 mu_0 pi d^2, spread evenly in
+its logarithm. Pin threads to one as `make bench` does.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import pandas as pd
 from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.plan import near_rim
-from eitsim.scene import FRICTIONS, Scene, scene_from
-from eitsim.simulate import simulate
+from eitsim.scene.scene import FRICTIONS, Scene, scene_from
+from eitsim.simulation.plan import near_rim
+from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
-from matcal.hyperfoam import Hyperfoam
+from matcal.laws.hyperfoam import Hyperfoam
 
 SCENES, SEED = 2000, 20
 # least force, N, of Table 1, and largest over mu_0 pi d^2

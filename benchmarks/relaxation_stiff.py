@@ -17,12 +17,12 @@ from materials import SKIN_LAW, TABLE_1
 from numpy.typing import NDArray
 from timing import least_cpu_s
 
-from eitsim.scene import Hold, Punch, Scene
-from eitsim.simulate import simulate
+from eitsim.scene.scene import Hold, Punch, Scene
+from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
-from matcal.hyperfoam import Hyperfoam
-from matcal.modes import hereditary_stress
-from matcal.prony import Prony
+from matcal.laws.deformation_modes import hereditary_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
 
 RATIOS = (1.0, 1e3, 1e6, 1e9, 1e12)
 STEPS = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6)

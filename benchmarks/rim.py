@@ -20,16 +20,16 @@ from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 from scipy.interpolate import RegularGridInterpolator
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.change import changed, unchanged
-from eitsim.circles import Outline
-from eitsim.electrics import solve
-from eitsim.mesh import default_element_m
-from eitsim.near_rim import COARSE, FINE, Fineness, corrected, rim_change
-from eitsim.plan import near_rim
-from eitsim.results import RimField, Touch
-from eitsim.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
-from eitsim.skin import changes, driving_strain, stretches
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.sheet.sheet_conductance import changes, driving_strain, stretches
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.harmonics.arcs import Outline
+from eitsim.mechanics.rim.correction import changed, unchanged
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Fineness, corrected, rim_change
+from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.results import RimField, Touch
+from eitsim.scene.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
+from eitsim.simulation.plan import near_rim
 
 CASES = quick(((0.014, 3.0), (0.014, 1.0), (0.008, 0.3), (0.02, 2.0)), ((0.014, 1.0),))
 HANDED_OVER = quick(((0.014, 1.0), (0.014, 3.0)), ((0.014, 1.0),))

@@ -13,11 +13,11 @@ import numpy as np
 from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.electrics import solve
-from eitsim.near_rim import solve_near_rim
-from eitsim.results import Touch
-from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
-from matcal.errors import NotConverged
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from touchcal.errors import NotConverged
 
 # kind of touch: diameters mm, forces N and gaps mm, from and to; touches, and those of a quick run
 KINDS = {"any": ((10, 18), (0.1, 2.0), (0.5, 25.0), 20, 2), "deep": ((10, 12), (1.4, 2.0), (1.0, 8.0), 8, 1)}

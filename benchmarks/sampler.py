@@ -19,12 +19,12 @@ import numpy as np
 import pandas as pd
 from conditions import quick, shown, written
 
-from matcal.curves import weigh, weighted_design, weighted_stress
-from matcal.derived import derived_of
-from matcal.fit import Fit, allowed_exponents, fit
-from matcal.posterior import sample
-from matcal.protocols import reduce_tests
-from matcal.uncertainty import Uncertainty, linearised
+from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_stress
+from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents, fit
+from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
+from matcal.posterior.derived_quantities import derived_of
+from matcal.posterior.sample import sample
+from matcal.reduction.reduce import reduce_tests
 
 HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"

@@ -16,9 +16,9 @@ from conditions import quick, shown, written
 from finer import finely_solved
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.results import Result
-from eitsim.scene import Accuracy, Punch, Scene
-from eitsim.simulate import simulate
+from eitsim.scene.results import Result
+from eitsim.scene.scene import Accuracy, Punch, Scene
+from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 
 CARD = MaterialCard("Table 1", TABLE_1, conductivity=SKIN_LAW)

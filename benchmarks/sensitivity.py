@@ -17,11 +17,11 @@ import pandas as pd
 from conditions import quick, written
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.drive import read_out
-from eitsim.scene import Drive, Punch, Scene
-from eitsim.skin import untouched_conductance
-from eitsim.touch_sensitivity import Sensitivity, scene_sensitivity
-from eitsim.untouched import untouched_impedance
+from eitsim.electrics.forward.untouched import untouched_impedance
+from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
+from eitsim.scene.drive import read_out
+from eitsim.scene.scene import Drive, Punch, Scene
+from eitsim.simulation.derivatives.readings import Sensitivity, scene_sensitivity
 from matcal.card import MaterialCard
 
 CARD = MaterialCard("Table 1", TABLE_1, None, SKIN_LAW)

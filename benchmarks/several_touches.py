@@ -15,16 +15,16 @@ import numpy as np
 from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.cem import dissection, impedance, quadrature_points
-from eitsim.drive import read_out
-from eitsim.electrics import solve
-from eitsim.neighbours import interaction
-from eitsim.results import Touch
-from eitsim.rim import solve_rim
-from eitsim.scene import Body, Drive, Electrodes, Punch, Skin
-from eitsim.skin import touched_conductance, untouched_conductance
-from eitsim.triangulation import triangulation
+from eitsim.electrics.cem.assembly import dissection, impedance, quadrature_points
+from eitsim.electrics.cem.boundary_integral import solve_rim
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.mesh.graded_mesh import triangulation
+from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.interaction import interaction
+from eitsim.scene.drive import read_out
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
 
 BODY, ELECTRODES, DRIVE = Body(), Electrodes(), Drive()
 GAPS_MM, STRAINS = quick((5, 10, 20, 30, 45, 60), (5, 30)), ("normal", "principal")[:quick(2, 1)]

@@ -13,8 +13,8 @@ import numpy as np
 from conditions import written
 from random_scenes import LAWS
 
-from matcal.hyperfoam import Hyperfoam
-from matcal.stability import stability
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.stability import stability
 
 STRETCHES = np.linspace(0.05, 2.0, 196)
 

@@ -13,11 +13,11 @@ from conditions import shown, written
 from materials import TABLE_1
 from scipy.optimize import brentq
 
-from eitsim.axisymmetric import solve_touch
-from eitsim.scene import Body, Punch
-from matcal.errors import NotConverged
-from matcal.hyperfoam import Hyperfoam
-from matcal.stability import stability
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.scene import Body, Punch
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.stability import stability
+from touchcal.errors import NotConverged
 
 
 def scan() -> Iterator[dict[str, object]]:

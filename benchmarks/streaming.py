@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from conditions import quick, shown, written
 
-from surrogate import store
-from surrogate.frame_lines import BATCH, frames_of, waiting_lines
-from surrogate.model import Model
-from surrogate.predict import prepare
-from surrogate.stream import answers, widen_pipe
+from surrogate.data.frame_rows import BATCH, frames_of, waiting_lines
+from surrogate.model import store
+from surrogate.model.model import Model
+from surrogate.model.predict import prepare
+from surrogate.model.stream import answers, widen_pipe
 
 FRAMES, LONE, NOISE_V = *quick((512, 128), (64, 8)), 1e-6
 # lines a second of a paced stream: of a map that is inverted, and of what answers at once; and for how long, s

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from conditions import quick, shown, written
 
-from surrogate.evaluate import UNSEEN, evaluate, parts_of
-from surrogate.model import Model
-from surrogate.samples import Samples, read_samples, take
-from surrogate.train import train
+from surrogate.data.samples import Samples, read_samples, take
+from surrogate.model.evaluate import UNSEEN, evaluate, parts_of
+from surrogate.model.model import Model
+from surrogate.model.train import train
 
 SEED, ROWS, OTHERS = 1, quick(4000, 200), quick(600, 60)
 LEVELS_DB = (120.0, 100.0, 90.0, 80.0, 70.0, 60.0, 50.0, 40.0)

@@ -26,17 +26,17 @@ import torch
 from conditions import RESULTS, conditions, quick, written
 from torch import Tensor
 
-from surrogate import evidence, network, outputs
-from surrogate.evaluate import evaluate
-from surrogate.evidence import Options
-from surrogate.feature_network import MOST, ROBUST
-from surrogate.features import features, learn_directions, sound_components
-from surrogate.metrics import Array, rms
-from surrogate.model import METHODS, Model
-from surrogate.samples import Samples, read_samples, take
-from surrogate.scaling import min_max, scaled
-from surrogate.split import split
-from surrogate.train import train
+from surrogate.data import outputs
+from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.learners.bayesian_network import bayesian_regularisation, layer
+from surrogate.learners.bayesian_network.bayesian_regularisation import Options
+from surrogate.learners.bayesian_network.min_max import min_max, scaled
+from surrogate.learners.network import MOST, ROBUST
+from surrogate.learners.signal_features import features, learn_directions, sound_components
+from surrogate.model.evaluate import evaluate
+from surrogate.model.model import METHODS, Model
+from surrogate.model.train import train
+from surrogate.statistics.metrics import Array, rms
 
 SEED = 1
 SCENES = quick((100, 250, 500, 1000, 2000, 3397), (100, 250))
@@ -80,10 +80,10 @@ def along(x: Tensor, z: Tensor, target: Array, options: Options) -> list[tuple[i
     def watch(weights: Tensor) -> None:
         shown.append((time.process_time() - begun, weights))
 
-    evidence.train(x, torch.from_numpy(scaled(scaling, target)[:, 0].copy()), SEED, options, watch)
+    bayesian_regularisation.train(x, torch.from_numpy(scaled(scaling, target)[:, 0].copy()), SEED, options, watch)
     kept = [(step, *shown[step - 1]) for step in STEPS if step <= len(shown)]
     middle, half = float(scaling.lowest[0] + scaling.half_span[0]), float(scaling.half_span[0])
-    return [(step, cpu_s, network.output(weights, z).numpy() * half + middle) for step, cpu_s, weights in kept]
+    return [(step, cpu_s, layer.output(weights, z).numpy() * half + middle) for step, cpu_s, weights in kept]
 
 
 def against_scenes(samples: Samples, method: str) -> Iterator[dict[str, object]]:

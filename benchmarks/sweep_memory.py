@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 from conditions import quick, shown, written
 
-from eitsim.dataset import FIXED, read_dataset, voltage_columns, write_manifest, write_part
-from eitsim.design import design_from
-from eitsim.sweep import Progress, sweep
+from eitsim.scene.drive import voltage_columns
+from eitsim.sweeps.dataset.parquet import FIXED, read_dataset, write_manifest, write_part
+from eitsim.sweeps.design.design import design_from
+from eitsim.sweeps.run.sweep import Progress, sweep
 from matcal.card import MaterialCard, write_card
-from matcal.conductivity import Conductivity
-from matcal.hyperfoam import Hyperfoam
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
 
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 CARD = MaterialCard("Table 1", TABLE_1, conductivity=Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))

@@ -34,18 +34,19 @@ from finer import finely_solved
 from materials import SKIN_LAW, TABLE_1
 from schedule import schedule
 
-from eitsim.dataset import parts, read_dataset, read_manifest
-from eitsim.design import Design, card_number, design_from, read_design, scene_at
-from eitsim.materials import Material, card_at, cards_for
-from eitsim.reuse import design_shape, table_for
-from eitsim.simulate import simulate
-from eitsim.sweep import Progress, sweep
-from eitsim.sweep_account import Accounted, account_of
-from eitsim.workers import processes
+from eitsim.simulation.reuse import table_for
+from eitsim.simulation.simulate import simulate
+from eitsim.sweeps.dataset.parquet import parts, read_dataset, read_manifest
+from eitsim.sweeps.design.card_draws import Material, card_at, cards_for
+from eitsim.sweeps.design.design import Design, card_number, design_from, read_design, scene_at
+from eitsim.sweeps.run.account import Accounted, account_of
+from eitsim.sweeps.run.sweep import Progress, sweep
+from eitsim.sweeps.run.table_choice import design_shape
 from matcal.card import MaterialCard, read_card, write_card
-from matcal.errors import NotConverged
-from matcal.hyperfoam import Hyperfoam
-from matcal.prony import Prony
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+from touchcal.errors import NotConverged
+from touchcal.parallel.processes import processes
 
 PUNCH = {"diameter_mm": {"choice": [10, 12, 14, 16, 18]}, "force_N": [0.1, 2.0]}
 INTERIOR = {"x_mm": [-35.0, 35.0], "y_mm": [-35.0, 35.0]}

@@ -23,14 +23,14 @@ import pandas as pd
 from conditions import RESULTS, quick, shown, written
 from numpy.typing import NDArray
 
-from eitsim.measurement import below
-from surrogate import outputs
-from surrogate.estimate import Estimate
-from surrogate.intervals import conformal_scale
-from surrogate.metrics import COVERAGES, rms, score
-from surrogate.model import Model, discrete, estimate, interval_scales
-from surrogate.samples import Samples, read_samples, take
-from surrogate.train import train
+from eitsim.sweeps.measurement.instrument import below
+from surrogate.data import outputs
+from surrogate.data.samples import Samples, read_samples, take
+from surrogate.learners.base import Estimate
+from surrogate.model.model import Model, discrete, estimate, interval_scales
+from surrogate.model.train import train
+from surrogate.statistics.conformal import conformal_scale
+from surrogate.statistics.metrics import COVERAGES, rms, score
 
 MODELS = ("one card", "carried", "left out")
 SEED, HELD_OUT, SPLITS = 1, 0.25, 20

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from conditions import quick, shown, written
 
-from surrogate import store
-from surrogate.invert import invert
-from surrogate.loading import to_unknown
-from surrogate.simulated import simulator_of, solved
-from surrogate.touch_inversion import TouchInversion
-from surrogate.two_touches import read_pair
+from surrogate.forward_map.inversion.invert import invert
+from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.learners.forward import TouchInversion
+from surrogate.model import store
+from surrogate.single_frame.simulator_likelihood import simulator_of, solved
+from surrogate.single_frame.two_touches import read_pair
 
 GAPS_MM, NOISES_V = quick((5.0, 10.0, 20.0, 30.0, 45.0, 60.0), (20.0, 45.0)), (2e-5, 2e-4)
 

@@ -1,3 +1,3 @@
-from eitsim.cli import main
+from eitsim.cli.main import main
 
 main()

@@ -1,3 +1,3 @@
-from matcal.cli import main
+from matcal.cli.main import main
 
 main()

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
-import os
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from matcal.conductivity import Conductivity
-from matcal.errors import TestFileError
-from matcal.hyperfoam import Hyperfoam
-from matcal.prony import Prony
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+from touchcal.errors import TestFileError
+from touchcal.json_file import write_json
 
 SCHEMA = 1
 _FREE = ("fit", "stability", "posterior", "provenance")
+# what a stage of `matcal.fitting.calibrate.Calibration` is called
+STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperfoam law", "checks": "checks of the law",
+          "skin": "conductivity"}
 
 
 @dataclass(frozen=True)
@@ -115,27 +116,34 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
     return out
 
 
+def card_identity(card: MaterialCard, path: Path) -> dict[str, Any]:
+    """Name, file and content hash (of the material's parts) of a card, and whether synthetic data made it."""
+    parts = {key: value for key, value in as_json(card).items() if key in ("hyperfoam", "prony", "conductivity")}
+    text = json.dumps(parts, sort_keys=True)
+    return {"name": card.name, "file": path.name, "sha256": hashlib.sha256(text.encode()).hexdigest(),
+            "synthetic": bool(card.provenance.get("synthetic", False))}
+
+
 def write_card(card: MaterialCard, path: Path | str) -> None:
     """Write a card in one step, so that a reader never sees half of it."""
     write_json(as_json(card), path)
 
 
-def write_json(value: Mapping[str, Any], path: Path | str) -> None:
-    """Write JSON atomically (a temporary file beside it, then a rename); NaN is refused."""
-    path = Path(path)
-    text = json.dumps(value, indent=1, allow_nan=False, default=_plain) + "\n"
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+def grouped(card: MaterialCard) -> list[tuple[str, list[str]]]:
+    """(test with its files, or stage; its decisions) in order; one group where the card does not part them."""
+    sentences: Sequence[str] = card.provenance.get("decisions", ())
+    counts: Mapping[str, int] = card.provenance.get("decisions_of", {})
+    if sum(counts.values()) != len(sentences):
+        return [("in order", [*sentences])] if sentences else []
+    out, first = [], 0
+    for name, count in counts.items():
+        out.append((_title(card, name), [s.removeprefix(f"{name}: ") for s in sentences[first:first + count]]))
+        first += count
+    return out
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} has no JSON form")
+def _title(card: MaterialCard, name: str) -> str:
+    row = card.fit.get(name)
+    if isinstance(row, Mapping) and row.get("source"):
+        return f"{name} ({', '.join(row['source'])})"
+    return STAGES.get(name, name)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from matcal.terminal import application, check_out, run
+from touchcal.terminal import application, check_out, run
 
 if TYPE_CHECKING:
-    from reports.page import Report
+    from reports.document.page import Report
 
 app = application("""PDFs of more than one result: the source paper walked through, and what the benchmarks measured.
 
@@ -39,7 +39,7 @@ def precision(out: Out, results: Results = RESULTS) -> None:
 
     Example: python -m reports precision --out precision.pdf
     """
-    from reports.precision import report
+    from reports.benchmarks.precision import report
 
     _write(report, results, out, "precision.pdf")
 
@@ -53,7 +53,7 @@ def stability(out: Out, results: Results = RESULTS) -> None:
 
     Example: python -m reports stability --out stability.pdf
     """
-    from reports.stability import report
+    from reports.benchmarks.stability import report
 
     _write(report, results, out, "stability.pdf")
 
@@ -61,7 +61,7 @@ def stability(out: Out, results: Results = RESULTS) -> None:
 @app.command()
 def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run --out`.")],
              out: Annotated[Path, typer.Option(help="Folder to write touch.png and precision.png in.")]
-             = Path("reports/pictures"),
+             = Path("docs/pictures"),
              results: Results = RESULTS) -> None:
     """Draw the two pictures of the README as PNG.
 
@@ -69,7 +69,7 @@ def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run 
 
     Example: python -m reports pictures reports/out/touch.json
     """
-    from reports.pictures import write
+    from reports.benchmarks.readme_pictures import write
 
     for path in write(result, results, out):
         print(f"picture: {path}")
@@ -77,7 +77,7 @@ def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run 
 
 def _write(report: Callable[[Path], Report], results: Path, out: Path, name: str) -> None:
     """Write a report of stored tables into a PDF, or into `name` in a folder, and say where."""
-    from reports.stored_report import write
+    from reports.benchmarks.stored_tables import write
 
     place = out / name if out.is_dir() else out
     if place.suffix != ".pdf":
@@ -110,10 +110,10 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
 
     Example: python -m reports paper --full --card card.json --sweep sweep --out full
     """
-    from eitsim.sweep_folder import sole_writer
-    from reports.paper import make
-    from reports.paper import write as write_paper
-    from reports.paper_plan import FULL, QUICK, planned
+    from eitsim.sweeps.run.folder import sole_writer
+    from reports.paper.paper_report import make
+    from reports.paper.paper_report import write as write_paper
+    from reports.paper.stages_plan import FULL, QUICK, planned
 
     for flag, given, file in (("--card", card, card), ("--sweep", sweep, sweep and sweep / "design.json")):
         if file is not None and not file.is_file():

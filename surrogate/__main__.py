@@ -1,3 +1,3 @@
-from surrogate.cli import main
+from surrogate.cli.main import main
 
 main()

@@ -20,7 +20,7 @@ DESCRIBING = ("conditions",)
 # Folder that holds the packages.
 ROOT = Path(__file__).parents[1]
 # What solves the rows of a sweep, and what solves tables of load paths. What describes rows is imported by neither.
-SOLVERS = ("eitsim.solved_parts", "eitsim.sweep_table")
+SOLVERS = ("eitsim.sweeps.run.parts", "eitsim.sweeps.run.load_path_choice")
 # Digits of the hash that a table of results carries.
 DIGITS = 12
 

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from eitsim.mesh import Grid, foam_grid
-from eitsim.scene import Body, Punch
-from matcal.hyperfoam import Hyperfoam
+from eitsim.mechanics.solid.grid import Grid, foam_grid
+from eitsim.scene.scene import Body, Punch
+from matcal.laws.hyperfoam import Hyperfoam
 
 # CalculiX solves a sector of 2 degrees with straight edges.
 SECTOR = np.pi / (np.sin(np.radians(1)) * np.cos(np.radians(1)))

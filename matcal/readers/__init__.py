@@ -1,1 +1,1 @@
-"""Readers of machine files, one module a vendor."""
+"""Machine files to columns in SI."""

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from matcal.errors import TestFileError
+from matcal.readers.cells import Grid, text_grid
+from matcal.readers.column_options import Selection
 from matcal.readers.columns import check_clock
-from matcal.readers.grid import Grid, text_grid
-from matcal.readers.instron import is_instron, read_instron
-from matcal.readers.mts_793 import is_793, read_793
-from matcal.readers.mts_testsuite import is_testsuite, join_parts, read_testsuite, sibling_parts
-from matcal.readers.nova import is_impedance, is_nova, read_nova
-from matcal.readers.plain import read_plain
+from matcal.readers.decoding import WORKBOOK, decode, lines_of, read_bytes
 from matcal.readers.recording import Recording
-from matcal.readers.selection import Selection
-from matcal.readers.text import WORKBOOK, decode, lines_of, read_bytes
-from matcal.readers.workbook import read_workbook
+from matcal.readers.vendors.autolab_nova import is_impedance, is_nova, read_nova
+from matcal.readers.vendors.instron import is_instron, read_instron
+from matcal.readers.vendors.mts_793 import is_793, read_793
+from matcal.readers.vendors.mts_testsuite import is_testsuite, join_parts, read_testsuite, sibling_parts
+from matcal.readers.vendors.plain_table import read_plain
+from matcal.readers.vendors.xlsx import read_workbook
+from touchcal.errors import TestFileError
 
 
 def read(path: Path | str, selection: Selection | None = None) -> Recording:

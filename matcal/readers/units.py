@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from matcal.readers.recording import QUANTITIES, SIZES
-from matcal.readers.words import quantity_of
+from matcal.readers.vocabulary import quantity_of
 
 _NUMBERS = {"-", "1", "none", "mm/mm", "m/m", "in/in", "cycles", "cycle", "ratio"}
 # tried, in lower case, where a unit is not one as it stands: mPa is a millipascal, but Mpa is meant as MPa

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard, as_json, read_card, require, with_moduli, write_card
-from matcal.conductivity import Conductivity
-from matcal.errors import TestFileError
-from matcal.hyperfoam import Hyperfoam
-from matcal.prony import Prony
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+from touchcal.errors import TestFileError
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "instantaneous",
                  {"uniaxial": (-0.8, 0.0)})

@@ -17,9 +17,10 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text as Words
 from pypdf import PdfReader
 
-from eitsim import dataset
-from eitsim.scene import scene_from, scene_tables
-from reports import style
+from eitsim.scene.drive import voltage_columns
+from eitsim.scene.scene import scene_from, scene_tables
+from eitsim.sweeps.dataset import parquet
+from reports.document import style
 
 CARD = {"name": "Synthetic foam", "file": "card.json", "sha256": "ab" * 32}
 
@@ -91,8 +92,8 @@ def make_rows(count: int, refused: int) -> list[dict[str, Any]]:
             row |= {"outcome": "refused", "message": "too near the rim"} | dict.fromkeys(numbers, np.nan)
         else:
             baseline, signal = voltages(x, y, 5 * force)
-            row |= numbers | dict(zip(dataset.voltage_columns(208), (baseline + signal).ravel(), strict=True))
-            row |= dict(zip(dataset.voltage_columns(208, "dv"), signal.ravel(), strict=True))
+            row |= numbers | dict(zip(voltage_columns(208), (baseline + signal).ravel(), strict=True))
+            row |= dict(zip(voltage_columns(208, "dv"), signal.ravel(), strict=True))
         rows.append(row)
     return rows
 
@@ -106,9 +107,9 @@ def write_set(tmp_path: Path) -> Callable[..., Path]:
         folder.mkdir()
         tables = {"punch": {"x_mm": [-50, 50], "y_mm": [-50, 50], "diameter_mm": 14, "force_N": [0.2, 1.5]}}
         design = {"scenes": scenes or count, "seed": 7, "sampler": "random", "tables": tables}
-        dataset.write_manifest(folder, {"design": design, "card": CARD, "versions": {"touchcal": "0.1.0"}})
+        parquet.write_manifest(folder, {"design": design, "card": CARD, "versions": {"touchcal": "0.1.0"}})
         for part in (rows[: count // 2], rows[count // 2:]):
-            dataset.write_part(folder, part)
+            parquet.write_part(folder, part)
         return folder
 
     return write

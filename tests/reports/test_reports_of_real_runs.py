@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from eitsim.cli import app as eitsim
-from matcal.cli import app as matcal
+from eitsim.cli.main import app as eitsim
+from matcal.cli.main import app as matcal
 
 Reader = Callable[[Path], Any]
 DATA = Path(__file__).parents[2] / "data_raw"

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eitsim import dataset
-from surrogate import outputs
-from surrogate.ring import Ring, ring_of_design
-from surrogate.samples import Samples, read_samples
+from eitsim.scene.drive import voltage_columns
+from eitsim.sweeps.dataset import parquet
+from surrogate.data import outputs
+from surrogate.data.samples import Samples, read_samples
+from surrogate.data.sensor_ring import Ring, ring_of_design
 
 Array = NDArray[np.float64]
 
@@ -88,14 +89,14 @@ def write_dataset(folder: Path, count: int, seed: int, **changes: Any) -> Path:
     rows = []
     for i in range(count):
         row: dict[str, Any] = {"scene": i, "outcome": "ok", "card_sample": -1, "signal_error": 0.0, "cpu_s": 0.0}
-        row |= dict(zip(dataset.TOUCH, touch[i], strict=True))
-        row |= dict(zip(dataset.OUTPUTS, response(touch)[i], strict=True))
-        row |= dict(zip(dataset.voltage_columns(208), touched[i], strict=True))
-        row |= dict(zip(dataset.voltage_columns(208, "dv"), signal[i], strict=True))
+        row |= dict(zip(parquet.TOUCH, touch[i], strict=True))
+        row |= dict(zip(parquet.OUTPUTS, response(touch)[i], strict=True))
+        row |= dict(zip(voltage_columns(208), touched[i], strict=True))
+        row |= dict(zip(voltage_columns(208, "dv"), signal[i], strict=True))
         rows.append(row | {key: value[i] for key, value in changes.items()})
     folder.mkdir(parents=True, exist_ok=True)
-    dataset.write_part(folder, rows)
-    dataset.write_manifest(folder, {"design": {"scenes": count, "seed": seed, "sampler": "random", "tables": {}},
+    parquet.write_part(folder, rows)
+    parquet.write_manifest(folder, {"design": {"scenes": count, "seed": seed, "sampler": "random", "tables": {}},
                                     "card": {}, "versions": {}})
     return folder
 

@@ -7,17 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from touchcal.code_version import SOLVERS, code_hash, modules_needed, script_hash
+from touchcal.code_version import ROOT, SOLVERS, code_hash, modules_needed, script_hash
 
 
 def test_solvers_count_and_what_describes_rows_does_not() -> None:
     found = modules_needed(SOLVERS)
-    assert found > {"eitsim.simulate", "eitsim.contact_line", "eitsim.electrics", "eitsim.rim_table", "eitsim.cache",
-                    "eitsim.materials", "eitsim.design", "eitsim.pieces", "matcal.hyperfoam", "matcal.draws"}
-    describing = {"cli", "sweep_cli", "report_cli", "display", "sweep_account", "sweep_progress", "sweep_runs",
-                  "sweep_omissions", "indices", "indices_account", "measured_set", "measurement_account"}
+    assert found > {"eitsim.simulation.simulate", "eitsim.electrics.mesh.contact_line", "touchcal.parallel.checkpoint",
+                    "eitsim.electrics.forward.solve_forward", "eitsim.mechanics.load_paths.rim_table", "touchcal.cache",
+                    "eitsim.sweeps.design.card_draws", "eitsim.sweeps.design.design", "matcal.laws.hyperfoam",
+                    "matcal.posterior.draws"}
+    describing = {"cli.main", "cli.sweep_commands", "cli.display", "cli.progress", "sweeps.run.account",
+                  "sweeps.run.run_log", "sweeps.run.omissions", "sweeps.sobol.sobol_indices",
+                  "sweeps.sobol.sobol_summary", "sweeps.run.measure", "sweeps.measurement.noise_summary"}
+    assert all((ROOT / "eitsim" / f"{name.replace('.', '/')}.py").is_file() for name in describing)
     assert not found & {f"eitsim.{name}" for name in describing}
-    assert "eitsim.measured_set" in modules_needed(["eitsim.measured_set"])
+    assert "eitsim.sweeps.run.measure" in modules_needed(["eitsim.sweeps.run.measure"])
 
 
 # Two packages: rows imports its law, its mesh in a function, and the foam through its law; account imports rows.

@@ -1,0 +1,267 @@
+"""Command line of `eitsim`: plan, run, solve-mesh, reconstruct, cache, and the commands of data sets and reports."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eitsim.cli.report_command import check_pdf, report, report_written
+from eitsim.cli.sweep_commands import indices, measure, sweep
+from eitsim.scene.scene import Scene, read_scene, scene_tables
+from matcal.card import MaterialCard, read_card
+from touchcal.errors import NotConverged
+from touchcal.json_file import write_json
+from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run
+
+if TYPE_CHECKING:
+    from eitsim.cli.output_files import Beside
+    from eitsim.scene.results import Result
+
+app = application("Touch a foam disc with a conductive skin: contact mechanics, skin conductance, 208 voltages.")
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
+CardOption = Annotated[Path | None, typer.Option("--card", help="Material card; else the scene's own `card` key.")]
+
+
+@app.command()
+def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False) -> None:
+    """Print what a scene needs, why, and the error each omission may cost; nothing is solved.
+
+    Example: eitsim plan scene.toml --card card.json
+    """
+    from eitsim.cli.display import show_plan
+    from eitsim.simulation.plan import make_plan
+    from eitsim.simulation.result_json import decisions
+
+    parsed = read_scene(scene)
+    made = make_plan(parsed, read_card(_card_path(scene, parsed, card)))
+    if as_json:
+        print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
+    else:
+        show_plan(made)
+    if made.refusal:
+        raise ValueError(f"{scene}: {made.refusal}")
+
+
+@app.command(name="run")
+def run_scene(scene: SceneFile, card: CardOption = None,
+              exact: Annotated[bool, typer.Option("--exact", help="Turn off what the plan leaves out where that is "
+                                                  "built; the plan tells what stays.")] = False,
+              reuse: Annotated[bool, typer.Option("--reuse", help="Take the touch from a stored load path of its "
+                                                  "punch; the first one solves and keeps it.")] = False,
+              out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
+              fields: Annotated[Path | None, typer.Option(
+                  help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
+              frames: Annotated[Path | None, typer.Option(
+                  help="Write the untouched and the touched voltages (CSV, a row each) here.")] = None,
+              skin: Annotated[Path | None, typer.Option(
+                  help="Write potential, current density and conductance on the skin (VTU, for ParaView) here; of a "
+                       "hold at its end.")] = None,
+              skin_patterns: Annotated[str, typer.Option(
+                  help="Patterns of --skin, from 0, separated by commas; else all.")] = "",
+              sensitivity: Annotated[Path | None, typer.Option(
+                  help="Write the readings' derivatives by touch, card and contact impedances (CSV) here.")] = None,
+              report: Annotated[Path | None, typer.Option(help="Write a PDF report here; needs --out.")] = None,
+              as_json: JsonOption = False) -> None:
+    """Solve one scene: depth, pressure, contact area and voltages (16 x 13 unless [drive] says otherwise), each with
+    its error estimate.
+
+    Example: eitsim run scene.toml --card card.json --out result.json --report touch.pdf
+    """
+    from eitsim.cli.display import show_result
+    from eitsim.cli.output_files import Beside, check_beside
+
+    if report is not None and out is None:
+        raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
+    parsed = read_scene(scene)
+    beside = Beside(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity)
+    outs = {"--out": out, "--report": report, **beside.places}
+    for flag, place in outs.items():
+        if place is not None:
+            check_out(place, flag)
+    path = _card_path(scene, parsed, card)
+    check_apart(outs, (scene, path))
+    check_pdf(report, "--report")
+    if reuse and (exact or fields is not None):
+        raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
+    check_beside(parsed, beside)
+    result, document, note = _solve(parsed, path, exact, reuse)
+    if note:
+        print(note, file=sys.stderr)
+    if result.outcome == "refused":
+        raise ValueError(f"{scene}: {result.message}")
+    if out is not None:
+        write_json(document, out)
+    if as_json:
+        print_json(document)
+    else:
+        show_result(result, document)
+    for line in _write_files(parsed, result, document, path, beside, out, report):
+        if not as_json:
+            print(line)
+    if result.outcome != "ok":
+        raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
+
+
+def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: Path, beside: Beside, out: Path | None,
+                 report: Path | None) -> Iterator[str]:
+    """Write what is asked for beside a stored result, whose hash comes after the skin's file is named in it."""
+    from eitsim.cli.output_files import write_beside
+    from touchcal.provenance import file_identity
+
+    if result.readings is not None:
+        yield from (f"{name}: {place}" for name, place in write_beside(scene, result, read_card(card), beside))
+    if out is None:
+        return
+    if result.readings is not None and beside.skin is not None:
+        write_json(document | {"skin_file": file_identity(beside.skin, out.parent)}, out)
+    yield f"result: {out} (sha256 {file_identity(out, out.parent)['sha256'][:12]})"
+    if report is not None:
+        yield report_written(out, report)
+
+
+def _whole(text: str, flag: str) -> list[int] | None:
+    """Whole numbers separated by commas; None of an empty text."""
+    found = numbers(text, flag, "0,5") if text else []
+    if any(value != int(value) for value in found):
+        raise ValueError(f"{flag} must hold whole numbers, got {text}.")
+    return [int(value) for value in found] or None
+
+
+def _solve(scene: Scene, card_path: Path, exact: bool, reuse: bool) -> tuple[Result, dict[str, Any], str]:
+    """The result, its document, and a note on the load path where one was asked for."""
+    from eitsim.simulation.result_json import as_json
+    from eitsim.simulation.reuse import scene_shape, table_for
+    from eitsim.simulation.simulate import simulate
+    from matcal.card import card_identity
+    from touchcal.provenance import versions
+
+    card: MaterialCard = read_card(card_path)
+    table, note = table_for(scene_shape(scene, card)) if reuse else (None, "")
+    result = simulate(scene, card, exact=exact, table=table)
+    document = {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card, card_path),
+                "versions": versions()} | as_json(result, scene, card)
+    return result, document, note and f"load path: {note}"
+
+
+app.command()(sweep)
+app.command()(measure)
+app.command()(indices)
+
+
+@app.command(name="solve-mesh")
+def solve_mesh(model: Annotated[Path, typer.Argument(
+                   metavar="MODEL", help="EIDORS model (.mat, v5 to v7): a fwd_model, an image or an inv_model of a "
+                                         "sheet, triangles in the plane.")],
+               variable: Annotated[str | None, typer.Option(help="Name of the model, where there are several.")] = None,
+               conductance: Annotated[float | None, typer.Option(
+                   "--conductance-S", help="One sheet conductance, S, in place of the image's elem_data.")] = None,
+               scene: Annotated[Path | None, typer.Option(
+                   help="Scene file whose [drive] takes the place of the model's stimulation.")] = None,
+               element: Annotated[str, typer.Option(help="P1 solves what EIDORS solves; P2 puts quadratic elements on "
+                                                         "the same triangles.")] = "P1",
+               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
+               as_json: JsonOption = False) -> None:
+    """Solve your own EIDORS model: impedance matrix and readings, with what its triangles cost of them.
+
+    Example: eitsim solve-mesh model.mat --conductance-S 1e-3 --out solved.json
+    """
+    from eitsim.cli.display import show_solved
+    from eitsim.electrics.interop.sheet_model import check_element
+    from eitsim.electrics.interop.solve_file import check_conductance, solve_file, unused_tables
+
+    if out is not None:
+        check_out(out)
+        check_apart({"--out": out}, [path for path in (model, scene) if path is not None])
+    check_element(element)
+    if conductance is not None:
+        check_conductance(conductance, "--conductance-S")
+    if scene is not None and (unused := unused_tables(scene)):
+        print(f"{scene}: of this file only [drive] is used; {', '.join(unused)} left out, since the model has its own.",
+              file=sys.stderr)
+    document = solve_file(model, variable, conductance, read_scene(scene).drive if scene is not None else None, element)
+    if out is not None:
+        write_json(document, out)
+    if as_json:
+        print_json(document)
+    else:
+        show_solved(document, out)
+
+
+@app.command()
+def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="CSV of one row a frame, the first one "
+                                                                              "untouched.")],
+                scene: Annotated[Path | None, typer.Option(
+                    help="Scene file whose [body], [electrodes] and [drive] made the frames; else the default "
+                         "ones.")] = None,
+                baseline: Annotated[Path | None, typer.Option(
+                    help="CSV of untouched frames, whose mean counts; else the first row of FRAMES.")] = None,
+                prior: Annotated[str, typer.Option(help="laplace, or noser, which rings less and places "
+                                                         "touches worse.")] = "laplace",
+                noise_figure: Annotated[float, typer.Option(
+                    help="SNR of the readings over SNR of the image; smaller is smoother. For 16 "
+                         "electrodes 0.08 to 100 can be had.")] = 0.5,
+                out: Annotated[Path | None, typer.Option(help="Write the images (.vtu for ParaView, or .csv) "
+                                                              "here.")] = None,
+                as_json: JsonOption = False) -> None:
+    """Images of the relative change of the skin's conductance: one regularised Gauss-Newton step from the untouched
+    frame.
+
+    Example: eitsim reconstruct frames.csv --scene scene.toml --out image.vtu
+    """
+    from eitsim.cli.display import show_images
+    from eitsim.electrics.imaging.gauss_newton import check_wanted
+    from eitsim.electrics.imaging.images import check_suffix, images_of, write_images
+
+    if out is not None:
+        check_out(out)
+        check_apart({"--out": out}, [path for path in (frames, scene, baseline) if path is not None])
+        check_suffix(out)
+    check_wanted(prior, noise_figure)
+    pixels, images, document = images_of(frames, read_scene(scene) if scene is not None else Scene(),
+                                         baseline=baseline, prior=prior, noise_figure=noise_figure)
+    if out is not None:
+        write_images(pixels, images, out)
+    if as_json:
+        print_json(document)
+    else:
+        show_images(document, out)
+
+
+@app.command()
+def cache(clear: Annotated[bool, typer.Option("--clear", help="Remove the stored tables.")] = False) -> None:
+    """List the stored tables of load paths, the last used first.
+
+    Example: eitsim cache --clear
+    """
+    from touchcal import cache as stored
+
+    entries = stored.entries()
+    if clear:
+        print(f"{stored.folder()}: removed {stored.clear()} tables, {sum(e.size_bytes for e in entries) / 1e6:.1f} MB")
+        return
+    print(f"{stored.folder()}: {len(entries)} tables, {sum(e.size_bytes for e in entries) / 1e6:.1f} MB")
+    for entry in entries:
+        used = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.used_s))
+        print(f"{entry.path.stem[:12]}  {entry.size_bytes / 1e6:.1f} MB  last used {used}")
+
+
+app.command()(report)
+
+
+def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
+    if card is not None:
+        return card
+    if scene.card is None:
+        raise ValueError(f"{scene_path}: no card. Give --card card.json, or card = \"card.json\" at its top.")
+    return scene_path.parent / scene.card
+
+
+def main() -> None:
+    """Entry point."""
+    run(app, "eitsim")

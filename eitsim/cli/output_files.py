@@ -1,0 +1,80 @@
+"""The files that a run may write beside its result: fields in the foam and on the skin, frames, derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from eitsim.scene.results import Result
+from eitsim.scene.scene import Scene
+from matcal.card import MaterialCard, require
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Where each file goes; None: it is not written."""
+
+    # stress and strain inside the foam, VTU
+    fields: Path | None = None
+    # voltages, CSV
+    frames: Path | None = None
+    # fields on the skin, VTU
+    skin: Path | None = None
+    # drive patterns of the skin's fields, from 0; None: all
+    patterns: Sequence[int] | None = None
+    # derivatives of the readings, CSV
+    sensitivity: Path | None = None
+
+    @property
+    def places(self) -> dict[str, Path | None]:
+        """Option of each file -> where it goes."""
+        return {"--fields": self.fields, "--frames": self.frames, "--skin": self.skin,
+                "--sensitivity": self.sensitivity}
+
+
+def check_beside(scene: Scene, beside: Beside) -> None:
+    """ValueError, before anything is solved, where the scene has no such file."""
+    for flag in ("--fields", "--skin"):
+        place = beside.places[flag]
+        if place is not None and place.suffix != ".vtu":
+            raise ValueError(f"{flag} {place}: the file is a VTU file; give a name that ends in .vtu.")
+    if beside.fields is not None and scene.hold.time_s:
+        raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
+    if beside.fields is not None and len(scene.punches) > 1:
+        raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
+    if beside.skin is None and beside.patterns is not None:
+        raise ValueError("--skin-patterns has no effect without --skin; add --skin skin.vtu.")
+    if beside.skin is not None:
+        from eitsim.electrics.forward.sheet_fields import driven_currents
+
+        driven_currents(scene, beside.patterns)
+    if beside.sensitivity is not None:
+        from eitsim.simulation.derivatives.readings import check_differentiable
+
+        check_differentiable(scene)
+
+
+def write_beside(scene: Scene, result: Result, card: MaterialCard, beside: Beside) -> Iterator[tuple[str, Path]]:
+    """Write the files that are asked for of a solved result; what each is, and where."""
+    if beside.fields is not None:
+        from eitsim.simulation.foam_fields import write_vtu
+
+        (touch,) = result.touches
+        write_vtu(touch, beside.fields)
+        yield "fields", beside.fields
+    if beside.frames is not None and result.readings is not None:
+        from eitsim.scene.frames import write_frames
+
+        write_frames(beside.frames, [moment.readings for moment in result.moments] or [result.readings])
+        yield "frames", beside.frames
+    if beside.skin is not None:
+        from eitsim.electrics.forward.sheet_fields import write_skin_vtu
+
+        write_skin_vtu(scene, result.touches, require(card, "conductivity", "the skin"), beside.skin, beside.patterns)
+        yield "skin", beside.skin
+    if beside.sensitivity is not None and result.outcome == "ok":
+        from eitsim.simulation.derivatives.readings import scene_sensitivity, write_sensitivity
+
+        write_sensitivity(scene_sensitivity(scene, card), beside.sensitivity)
+        yield "sensitivity", beside.sensitivity

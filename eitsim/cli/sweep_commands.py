@@ -1,0 +1,246 @@
+"""Commands of `eitsim` on data sets: sweep, measure, indices."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eitsim.cli.report_command import check_pdf, report_written
+from touchcal.number_words import counted
+from touchcal.terminal import JsonOption, check_apart, check_out, numbers, print_json
+
+if TYPE_CHECKING:
+    from eitsim.sweeps.design.design import Design
+    from eitsim.sweeps.run.account import Accounted
+    from eitsim.sweeps.run.sweep import Account, Progress
+
+
+def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design file (TOML), or a table of scenes "
+                                                                              "(CSV, one row a scene).")],
+          card: Annotated[Path, typer.Option(help="Material card.")],
+          out: Annotated[Path, typer.Option(help="Folder of the data set; an unfinished one is continued.")],
+          scenes: Annotated[int | None, typer.Option(help="Number of scenes, over the design's own.")] = None,
+          scene: Annotated[Path | None, typer.Option("--scene", help="With a table: scene file of what its columns "
+                                                     "leave out; seed and [material] too.")] = None,
+          reuse: Annotated[bool | None, typer.Option("--reuse/--no-reuse", help="Take touches from a table of load "
+                                                     "paths; by default where that repays its cost.")] = None,
+          exact: Annotated[bool, typer.Option("--exact", help="Solve every row as `run --exact` does.")] = False,
+          other_code: Annotated[bool, typer.Option("--other-code", help="Continue a folder that other code or "
+                                                   "libraries made; it then tells which scenes are whose.")] = False,
+          workers: Annotated[int | None, typer.Option(help="Processes, one thread each; by default one for every "
+                                                      "processor.")] = None,
+          scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler whose workers solve the "
+                                                        "scenes, in place of --workers.")] = None,
+          log_every: Annotated[float, typer.Option("--log-every", metavar="SECONDS", help="Where standard error is no "
+                                                   "terminal, a line of progress so often, for logs of a cluster; 0 "
+                                                   "for none.")] = 0.0,
+          report: Annotated[Path | None, typer.Option(help="Write a PDF report of the data set here, at the "
+                                                           "end.")] = None,
+          as_json: JsonOption = False) -> None:
+    """Solve many scenes into Parquet parts; started again on the same folder, it goes on where it was. At the end it
+    tells outcomes, errors of the signal, and what each stage cost.
+
+    A design begins with scenes = 200, seed = 1 and sampler = "random" (its count may grow), "lhs", "sobol" (both fix
+    it) or "nested" (for `eitsim indices`); then come the tables of a scene file. [accuracy] signal = 0.01 is the
+    relative error of the signal that is wanted. [material] draws = 200 takes cards of the posterior, [measurement] is
+    what `eitsim measure` adds, [fields] names = ["strain"] stores images of the skin beside the rows.
+
+    Any scalar of a scene may be a range [lo, hi], {choice = [...]} or {dist = "normal", mean = , sd = } (or
+    lognormal, uniform, loguniform, integer; lo and hi cut off), by chance, or {list = [...]}, whose combinations are
+    gone through. [punch] place = {grid = "polar", spacing_mm = 10} (or square; sunflower with count) or {list =
+    [[x, y], ...]} are lists of places; without place, x_mm and y_mm touches are uniform over the disc. touches = [1, 2]
+    draws their number. A table has columns x_mm, y_mm, d_mm, F_N, any key of [punch], skin.thickness_um and so on, and
+    x_2_mm, punch_2_profile of further touches.
+
+    Example: eitsim sweep examples/design.toml --card card.json --scenes 200 --workers 2 --out sweep
+
+    Example: eitsim sweep scenes.csv --scene scene.toml --card card.json --out sweep
+    """
+    from eitsim.sweeps.run.account import account_of
+
+    _check_sweep(design, card, scene, out, report, workers, scheduler)
+    count = workers if workers is not None else os.cpu_count() or 1
+    rows, begun = _rows_of(design, scene, scenes), time.perf_counter()
+    steps = _cautioned(_steps(rows, card, out, count, scheduler, reuse, exact, other_code), rows, card)
+    account = _followed(steps, rows.scenes, log_every, out)
+    spent, found = time.perf_counter() - begun, account_of(out)
+    if as_json:
+        _print_document(out, spent, account, found)
+    else:
+        _print_words(out, spent, counted(count, "worker") if scheduler is None else scheduler, account, found)
+    if report is not None:
+        written = report_written(out, report)
+        if not as_json:
+            print(written)
+
+
+def _check_sweep(design: Path, card: Path, scene: Path | None, out: Path, report: Path | None, workers: int | None,
+                 scheduler: str | None) -> None:
+    check_out(out, folder=True)
+    if report is not None:
+        check_out(report, "--report")
+        check_apart({"--report": report}, [path for path in (design, card, scene) if path is not None])
+        check_pdf(report, "--report")
+    if workers is not None and scheduler is not None:
+        raise ValueError("--workers and --scheduler exclude each other: a cluster has workers of its own. Leave one "
+                         "out.")
+    if scene is not None and design.suffix != ".csv":
+        raise ValueError(f"--scene goes with a table of scenes (.csv); {design} holds the tables of a scene itself.")
+
+
+def _rows_of(design: Path, scene: Path | None, scenes: int | None) -> Design:
+    from eitsim.sweeps.design.design import read_design
+    from eitsim.sweeps.run.scene_table import read_scene_table
+
+    return read_scene_table(design, scene, scenes) if design.suffix == ".csv" else read_design(design, scenes)
+
+
+def _steps(rows: Design, card: Path, out: Path, count: int, scheduler: str | None, reuse: bool | None, exact: bool,
+           other_code: bool) -> Iterator[Progress | Account]:
+    from eitsim.sweeps.run.sweep import sweep as steps
+    from touchcal.parallel.dask_cluster import cluster
+
+    return steps(rows, card, out, workers=count, reuse=reuse, exact=exact, other_code=other_code,
+                 crew=cluster(scheduler) if scheduler is not None else None)
+
+
+def _cautioned(steps: Iterator[Progress | Account], rows: Design, card: Path) -> Iterator[Progress | Account]:
+    """The steps; once the sweep has begun and rows are to be solved, what the design will not give is said."""
+    from eitsim.sweeps.run.omissions import cautions
+    from eitsim.sweeps.run.sweep import Progress
+    from matcal.card import read_card
+
+    for number, step in enumerate(steps):
+        if number == 0 and isinstance(step, Progress) and step.done < step.scenes:
+            for sentence in cautions(rows, read_card(card)):
+                print(f"eitsim: {sentence}", file=sys.stderr)
+        yield step
+
+
+def _followed(steps: Iterator[Progress | Account], scenes: int, log_every: float, out: Path) -> Account:
+    """The account at the end of a sweep whose steps are shown; a sweep that is asked to stop ends the command."""
+    from eitsim.cli.progress import shown
+    from eitsim.sweeps.run.sweep import Progress
+    from touchcal.signals import Stopped, stoppable
+
+    last, account = None, None
+    try:
+        with stoppable(), shown(scenes, log_every) as show:
+            for step in steps:
+                if isinstance(step, Progress):
+                    last = step
+                    show(step)
+                else:
+                    account = step
+    except Stopped as stop:
+        print(f"eitsim: stopped by {stop}; {last.done if last else 0} of {scenes} scenes are in {out}. "
+              "The same command goes on from there.", file=sys.stderr)
+        raise typer.Exit(stop.status) from None
+    assert account is not None
+    return account
+
+
+def _print_document(out: Path, spent_s: float, account: Account, found: Accounted) -> None:
+    from eitsim.sweeps.run.account import document
+
+    print_json({"out": out, "wall_s": spent_s, "solved": account.solved, "kept": account.kept,
+                "method": account.method, "reasons": dict(account.reasons)} | document(found))
+
+
+def _print_words(out: Path, spent_s: float, by: str, account: Account, found: Accounted) -> None:
+    from eitsim.cli.progress import in_words
+    from eitsim.sweeps.run.account import lines
+
+    print(f"{out}: {counted(account.solved, 'scene')} finished in {spent_s:.1f} s on {by}, {account.kept} were there; "
+          f"outcomes: {in_words(account.outcomes)}.")
+    print(account.method)
+    for name, message in sorted(account.reasons.items()):
+        print(f"first \"{name}\": {message}")
+    print("\n".join(lines(found)))
+
+
+def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set of clean rows, as `sweep` writes it.")],
+            out: Annotated[Path, typer.Option(help="Folder of the measured data set; an unfinished one is continued.")],
+            model: Annotated[Path | None, typer.Option(help="Measurement (TOML) with one table [measurement]; else the "
+                                                            "design's own.")] = None,
+            as_json: JsonOption = False) -> None:
+    """Turn clean rows into rows as an instrument gives them: noise, gain, drift, contact impedances, quantisation.
+
+    A measurement is one table [measurement] with some of: snr_db and relative_to ("largest", "rms" or volts), or
+    noise_V; frames, baseline_frames, clean_baseline; gain, offset_V; drift, drift_channel, drift_V, drift_channel_V;
+    contact_impedance; bits and full_scale_V, or lsb_V; channels ("electrode"), seed. What is left out is off. For
+    instance three lines: [measurement], snr_db = 90, relative_to = "rms".
+
+    Example: eitsim measure sweep --model measurement.toml --out measured
+    """
+    from eitsim.sweeps.dataset.parquet import read_manifest
+    from eitsim.sweeps.measurement.instrument_table import read_measurement
+    from eitsim.sweeps.measurement.noise_summary import Told, in_words
+    from eitsim.sweeps.run.measure import measure as steps
+    from touchcal.terminal import counter
+
+    check_out(out, folder=True)
+    asked = read_measurement(model) if model is not None else None
+    told = None
+    with counter(read_manifest(clean)["design"]["scenes"], "rows") as advance:
+        for step in steps(clean, out, asked):
+            if isinstance(step, Told):
+                told = step
+            else:
+                advance(step)
+    if told is not None and as_json:
+        print_json({"out": out, **vars(told)})
+    elif told is not None:
+        print(f"{out}: measured from {clean}\n{in_words(told)}")
+
+
+def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set of a design with sampler = \"nested\" "
+                                                                       "and [material].")],
+            out: Annotated[Path | None, typer.Option(help="Write the indices of every reading (CSV) here.")] = None,
+            model: Annotated[Path | None, typer.Option(help="Measurement (TOML) with one table [measurement], whose "
+                                                            "noise is a factor; else the design's own.")] = None,
+            within: Annotated[list[str] | None, typer.Option(help="KEY=LOW,HIGH: touches over which the spread "
+                                                                  "by the card alone is told; repeatable.")] = None,
+            as_json: JsonOption = False) -> None:
+    """Tell how much of each output's variance touch, material and noise make: what calibration would buy.
+
+    Blocks of four rows, two touches with two cards each, tell it. 24 rows serve a try; intervals worth reading take
+    some hundred blocks (400 rows) and draws = 20 or more in [material].
+
+    Example: eitsim indices sweep --within F_N=0.9,1.1 --out indices.csv
+    """
+    from eitsim.sweeps.measurement.instrument_table import read_measurement
+    from eitsim.sweeps.sobol.sobol_indices import indices_of, read_blocks
+    from eitsim.sweeps.sobol.sobol_summary import document, show, write_csv
+
+    if out is not None:
+        check_out(out)
+        check_apart({"--out": out}, [path for path in (model,) if path is not None])
+    ranges = dict(_range(text) for text in within or [])
+    blocks = read_blocks(folder, read_measurement(model) if model is not None else None)
+    found = indices_of(blocks, within=ranges)
+    told = document(found, blocks)
+    if out is not None:
+        write_csv(found, out)
+    if as_json:
+        print_json(told)
+    else:
+        show(told)
+        if out is not None:
+            print(f"indices: {out}")
+
+
+def _range(text: str) -> tuple[str, tuple[float, float]]:
+    """Key and ends of a range KEY=LOW,HIGH."""
+    key, _, ends = text.partition("=")
+    found = numbers(ends, "--within", "F_N=0.9,1.1") if key and ends else []
+    if len(found) != 2 or found[0] > found[1]:
+        raise ValueError(f"--within {text}: give KEY=LOW,HIGH, a key and its lowest and highest value, for example "
+                         "F_N=0.9,1.1.")
+    return key, (found[0], found[1])

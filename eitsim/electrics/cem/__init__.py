@@ -1,0 +1,1 @@
+"""The complete electrode model: assembly, boundary integral, scattering by rings, adjoint."""

@@ -1,0 +1,278 @@
+"""The untouched skin without a mesh: harmonic series inside the disc, an integral equation for its line electrodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, solve
+
+from eitsim.scene.electrodes import alike, arcs, contact_impedances
+from eitsim.scene.scene import Body, Electrodes
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.integer]
+
+# Gauss points in a panel, panels from the middle of an electrode to its end, and the ratio of neighbours' lengths;
+# the angle, over the wave length of the last harmonic by 2 pi, that no panel exceeds.
+_POINTS, _PANELS, _RATIO, _LONGEST = 10, 9, 0.25, 7.5
+# Points of the rule that integrates the logarithm on a panel, and the power that smooths it.
+_LOG_POINTS, _LOG_POWER = 32, 6
+# Points of a panel on which the potential of the other electrodes is interpolated to twelve digits where they are at
+# least _FAR panel lengths away, and the most such panels from the middle to an end.
+_SMOOTH_POINTS, _FAR, _SMOOTH_PANELS = 16, 0.95, 5
+# The most unknowns that couple electrodes which are not alike.
+_MOST_COUPLED = 4500
+# Harmonics around the rim.
+HARMONICS = 192
+
+
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """A homogeneous disc with N line electrodes. Fields are Re sum_{n>0} a_n (r/R)^n exp(i n theta), theta from the
+    electrodes' first angle."""
+
+    # (N, N) impedance, Ohm; rows and columns sum to zero
+    impedance_Ohm: Array
+    # (h, N) a_n, V, of 1 A into each electrode and 1/N A out of every one
+    driven: Complex
+    # (h, h) twice: rim potential Re sum g_n exp(i n theta) of an inner source on a rim without electrodes -> the field
+    # same @ g + crossed @ conj(g) that the floating electrodes add
+    same: Complex
+    crossed: Complex
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """What flows into one electrode alone on the rim, over pi S, theta from its middle, by what drives it: its own
+    potential U, the potential that other electrodes raise at its smooth nodes, and exp(i n theta) on the rim."""
+
+    # (p,) smooth nodes, rad
+    theta: Array
+    # current by U
+    total: float
+    # (p,) charges at the smooth nodes by U, which is the current by the potential at each
+    charge: Array
+    # (p, p) charges by the potential at the smooth nodes
+    charges: Array
+    # (h,) current and (p, h) charges by exp(i n theta)
+    total_by_wave: Complex
+    charge_by_wave: Complex
+    # (h, h) twice: component exp(i n theta) of the inflow by exp(i m theta) and by exp(-i m theta)
+    same: Complex
+    mirrored: Complex
+
+
+@lru_cache(maxsize=64)
+def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
+    """Solve the complete electrode model of a homogeneous disc of sheet conductance S, S; arrays are read-only.
+
+    The inflow j on the electrodes satisfies z j - (R/(pi S)) int log|2 sin((t - t')/2)| j(t') dt' = U - g, for given
+    net currents. Each electrode is solved alone; what the others do to it is smooth there, and its values at a few
+    nodes couple them: in one dense system, or by a Fourier transform over electrodes that are alike.
+
+    ValueError for patches, and what `unsolvable` tells.
+    """
+    if electrodes.kind != "line":
+        raise ValueError(f"the rim is solved for line electrodes, got kind \"{electrodes.kind}\"; patches need a mesh.")
+    if problem := unsolvable(body, electrodes, conductance_S):
+        raise ValueError(problem)
+    ends, layers = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
+    alone = [_alone((stop - start) / 2, np.pi * float(layer), before, after)
+             for (start, stop), layer, (before, after) in zip(ends, layers, _smooth_panels(ends), strict=True)]
+    middle = ends.mean(axis=1) - electrodes.first_angle_rad
+    impedance, driven, same, crossed = _together(alone, middle, _coupled_alike if alike(electrodes) else _coupled)
+    unit = 1 / (np.pi * conductance_S)
+    rim = Rim(unit * (impedance + impedance.T) / 2, unit * driven, same, crossed)
+    for part in (rim.impedance_Ohm, rim.driven, rim.same, rim.crossed):
+        part.flags.writeable = False
+    return rim
+
+
+def _together(alone: list[_Alone], middle: Array, couple: Callable[..., Array]) -> tuple[Array, Complex, Complex,
+                                                                                          Complex]:
+    """The parts of Rim for pi S = 1, from what each electrode does alone and what couples them."""
+    count, n = len(alone), np.arange(1, HARMONICS + 1)
+    turn: Complex = np.exp(1j * np.outer(middle, n))
+    by_wave: Complex = np.vstack([one.charge_by_wave * t for one, t in zip(alone, turn, strict=True)])
+    by_voltage = np.asarray(block_diag(*[one.charge[:, None] for one in alone]))
+    felt = couple([one.theta + at for one, at in zip(alone, middle, strict=True)], [one.charges for one in alone],
+                  np.hstack([by_voltage, -by_wave.real, -by_wave.imag]))
+    by_waves = felt[:, count:count + len(n)] + 1j * felt[:, count + len(n):]
+    total_by_wave = np.stack([one.total_by_wave for one in alone]) * turn
+    admittance = np.diag([one.total for one in alone]) - by_voltage.T @ felt[:, :count]
+    field = (total_by_wave.conj().T - by_wave.conj().T @ felt[:, :count]) / (2 * n[:, None])
+    voltage = np.linalg.solve(admittance, np.eye(count) - 1 / count)
+    floating = np.linalg.solve(admittance, total_by_wave + by_voltage.T @ by_waves)
+    same, mirrored = _still(alone, turn)
+    same = field @ floating - (same + by_wave.conj().T @ by_waves) / (2 * n[:, None])
+    crossed = field @ floating.conj() - (mirrored + by_wave.conj().T @ by_waves.conj()) / (2 * n[:, None])
+    return voltage - voltage.mean(axis=0), 2 * field @ voltage, same, crossed
+
+
+def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
+    """Why `solve_rim` refuses these line electrodes, with the mend; empty where it does not.
+
+    Electrodes that touch with so low a contact impedance that the current between them crowds on less, S z, than is
+    resolved; or unlike ones that are too many and too close for the dense system that couples them.
+    """
+    ends, layer = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
+    half = np.diff(ends)[:, 0] / 2
+    crowd = np.maximum(_gaps(ends), np.minimum(layer, np.roll(layer, -1)))
+    finest = np.maximum(half, np.roll(half, -1)) * _RATIO ** (_PANELS - 1)
+    if np.any(crowd < finest):
+        k = int(np.argmin(crowd / finest))
+        return (f"electrodes {k} and {(k + 1) % len(ends)} of those that have contact (from 0) touch, and their "
+                "contact impedance is so low that nearly all current flows across their common end; leave a gap of "
+                f"{finest[k] * body.radius_m * 1e3:.1g} mm, or give them "
+                f"{finest[k] * body.radius_m / conductance_S:.1g} Ohm m.")
+    own = [len(_smooth_nodes(_panels(h), *panels)[0]) for h, panels in zip(half, _smooth_panels(ends), strict=True)]
+    if sum(own) > _MOST_COUPLED and not alike(electrodes):
+        return (f"{len(ends)} electrodes that are not alike and this close to each other need {sum(own)} coupled "
+                f"unknowns, at most {_MOST_COUPLED} are solved; leave wider gaps between them, or make them alike.")
+    return ""
+
+
+def _gaps(ends: Array) -> Array:
+    """Angle from each electrode to the next."""
+    return np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi) - ends[:, 1]
+
+
+def _smooth_panels(ends: Array) -> list[tuple[int, int]]:
+    """Panels of each electrode from its middle to either end, as `_panels_to` tells."""
+    gaps, width = _gaps(ends), np.diff(ends)[:, 0]
+    return [(_panels_to(before, w), _panels_to(after, w))
+            for before, after, w in zip(np.roll(gaps, 1).tolist(), gaps.tolist(), width.tolist(), strict=True)]
+
+
+def _panels_to(gap: float, width: float) -> int:
+    """Panels from the middle of an electrode to the end beside a gap on which another electrode's potential is smooth:
+    0 for one on the whole electrode, each next half as long; -1 where only the electrode's own panels will do."""
+    far = gap / (width / 2)
+    if far >= 2 * _FAR:
+        return 0
+    wanted = 1 + max(math.ceil(math.log2(_FAR / far)), 0) if far > 0 else math.inf
+    return int(wanted) if wanted <= _SMOOTH_PANELS else -1
+
+
+@lru_cache(maxsize=256)
+def _alone(half: float, layer: float, before: int, after: int) -> _Alone:
+    """One electrode; half its angle, and S z pi / R."""
+    panels = _panels(half)
+    t, weight = _nodes(np.array(panels))
+    smooth, onto = _smooth_nodes(panels, before, after)
+    waves: Complex = np.exp(1j * np.outer(half * t, np.arange(1, HARMONICS + 1)))
+    drive = np.column_stack([np.ones(len(t)), onto, waves.real, waves.imag])
+    apart = half * np.abs(np.subtract.outer(t, t)) / 2
+    curve = np.log(np.sinc(apart / np.pi))
+    kernel = half * ((-curve - math.log(half)) * weight - _logarithm(panels))
+    gram = half * (weight[:, None] * drive).T @ np.linalg.solve(kernel + layer * np.eye(len(t)), drive)
+    gram = (gram + gram.T) / 2
+    own = slice(1, 1 + len(smooth))
+    re, im = (slice(own.stop + start, own.stop + start + HARMONICS) for start in (0, HARMONICS))
+    return _Alone(half * smooth, float(gram[0, 0]), gram[0, own], gram[own, own], gram[0, re] + 1j * gram[0, im],
+                  gram[own, re] + 1j * gram[own, im],
+                  gram[re, re] + gram[im, im] + 1j * (gram[re, im] - gram[im, re]),
+                  gram[re, re] - gram[im, im] - 1j * (gram[re, im] + gram[im, re]))
+
+
+def _coupled(theta: list[Array], charges: list[Array], sources: Array) -> Array:
+    """Potential phi (M, k) that all electrodes' charges raise at the smooth nodes of the others, phi = K (q - E phi),
+    K = -log|2 sin|, E the charges that phi takes away, q those of the sources (M, k)."""
+    at, first = np.concatenate(theta), np.cumsum([0, *(len(t) for t in theta)])
+    matrix, raised = np.eye(len(sources)), np.empty_like(sources)
+    for own in (slice(a, b) for a, b in pairwise(first)):
+        kernel = _kernel(at[own], at)
+        kernel[:, own] = 0.0
+        raised[own] = kernel @ sources
+        for block, (a, b) in zip(charges, pairwise(first), strict=True):
+            matrix[own, a:b] += kernel[:, a:b] @ block
+    return solve(matrix, raised, overwrite_a=True)
+
+
+def _coupled_alike(theta: list[Array], charges: list[Array], sources: Array) -> Array:
+    """As `_coupled` for electrodes that are alike, evenly spaced: one small system for each mode around the ring."""
+    count, p = len(theta), len(theta[0])
+    kernels = np.stack([np.zeros((p, p)), *(_kernel(t, theta[0]) for t in theta[1:])])
+    modes, driven = np.fft.rfft(kernels, axis=0), np.fft.rfft(sources.reshape(count, p, -1), axis=0)
+    felt = np.linalg.solve(np.eye(p) + modes @ charges[0], modes @ driven)
+    return np.fft.irfft(felt, count, axis=0).reshape(count * p, -1)
+
+
+def _kernel(to: Array, source: Array) -> Array:
+    """-log|2 sin| of half the angles (to, source); infinite where they agree."""
+    with np.errstate(divide="ignore"):
+        return -np.log(np.abs(2 * np.sin(np.subtract.outer(to, source) / 2)))
+
+
+def _still(alone: list[_Alone], turn: Complex) -> tuple[Complex, Complex]:
+    """Sums of what the electrodes, each alone and at 0 V, take from exp(i m theta) and exp(-i m theta)."""
+    kinds = {id(one): one for one in alone}
+    same, mirrored = np.zeros((2, HARMONICS, HARMONICS), dtype=complex)
+    for key, one in kinds.items():
+        turns = turn[[id(other) == key for other in alone]]
+        same += one.same * (turns.conj().T @ turns)
+        mirrored += one.mirrored * (turns.conj().T @ turns.conj())
+    return same, mirrored
+
+
+def _panels(half: float) -> tuple[float, ...]:
+    """Ends of an electrode's own panels on (-1, 1), none longer than what resolves the last harmonic."""
+    graded = 1 - np.append(_RATIO ** np.arange(_PANELS), 0.0)
+    parts = np.ceil(np.diff(graded) * half * HARMONICS / _LONGEST).astype(int)
+    steps = np.concatenate([[0.0], np.cumsum(1 / np.repeat(parts, parts))])
+    positive = np.interp(steps, np.arange(len(graded)), graded)
+    return (*(-positive[:0:-1]).tolist(), *positive.tolist())
+
+
+def _nodes(ends: Array, points: int = _POINTS) -> tuple[Array, Array]:
+    """Gauss nodes and weights on panels."""
+    x, w = leggauss(points)
+    middle, reach = (ends[1:] + ends[:-1]) / 2, np.diff(ends) / 2
+    return (middle[:, None] + reach[:, None] * x).ravel(), (reach[:, None] * w).ravel()
+
+
+@lru_cache(maxsize=32)
+def _smooth_nodes(panels: tuple[float, ...], before: int, after: int) -> tuple[Array, Array]:
+    """Nodes (p,) on (-1, 1) for a smooth potential, and the matrix (n, p) that takes it to the electrode's own."""
+    t, _ = _nodes(np.array(panels))
+    if before < 0 or after < 0:
+        return t, np.eye(len(t))
+    left, right = (1 - 0.5 ** np.append(np.arange(1, parts), np.inf) for parts in (before, after))
+    middle = [0.0] if before or after else []
+    ends = np.concatenate([-left[::-1], middle, right])
+    nodes, _ = _nodes(ends, _SMOOTH_POINTS)
+    interpolate = np.linalg.inv(legvander(leggauss(_SMOOTH_POINTS)[0], _SMOOTH_POINTS - 1))
+    onto = np.zeros((len(t), len(nodes)))
+    for i, (a, b) in enumerate(pairwise(ends)):
+        inside = (t > a) & (t < b)
+        at = legvander((2 * t[inside] - a - b) / (b - a), _SMOOTH_POINTS - 1)
+        onto[inside, i * _SMOOTH_POINTS:(i + 1) * _SMOOTH_POINTS] = at @ interpolate
+    return nodes, onto
+
+
+@lru_cache(maxsize=4)
+def _logarithm(panels: tuple[float, ...]) -> Array:
+    """Integrals (n, n) of log|t_i - t'| against the interpolants of an electrode's own nodes on (-1, 1), each panel
+    split at t_i."""
+    t, _ = _nodes(np.array(panels))
+    x, w = leggauss(_LOG_POINTS)
+    s = ((x + 1) / 2) ** _LOG_POWER
+    ds = w / 2 * _LOG_POWER * ((x + 1) / 2) ** (_LOG_POWER - 1)
+    interpolate = np.linalg.inv(legvander(leggauss(_POINTS)[0], _POINTS - 1))
+    columns = []
+    for a, b in pairwise(panels):
+        split = np.clip(t, a, b)
+        at = np.concatenate([split[:, None] + (b - split)[:, None] * s, split[:, None] - (split - a)[:, None] * s], 1)
+        weight = np.concatenate([(b - split)[:, None] * ds, (split - a)[:, None] * ds], 1)
+        distance = np.maximum(np.abs(t[:, None] - at), np.finfo(float).tiny)
+        basis = legvander((2 * at - a - b) / (b - a), _POINTS - 1) @ interpolate
+        columns.append(np.einsum("iq,iqj->ij", weight * np.log(distance), basis))
+    return np.concatenate(columns, axis=1)

@@ -1,0 +1,149 @@
+"""Touches as stacks of rings about their punches: each scatters every circular harmonic by itself; the rim and the
+other touches couple them."""
+
+from __future__ import annotations
+
+import cmath
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, xlogy
+
+from eitsim.electrics.cem.boundary_integral import Rim
+from eitsim.electrics.cem.floating_electrodes import shunt, shunt_ends
+from eitsim.electrics.sheet.sheet_conductance import (
+    admittance,
+    principal_conductances,
+    stretches,
+    untouched_conductance,
+)
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Electrodes, Punch, Skin
+from matcal.laws.conductivity import Conductivity
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.integer]
+
+# Part of their reach over which the rings carry the whole change of conductance.
+FULL = 0.9
+
+
+def ring_share(radius_m: Array, reach_m: float) -> Array:
+    """Part of the change of conductance that the rings carry: 1, falling smoothly to 0 at their reach."""
+    t = np.clip((radius_m / reach_m - FULL) / (1 - FULL), 0, 1)
+    return 1 - t**3 * (10 - 15 * t + 6 * t**2)
+
+
+@dataclass(frozen=True, eq=False)
+class Scatterer:
+    """A touch as its circle sends back what comes in."""
+
+    # place of its axis, m
+    centre_m: complex
+    # radius of the circle, m
+    reach_m: float
+    # (orders,) tau_m: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out, m = 1, 2, ...
+    scattered: Array
+
+
+def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
+    """Radii, m, of circles about the punches that stay in the disc and part the gaps between contacts.
+
+    ValueError where a contact reaches beyond the rim or into another.
+    """
+    out = [room(body, punch) for punch, _ in touches]
+    for own, (_, touch) in zip(out, touches, strict=True):
+        if own <= touch.contact_radius_m:
+            raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm beyond the rim of the "
+                             "disc; move the punch inwards.")
+    for (i, (one, a)), (j, (other, b)) in itertools.combinations(enumerate(touches), 2):
+        gap = abs(place(one) - place(other)) - a.contact_radius_m - b.contact_radius_m
+        if gap <= 0:
+            raise ValueError(f"the contacts of touches {i + 1} and {j + 1} overlap by {-gap * 1e3:.1f} mm; move them "
+                             "apart.")
+        out[i], out[j] = min(out[i], a.contact_radius_m + gap / 2), min(out[j], b.contact_radius_m + gap / 2)
+    return out
+
+
+def place(punch: Punch) -> complex:
+    """Axis of a punch, m, as a complex number."""
+    return complex(punch.x_m, punch.y_m)
+
+
+def room(body: Body, punch: Punch) -> float:
+    """Radius, m, of the largest circle about a punch inside the disc."""
+    return body.radius_m - abs(place(punch))
+
+
+def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float, orders: int,
+               parts: int) -> Array:
+    """Scattering (orders,) of the harmonics m = 1, 2, ...: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out.
+
+    In a ring the stationary admittance is k, k^2 = s_m (m^2 s_h + g rho^2), g the conductance to a floating punch per
+    area (`eitsim.electrics.cem.floating_electrodes`); the rings are the gaps of the touch's samples and the shunt's
+    ends, each cut in `parts`.
+    """
+    stops = np.concatenate([touch.radius_m, shunt_ends(punch, touch)])
+    stops = np.unique(np.concatenate([[0.0], stops[stops < reach_m], [reach_m]]))
+    radii = np.interp(np.arange(parts * (len(stops) - 1) + 1) / parts, np.arange(len(stops)), stops)
+    middle = (radii[1:] + radii[:-1]) / 2
+    along, across, normal = stretches(touch, middle)
+    free, share = untouched_conductance(law, skin), ring_share(middle, reach_m)
+    meridian, hoop = (free + share * (s - free) for s in principal_conductances(law, skin, along, across, normal))
+    m = np.arange(1, orders + 1)[:, None]
+    k = np.sqrt(meridian * (m**2 * hoop + shunt(punch, touch, middle, along * across) * middle**2))
+    y = admittance(k[:, 0], k[:, 1:], meridian[1:], radii[1:])
+    return (free * m[:, 0] - y) / (free * m[:, 0] + y)
+
+
+def impedance_change(rim: Rim, body: Body, electrodes: Electrodes, conductance_S: float,
+                     scatterers: Sequence[Scatterer], harmonics: int) -> Array:
+    """Change (N, N) of the impedance matrix, Ohm: 2 pi S sum m Re(conj(a_m) tau_m b_m) over scatterers and harmonics,
+    a the undisturbed field about each and b = a + W tau b, W what rim, electrodes and the other scatterers send back.
+
+    Circles may touch but not overlap.
+    """
+    n = np.arange(1, harmonics + 1)
+    centres = [s.centre_m / body.radius_m * cmath.exp(-1j * electrodes.first_angle_rad) for s in scatterers]
+    radii = [s.reach_m / body.radius_m for s in scatterers]
+    orders = [np.arange(1, len(s.scattered) + 1) for s in scatterers]
+    turned = np.vstack([_translation(z, r, m, n) for z, r, m in zip(centres, radii, orders, strict=True)])
+    incoming = turned @ rim.driven[:harmonics]
+    m, scattered = np.concatenate(orders), np.concatenate([s.scattered for s in scatterers])
+    outgoing = (turned.conj() * m[:, None] / n).T
+    same = turned @ outgoing + 2 * turned @ (rim.same[:harmonics, :harmonics] @ outgoing)
+    crossed = 2 * turned @ (rim.crossed[:harmonics, :harmonics] @ outgoing.conj())
+    crossed += np.block([[_between(one, other) for other in zip(centres, radii, orders, strict=True)]
+                         for one in zip(centres, radii, orders, strict=True)])
+    back = np.block([[(same + crossed).real, (crossed - same).imag], [(same + crossed).imag, (same - crossed).real]])
+    tau, weight = np.tile(scattered, 2), np.tile(m * scattered, 2)
+    source = np.vstack([incoming.real, incoming.imag])
+    field = np.linalg.solve(np.eye(2 * len(m)) - back * tau, source)
+    return 2 * np.pi * conductance_S * source.T @ (weight[:, None] * field)
+
+
+def _translation(centre: complex, reach: float, m: Indices, n: Indices) -> Complex:
+    """(m, n): z^n about a centre is sum_m (n over m) centre^(n-m) reach^m (zeta/reach)^m."""
+    offset, angle = cmath.polar(centre)
+    m = m[:, None]
+    short = np.maximum(n - m, 0)
+    size = gammaln(n + 1) - gammaln(m + 1) - gammaln(short + 1) + xlogy(short, offset) + m * math.log(reach)
+    return np.where(n >= m, np.exp(size + 1j * angle * short), 0.0)
+
+
+def _between(to: tuple[complex, float, Indices], source: tuple[complex, float, Indices]) -> Complex:
+    """(l, m): (zeta/r)^-m about one centre is sum_l (-1)^l (m+l-1 over l) r^m r'^l d^-(m+l) (zeta'/r')^l about another,
+    which lies d from it; 0 for a centre to itself."""
+    (z, reach, order), (z_source, reach_source, m) = to, source
+    if z == z_source:
+        return np.zeros((len(order), len(m)), dtype=complex)
+    step, angle = cmath.polar(z - z_source)
+    order = order[:, None]
+    size = gammaln(m + order) - gammaln(order + 1) - gammaln(m)
+    size += m * math.log(reach_source / step) + order * math.log(reach / step)
+    return np.exp(size + 1j * (np.pi * order - angle * (m + order)))

@@ -1,0 +1,122 @@
+"""The sensor of a data set: its disc, electrodes and drive, and the sheet conductance that its frames tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.electrics.cem.assembly import impedance
+from eitsim.electrics.cem.boundary_integral import solve_rim
+from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
+from eitsim.scene.drive import read_out
+from eitsim.scene.electrodes import IMPEDANCES, alike, among_all, contact_impedances, present, there
+from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
+
+Array = NDArray[np.float64]
+
+TABLES = ("body", "electrodes", "drive")
+# Sheet conductance, S, that the search starts from, its steps and where it ends; readings are nearly its reciprocal.
+_START_S, _STEPS, _CLOSE = 1e-3, 40, 1e-8
+# Relative difference, 2-norm, above which readings are not those of a sensor.
+_OTHER = 1e-5
+# Step of the logarithm of a contact impedance; the central difference is off by some step^2, over the derivative.
+_STEP = 1e-3
+# Level of the mesh for patches, its rings inside them, and the width of the outermost of these over their inner radius.
+_LEVEL, _RINGS, _LAST = 6, 36, 4e-3
+
+
+def sensor_of(tables: Mapping[str, Any]) -> Scene:
+    """The disc, electrodes and drive of a design's tables, the rest by default; ValueError where they are drawn."""
+    fixed = {name: tables[name] for name in TABLES if name in tables}
+    for name, table in fixed.items():
+        if varied := [key for key, value in table.items()
+                      if isinstance(value, list | Mapping) and not is_list(name, key, value)]:
+            raise ValueError(f"{varied[0]} in [{name}] varies between the rows, and this needs one sensor. Sweep with "
+                             "it fixed.")
+    return scene_from(fixed)
+
+
+def untouched_readings(sensor: Scene, conductance_S: float) -> Array:
+    """Readings (readings,), V, of the untouched skin of a sensor; NaN where an electrode is missing."""
+    impedance = untouched_impedance(sensor.body, present(sensor.electrodes), conductance_S)
+    return read_out(sensor.drive, among_all(sensor.electrodes, impedance)).ravel()
+
+
+def conductance_of(sensor: Scene, baseline_V: Array) -> float:
+    """The sheet conductance, S, whose untouched readings come closest to these (readings,), V, in the 2-norm.
+
+    ValueError where they are further apart than rounding.
+    """
+    read = np.isfinite(baseline_V)
+    sheet = _START_S
+    for _ in range(_STEPS):
+        found = untouched_readings(sensor, sheet)[read]
+        ratio = float(found @ baseline_V[read] / (found @ found))
+        if not 0 < ratio < np.inf or abs(ratio - 1) < _CLOSE:
+            break
+        sheet /= ratio
+    apart = float(np.linalg.norm(untouched_readings(sensor, sheet)[read] - baseline_V[read])
+                  / np.linalg.norm(baseline_V[read]))
+    if not apart <= _OTHER:
+        raise ValueError(f"the untouched readings differ by {apart:.1e} from those of its electrodes on any sheet "
+                         "conductance; the set was not made with them.")
+    return sheet
+
+
+def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: float) -> Array:
+    """dV/dlog z_e (readings, electrodes), V, of the untouched skin of a sheet conductance, S, by a central difference.
+
+    0 by an electrode without contact, NaN for readings that need one. Electrodes that are alike take two solutions,
+    others two each.
+    """
+    kept = np.flatnonzero(there(electrodes))
+    own = present(electrodes)
+    count = own.count
+    if alike(own):
+        first = _impedance_by(body, own, conductance_S, 0)
+        slopes = [np.roll(first, (k, k), axis=(0, 1)) for k in range(count)]
+    else:
+        slopes = [_impedance_by(body, own, conductance_S, k) for k in range(count)]
+    columns = [read_out(drive, among_all(electrodes, slope)).ravel() for slope in slopes]
+    out = np.zeros((len(columns[0]), electrodes.count))
+    out[np.isnan(columns[0])] = np.nan
+    out[:, kept] = np.stack(columns, axis=1)
+    return out
+
+
+def _impedance_by(body: Body, electrodes: Electrodes, conductance_S: float, k: int) -> Array:
+    """dZ/dlog z_k (N, N), Ohm."""
+    more, less = (untouched_impedance(body, _scaled(electrodes, k, np.exp(step)), conductance_S)
+                  for step in (_STEP, -_STEP))
+    return (more - less) / (2 * _STEP)
+
+
+def _scaled(electrodes: Electrodes, k: int, factor: float) -> Electrodes:
+    z = contact_impedances(electrodes)
+    z[k] *= factor
+    return replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple(z.tolist())})
+
+
+def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
+    """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S;
+    read-only."""
+    if electrodes.kind == "line":
+        return solve_rim(body, electrodes, conductance_S).impedance_Ohm
+    return _with_patches(body, electrodes, conductance_S)
+
+
+@lru_cache(maxsize=8)
+def _with_patches(body: Body, electrodes: Electrodes, conductance_S: float, level: int = _LEVEL) -> Array:
+    angles, electrode = rim_angles(body, electrodes, level)
+    patches = patch_radii(body, electrodes, level)
+    inside = 1 - np.geomspace(1, _LAST, _RINGS * level // _LEVEL)
+    radii = np.concatenate([patches[0] * inside, patches])
+    mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
+    z = impedance(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
+    z.flags.writeable = False
+    return z

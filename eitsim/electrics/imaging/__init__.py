@@ -1,0 +1,1 @@
+"""Difference images of the conductance."""

@@ -1,0 +1,236 @@
+"""Difference images of the skin's conductance: one regularised Gauss-Newton step from the untouched, uniform skin.
+
+x = (J'J + l R)^-1 J' dV, with dV the touched less the untouched readings, x the relative change of sheet conductance
+of each triangle of a coarse mesh, J the derivative of the readings by x on a fine mesh, and R the prior:
+"noser", diag(J'J)^1/2 (Cheney et al. 1990, DOI 10.1002/ima.1850020203, with the exponent 1/2), or "laplace", the
+squared differences of neighbours over their distance: of simulated touches it is 2 mm off, noser 7 mm, but its images
+ring twice as much (benchmarks/reconstruction.py). l is chosen by the noise figure (Adler and Guardo 1996,
+DOI 10.1109/42.491418): NF = SNR of the readings over SNR of the image for a small target in the middle, 0.5 by default
+as in GREIT. A signal-to-noise ratio is the mean magnitude over the root mean square of white noise; pixels count with
+their areas.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import root_scalar
+from scipy.spatial import Delaunay, KDTree
+
+from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field, readings_by
+from eitsim.electrics.cem.assembly import SkinMesh, centred, potentials, quadrature_points
+from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
+from eitsim.scene.drive import Drive, read_out
+from eitsim.scene.electrodes import among_all, contact_impedances, present
+from eitsim.scene.scene import Body, Electrodes
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.integer]
+
+PRIORS = ("noser", "laplace")
+NOISE_FIGURE = 0.5
+# Rings of the coarse mesh; it has 6 n^2 triangles.
+RINGS = 12
+# Level of the fine mesh's angles, its even rings, and those that narrow towards the rim, with the width of the last
+# over the radius.
+_LEVEL, _EVEN, _NARROWING, _LAST = 2, 28, 8, 2e-3
+# Radius of the noise figure's target, in disc radii.
+_TARGET = 0.1
+# Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
+_CONSTANT = 1e-6
+# Steps towards the untouched resistance, the relative change at which they end, and the first conductance, S.
+_STEPS, _SETTLED, _FIRST_S = 20, 1e-10, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Pixels:
+    """A coarse triangulation of the disc."""
+
+    # (n, 2) corners, m
+    nodes_m: Array
+    # (t, 3) corners of each triangle, counter-clockwise
+    triangles: Indices
+    # (t, 2) centroids, m
+    centre_m: Array
+    # (t,) areas, m^2
+    area_m2: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Untouched:
+    """A uniform skin whose readings fit an untouched frame, and their derivatives by pixels."""
+
+    pixels: Pixels
+    # sheet conductance, S
+    conductance_S: float
+    # (readings,) V; NaN where an electrode without contact is needed
+    readings_V: Array
+    # (readings, t) derivatives of the readings by the relative change of each pixel's conductance, V; 0 there
+    jacobian_V: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Imager:
+    """A linear map from differences of readings to images."""
+
+    untouched: Untouched
+    # (t, readings) relative change of conductance a volt
+    matrix: Array
+    # weight of the prior, V^2
+    weight: float
+    noise_figure: float
+
+    def __call__(self, signal_V: Array) -> Array:
+        """Images (..., t) of differences of readings (..., readings), V."""
+        return signal_V @ self.matrix.T
+
+
+def pixels(radius_m: float, rings: int = RINGS) -> Pixels:
+    """A disc in 6 rings^2 triangles of nearly one size: ring k holds 6 k corners."""
+    angles = [2 * np.pi * np.arange(6 * k) / (6 * k) for k in range(1, rings + 1)]
+    corners = [k / rings * np.column_stack([np.cos(a), np.sin(a)]) for k, a in enumerate(angles, start=1)]
+    nodes = radius_m * np.vstack([np.zeros((1, 2)), *corners])
+    triangles = Delaunay(nodes).simplices
+    first, second = (nodes[triangles[:, i]] - nodes[triangles[:, 0]] for i in (1, 2))
+    area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+    triangles = np.where((area < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
+    return Pixels(nodes, triangles, nodes[triangles].mean(axis=1), np.abs(area))
+
+
+def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array) -> Untouched:
+    """The uniform skin that fits untouched readings (readings,) best, its contact impedances those of the electrodes.
+
+    ValueError where the readings have another count, or no conductance fits them.
+    """
+    mesh, mosaic, resistance = _fine(body, present(electrodes)), pixels(body.radius_m), 1 / _FIRST_S
+    for _ in range(_STEPS):
+        potential, readings, slope = _uniform(mesh, electrodes, drive, 1 / resistance)
+        if readings.shape != baseline_V.shape:
+            raise ValueError(f"the frame has {baseline_V.size} readings, electrodes and drive make {readings.size}; "
+                             "check [electrodes] and [drive].")
+        step = float(slope @ np.nan_to_num(baseline_V - readings) / (slope @ slope))
+        if abs(step) <= _SETTLED * resistance:
+            by_pixel = impedance_by_conductance(mesh, potential, _places(quadrature_points(mesh), mosaic))
+            return Untouched(mosaic, 1 / resistance, readings, _by(drive, electrodes, by_pixel) / resistance)
+        resistance += step
+        if resistance <= 0:
+            break
+    raise ValueError("no uniform conductance fits the untouched readings: their signs or their order may be others; "
+                     "check [electrodes], [drive] and the contact impedance.")
+
+
+def check_wanted(prior: str, noise_figure: float) -> None:
+    """ValueError, before anything is solved, for an unknown prior, or a noise figure that is not positive."""
+    if prior not in PRIORS:
+        raise ValueError(f"prior '{prior}' is unknown; known: {', '.join(PRIORS)}.")
+    if not 0 < noise_figure < np.inf:
+        raise ValueError(f"noise figure {noise_figure:g}: it must be positive and finite; {NOISE_FIGURE:g} is usual.")
+
+
+def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float = NOISE_FIGURE) -> Imager:
+    """The reconstruction with a prior, its weight chosen so that the noise figure is the given one.
+
+    ValueError for an unknown prior, or a noise figure that no weight has.
+    """
+    check_wanted(prior, noise_figure)
+    jacobian = untouched.jacobian_V
+    spread = _solved(prior, untouched, jacobian.T)
+    value, vector = np.linalg.eigh(jacobian @ spread)
+    target = jacobian @ (np.hypot(*untouched.pixels.centre_m.T) < _TARGET * _radius(untouched.pixels))
+
+    def matrix(log_weight: float) -> Array:
+        return (spread @ vector) / (np.maximum(value, 0) + np.exp(log_weight)) @ vector.T
+
+    def excess(log_weight: float) -> float:
+        return _noise_figure(matrix(log_weight), target, untouched.pixels.area_m2) - noise_figure
+
+    ends = np.log(value[-1]) + np.log([1e-13, 1e4])
+    most, least = (excess(end) + noise_figure for end in ends)
+    if not least < noise_figure < most:
+        raise ValueError(f"noise figure {noise_figure:g} cannot be had; with the prior '{prior}' it lies between "
+                         f"{least:.2g} and {most:.2g}.")
+    log_weight = root_scalar(excess, bracket=tuple(ends), xtol=1e-6).root
+    return Imager(untouched, matrix(log_weight), float(np.exp(log_weight)), excess(log_weight) + noise_figure)
+
+
+def on_grid(mosaic: Pixels, images: Array, side: int = 64) -> tuple[Array, Array, Array]:
+    """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a side x side grid inside the disc."""
+    radius = _radius(mosaic)
+    middle = radius * ((2 * np.arange(side) + 1) / side - 1)
+    points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
+    points = points[np.hypot(*points.T) < radius]
+    return points, np.full(len(points), (2 * radius / side)**2), images[..., _places(points, mosaic)]
+
+
+def _fine(body: Body, electrodes: Electrodes) -> SkinMesh:
+    """Rings about the middle, fine enough for pixels inside and for the electrodes' edges."""
+    angles, electrode = rim_angles(body, electrodes, _LEVEL)
+    patches = patch_radii(body, electrodes, _LEVEL)
+    inner = np.linspace(0, 1, _EVEN + 1)[:-1]
+    narrowing = 1 - np.geomspace(1 - inner[-1], _LAST, _NARROWING + 1)[1:]
+    radii = np.concatenate([patches[0] * inner, patches[0] * narrowing, patches])
+    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
+
+
+def _places(points: Array, mosaic: Pixels) -> Indices:
+    """The pixel (...) of each point (..., 2); the nearest for points between the last ring's chords and the rim."""
+    corners = mosaic.nodes_m[mosaic.triangles]
+    nearest = KDTree(mosaic.centre_m).query(points, k=6)[1]
+    edge = np.roll(corners, -1, axis=1) - corners
+    away = points[..., None, None, :] - corners[nearest]
+    left = edge[nearest][..., 0] * away[..., 1] - edge[nearest][..., 1] * away[..., 0]
+    best = np.argmax(left.min(axis=-1), axis=-1)
+    return np.take_along_axis(nearest, best[..., None], axis=-1)[..., 0]
+
+
+def _uniform(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, conductance_S: float) -> tuple[Array, Array, Array]:
+    """Potentials, readings (readings,), V, and their derivatives by the resistance of a square, A."""
+    potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(present(electrodes)))
+    ends = centred(mesh, potential)[len(mesh.nodes_m):]
+    sheet = np.broadcast_to(conductance_S**2 * np.eye(2), (*quadrature_points(mesh).shape[:2], 2, 2))
+    slope = _by(drive, electrodes, -impedance_by_field(mesh, potential, sheet)[None])[:, 0]
+    return potential, read_out(drive, among_all(electrodes, ends)).ravel(), slope
+
+
+def _by(drive: Drive, electrodes: Electrodes, impedance_by: Array) -> Array:
+    """Derivatives of the readings (readings, p); 0 where an electrode without contact is needed."""
+    return np.nan_to_num(readings_by(drive, np.stack([among_all(electrodes, one) for one in impedance_by])))
+
+
+def _solved(prior: str, untouched: Untouched, columns: Array) -> Array:
+    """R^-1 applied to columns (t, n)."""
+    if prior == "noser":
+        return columns / np.linalg.norm(untouched.jacobian_V, axis=0)[:, None]
+    laplacian = _laplacian(untouched.pixels)
+    laplacian[np.diag_indices_from(laplacian)] += _CONSTANT * np.trace(laplacian) / len(laplacian)
+    return cho_solve(cho_factor(laplacian), columns)
+
+
+def _laplacian(mosaic: Pixels) -> Array:
+    """sum over inner edges of length over distance of the centroids, times the squared difference, as a matrix."""
+    owners: dict[tuple[int, int], list[int]] = {}
+    for t, corners in enumerate(mosaic.triangles.tolist()):
+        for i in range(3):
+            a, b = sorted((corners[i], corners[i - 1]))
+            owners.setdefault((a, b), []).append(t)
+    out = np.zeros((len(mosaic.triangles),) * 2)
+    for (a, b), both in owners.items():
+        if len(both) == 2:
+            length = np.hypot(*(mosaic.nodes_m[a] - mosaic.nodes_m[b]))
+            weight = length / np.hypot(*(mosaic.centre_m[both[0]] - mosaic.centre_m[both[1]]))
+            out[np.ix_(both, both)] += weight * np.array([[1, -1], [-1, 1]])
+    return out
+
+
+def _noise_figure(matrix: Array, target_V: Array, area_m2: Array) -> float:
+    """SNR of the readings over SNR of the image of a target's readings, white noise of any size on each reading."""
+    weighted = matrix * area_m2[:, None]
+    noise = np.sqrt(np.mean(np.sum(weighted**2, axis=1)))
+    return float(np.mean(np.abs(target_V[target_V != 0])) / (np.mean(np.abs(weighted @ target_V)) / noise))
+
+
+def _radius(mosaic: Pixels) -> float:
+    return float(np.hypot(*mosaic.nodes_m.T).max())

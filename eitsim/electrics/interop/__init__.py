@@ -1,0 +1,1 @@
+"""EIDORS models and meshes of users."""

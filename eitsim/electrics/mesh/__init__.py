@@ -1,0 +1,1 @@
+"""Meshes of the skin that follow a touch."""

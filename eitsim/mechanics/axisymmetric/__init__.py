@@ -1,0 +1,1 @@
+"""Indentation about the axis of the punch."""

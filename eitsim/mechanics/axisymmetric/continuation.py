@@ -1,0 +1,147 @@
+"""Ways to the equilibrium under a force: at once from rest or from a neighbour, from a coarser mesh, or in steps of the
+force or of the roundness of the punch's edge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing, at_rest, energy, equilibrium, transferred
+from eitsim.numerics.work_budget import used_up
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# Where the force cannot be reached at once: part of it at which the steps start, and how often that is divided again.
+_FIRST, _STARTS = 1 / 8, 4
+# Fillet, thicknesses, over whose round edge the foam slides freely, and the largest ratio of two fillets between it and
+# the punch's own.
+_ROUND, _SHARPER = 0.05, 2.5
+# Steps in the logarithm of the force: first, least, and growth after one that succeeds.
+_STEP, _LEAST_STEP, _GROWTH = 0.7, 0.02, 1.5
+# Towards a depth: the largest step in the force's logarithm, and the part of the last step's miss above which the next
+# one halves the interval of forces.
+_LARGEST_STEP, _SLOW = 0.5, 0.5
+# Depth over thickness from which a touch counts as bottomed out.
+BOTTOM = 0.95
+# Iterations of a step.
+_ITERATIONS = 60
+# Shares of a coarser mesh's state that are tried on a finer one: where the foam is squeezed flat, the whole of it may
+# turn the foam inside out between the points at which the coarse mesh held it.
+_SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
+
+
+def from_rest(model: Pressing, force: float) -> Equilibrium:
+    """The equilibrium under a force, from rest; where that fails from that of a rounder edge, or in steps from part of
+    the force. NotConverged as in_steps.
+    """
+    try:
+        return equilibrium(model, force, at_rest(model, force))
+    except NotConverged as error:
+        failed = error
+    try:
+        return sharpened(model, force)
+    except NotConverged:
+        pass
+    for k in range(1, _STARTS + 1):
+        part = force * _FIRST**k
+        try:
+            start = equilibrium(model, part, at_rest(model, part))
+        except NotConverged:
+            continue
+        return in_steps(model, start, force)
+    failed.load_fraction = 0.0
+    raise failed
+
+
+def sharpened(model: Pressing, force: float) -> Equilibrium:
+    """The equilibrium under a force by way of rounder edges of the punch, over which the foam slides freely.
+
+    NotConverged where the edge is as round already, or an equilibrium on the way is not found.
+    """
+    fillet, path = model.tool.fillet, ()
+    steps = math.ceil(math.log(_ROUND / fillet) / math.log(_SHARPER) - 1e-9)
+    if steps < 1:
+        raise NotConverged("the punch's edge is round already.")
+    x = at_rest(model, force)
+    for k in range(steps + 1):
+        rounder = replace(model.tool, fillet=fillet * (_ROUND / fillet) ** (1 - k / steps))
+        state = equilibrium(replace(model, tool=rounder), force, x)
+        x, path = state.x, path + state.residuals
+    return replace(state, residuals=path)
+
+
+def near(model: Pressing, before: Equilibrium, force: float) -> Equilibrium:
+    """The equilibrium under a force, from that under another; in steps where that fails. NotConverged as in_steps."""
+    try:
+        return equilibrium(model, force, before.x)
+    except NotConverged:
+        return in_steps(model, before, force)
+
+
+def carried_over(coarse: Pressing, state: Equilibrium, fine: Pressing) -> Equilibrium:
+    """The equilibrium of a coarse mesh on a finer one; from rest where it cannot start there."""
+    x = transferred(state.x, coarse.grid, fine.grid)
+    for share in _SHARES:
+        if np.isfinite(energy(fine, state.force, share * x)):
+            try:
+                return equilibrium(fine, state.force, share * x)
+            except NotConverged:
+                break
+    return from_rest(fine, state.force)
+
+
+def towards(depth: float, state: Equilibrium, short: Equilibrium | None, beyond: Equilibrium | None,
+            last: float) -> float:
+    """The force of a corrected depth by the slope at a state, kept between those that fell short and went beyond; the
+    middle of their logarithms where the step before, which missed by `last`, gained little.
+    """
+    missing = depth - state.depth
+    growth = missing / (state.by_force[-1] * state.force)
+    force = float(state.force * np.exp(np.clip(growth, -_LARGEST_STEP, _LARGEST_STEP)))
+    if short and beyond:
+        low, high = sorted((short.force, beyond.force))
+        if abs(missing) > _SLOW * last or not low < force < high:
+            return float(np.sqrt(low * high))
+    return force
+
+
+class BottomedOut(NotConverged):
+    """No equilibrium under the force was found, and less of it already squeezes the foam flat."""
+
+
+def in_steps(model: Pressing, start: Equilibrium, force: float) -> Equilibrium:
+    """The equilibrium under a force from that under another, in steps of the force's logarithm that adapt.
+
+    NotConverged carries the last equilibrium, the residuals of the step that failed and, as load_fraction, the
+    part of the force that was reached; it is BottomedOut where that is deeper than BOTTOM already.
+    """
+    state, step, sign = start, _STEP, 1 if force > start.force else -1
+    while state.force != force:
+        left = abs(np.log(force / state.force))
+        target = force if left <= step else float(state.force * np.exp(sign * step))
+        try:
+            state, step = _next(model, state, target), _GROWTH * step
+        except NotConverged as error:
+            step = min(step, left) / 3
+            if step < _LEAST_STEP or used_up():
+                raise _short_of(state, force, error) from None
+    return state
+
+
+def _short_of(state: Equilibrium, force: float, error: NotConverged) -> NotConverged:
+    """What is raised where the steps end at a state before the force."""
+    share = state.force / force
+    last = f"The last equilibrium held {share:.1%} of the force, {state.depth:.3f} thicknesses deep."
+    kind, text = (BottomedOut, last) if share < 1 and state.depth > BOTTOM else (NotConverged, f"{error} {last}")
+    return kind(text, estimate=state.x, residuals=error.residuals, load_fraction=share)
+
+
+def _next(model: Pressing, state: Equilibrium, force: float) -> Equilibrium:
+    """The equilibrium under a near force, along the tangent where that is admissible."""
+    ahead = state.x + state.by_force * (force - state.force)
+    start = ahead if np.isfinite(energy(model, force, ahead)) else state.x
+    return equilibrium(model, force, start, limit=_ITERATIONS)

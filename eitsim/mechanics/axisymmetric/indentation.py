@@ -1,0 +1,257 @@
+"""A punch pressed into foam: the energy of foam, contact and dead force, and its equilibrium under a force.
+
+Unknowns x are the free displacements and, last, the depth of the punch. Lengths are in foam thicknesses H, stresses
+in mu_0, forces in mu_0 H^2, so that tolerances and the penalty need no units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import root_scalar
+
+from eitsim.mechanics.contact import friction
+from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact.friction import Grip, Nearest
+from eitsim.mechanics.contact.punch_contact import Facets, Tool, Touching
+from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.mechanics.solid.grid import Grid, default_element_m, feature_m, foam_grid, lagrange
+from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
+from eitsim.numerics.newton import System, minimise
+from eitsim.scene.scene import Body, Punch, slope_rad
+from matcal.laws.ellipticity import strongly_elliptic
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# Reference radius, thicknesses beyond the punch's edge, out to which the surface may touch it.
+_REACH = 1.0
+# Penetration, mesh.feature_m, at which the contact is twice as stiff as its penalty: ten times the largest in common
+# touches, so that it stays small where the foam is squeezed flat.
+_FIRM = 0.05
+# Firm gaps that the punch may stand below the foam's bottom.
+_THROUGH = 10.0
+# Largest penetration, in fillet radii, that the penalty contact is trusted with.
+_DEEPEST = 0.5
+# Depth, thicknesses, from which bottoming out is the likely cause of a failure.
+_FLAT = 0.9
+
+
+@dataclass(frozen=True)
+class Pressing:
+    """Foam under a punch, discretised."""
+
+    # moduli over mu_0
+    law: Hyperfoam
+    grid: Grid
+    tool: Tool
+    facets: Facets
+    # element size over the default element size
+    relative_size: float
+    # (elements, points, 4) second Piola-Kirchhoff stress beside the law's, rr, rz, zz and hoop, over mu_0; None: none
+    prestress: Array | None = None
+    # friction between foam and punch; None: none
+    grip: Grip | None = None
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A stable equilibrium of a pressing."""
+
+    # (unknowns + 1,) displacements and depth
+    x: Array
+    # (unknowns + 1,) derivative of x by the force
+    by_force: Array
+    # force on the punch
+    force: float
+    # depth, corrected to first order for the penalty's penetration
+    depth: float
+    # relative residual after each iteration
+    residuals: tuple[float, ...]
+
+
+def pressing(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float, order: int = 2) -> Pressing:
+    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over mesh.feature_m."""
+    grid, unit = foam_grid(body, punch, element_m, order), body.thickness_m
+    stiffness = penalty * unit / feature_m(body, punch)
+    tool = Tool(punch.diameter_m / 2 / unit, punch.fillet_m / unit, stiffness, slope_rad(punch),
+                _FIRM * feature_m(body, punch) / unit)
+    return Pressing(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, tool,
+                    contact.top_facets(grid, tool.radius + _REACH), element_m / default_element_m(body, punch))
+
+
+def at_rest(model: Pressing, force: float) -> Array:
+    """Foam at rest under a punch so deep that its penalty balances the force, as far as that is trusted."""
+    rest = np.zeros(model.grid.unknowns)
+
+    def excess(depth: float) -> float:
+        return contact.forces(model.tool, model.facets, touching(model, np.append(rest, depth)))[1] - force
+
+    deepest = _DEEPEST * model.tool.fillet
+    if excess(deepest) < 0:
+        return np.append(rest, deepest)
+    return np.append(rest, root_scalar(excess, bracket=(0.0, deepest), xtol=1e-15, rtol=1e-6).root)
+
+
+def positions(model: Pressing, x: Array) -> Array:
+    """Current positions (nodes, 2)."""
+    return model.grid.nodes + axisymmetric_assembly.nodal(model.grid, x[:-1])
+
+
+def touching(model: Pressing, x: Array, facets: Facets | None = None) -> Touching:
+    """Contact state at x, on the facets of the model or others."""
+    return contact.touching(model.tool, facets or model.facets, positions(model, x), x[-1])
+
+
+def nearest(model: Pressing, x: Array) -> Nearest:
+    """Where the foam's points of contact stand on the punch at x."""
+    return friction.nearest(model.tool, model.facets, positions(model, x), float(x[-1]))
+
+
+def seen(model: Pressing, x: Array) -> Array:
+    """Displacement (facets, points, 2) of the points of contact at x, as seen from the punch."""
+    return friction.moved(model.facets, axisymmetric_assembly.nodal(model.grid, x[:-1]), float(x[-1]))
+
+
+def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100, tolerance: float = 1e-10) -> Equilibrium:
+    """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations to a gradient of
+    `tolerance` times the force.
+
+    NotConverged carries the last x, the residuals, and the physical state it got stuck in.
+    """
+    try:
+        found = minimise(lambda x: energy(model, force, x), lambda x, share: system(model, force, x, share), start,
+                         scale=force, limit=limit, tolerance=tolerance)
+    except NotConverged as error:
+        raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
+                           residuals=error.residuals) from None
+    at = touching(model, found.x)
+    if problem := _implausible(model, at, found.x):
+        raise NotConverged(f"{problem} {_state(model, found.x)}", estimate=found.x, residuals=found.residuals)
+    by_force = found.solve(np.append(np.zeros(model.grid.unknowns), 1.0))
+    push, reaction = contact.complementary_forces(model.tool, model.facets, at)
+    if model.grip is not None:
+        more = friction.forces(model.grip, model.facets, seen(model, found.x), elastic=True)
+        push, reaction = push + more[0], reaction + more[1]
+    penetration = float(_gathered(model, push) @ by_force[:-1] + reaction * by_force[-1])
+    return Equilibrium(found.x, by_force, force, float(found.x[-1]) - penetration, found.residuals)
+
+
+def _implausible(model: Pressing, at: Touching, x: Array) -> str:
+    """Why a minimum is none of the physical problem; empty where it is fine."""
+    deepest = float(at.gap.max()) / model.tool.fillet
+    if deepest > _DEEPEST:
+        return (f"The foam under the punch's edge or tip is so stiff that it stands {deepest:.1f} fillet radii "
+                "inside the punch, more than the contact model allows.")
+    return "The punch has gone through the foam between the points of contact." if x[-1] > 1 + at.gap.max() else ""
+
+
+def _state(model: Pressing, x: Array) -> str:
+    lost, depth = fraction_non_elliptic(model, x), float(x[-1])
+    cause = "the foam is squeezed flat" if depth > _FLAT else "strong ellipticity is lost" if lost else (
+        "the law is elliptic everywhere")
+    return (f"The punch stood {depth:.3f} thicknesses deep, where {cause} ({lost:.1%} of the points are not elliptic). "
+            "Try a smaller force or depth, or a larger punch or fillet.")
+
+
+def fraction_non_elliptic(model: Pressing, x: Array) -> float:
+    """Fraction of the quadrature points at which the law is not strongly elliptic."""
+    return float(1 - np.mean(_elliptic(model, x)))
+
+
+def non_elliptic_place(model: Pressing, x: Array) -> Array | None:
+    """Least and largest reference radius and depth below the surface (2, 2) of those points; None without any."""
+    lost = ~_elliptic(model, x)
+    if not lost.any():
+        return None
+    shape_over_radius = model.grid.gradient[lost.nonzero()][..., 2]
+    nodes = model.grid.nodes[model.grid.elements[lost.nonzero()[0]]]
+    radius = 1 / shape_over_radius.sum(axis=-1)
+    below = -radius * np.sum(shape_over_radius * nodes[..., 1], axis=-1)
+    return np.array([[radius.min(), radius.max()], [below.min(), below.max()]])
+
+
+def _elliptic(model: Pressing, x: Array) -> NDArray[np.bool_]:
+    """Where (elements, points) the law is strongly elliptic."""
+    strain = axisymmetric_assembly.deformation(model.grid, x[:-1])
+    inside = axisymmetric_assembly.admissible(strain)
+    return inside & strongly_elliptic(
+        model.law, axisymmetric_assembly.log_stretches(np.where(inside[..., None], strain, 0.0))
+    )
+
+
+def energy(model: Pressing, force: float, x: Array) -> float:
+    """Foam energy + contact energy - force depth at x; infinite where the foam is turned inside out, or the punch is
+    below the foam's fixed bottom by more than the contact may yield."""
+    if x[-1] > 1 + _THROUGH * model.tool.firm:
+        return np.inf
+    stored = axisymmetric_assembly.energy(model.law, model.grid, x[:-1], model.prestress)
+    if model.grip is not None:
+        stored += friction.energy(model.grip, model.facets, seen(model, x))
+    return stored + contact.energy(model.tool, model.facets, touching(model, x)) - force * float(x[-1])
+
+
+def system(model: Pressing, force: float, x: Array, share: float = 1.0) -> System:
+    """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled by share."""
+    gradient, band = axisymmetric_assembly.residual_and_tangent(model.law, model.grid, x[:-1], share, model.prestress)
+    at = touching(model, x)
+    blocks, border, corner = contact.stiffness(model.tool, model.facets, at, share)
+    if model.grip is not None:
+        more = friction.tangent(model.grip, model.facets, seen(model, x))
+        blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
+    push, reaction = _contact_gradient(model, at, x)
+    unknown = _facet_unknowns(model)
+    row, column = np.broadcast_arrays(unknown[:, :, None], unknown[:, None, :])
+    lower = (column >= 0) & (row >= column)
+    np.add.at(band, (column[lower], (row - column)[lower]), blocks.reshape(row.shape)[lower])
+    edge = _gathered(model, border)
+
+    def factorise() -> Solve:
+        return bordered(factorise_band(band), edge, corner)
+
+    return np.append(gradient + push, reaction - force), factorise
+
+
+def _contact_gradient(model: Pressing, at: Touching, x: Array) -> tuple[Array, float]:
+    push, reaction = contact.forces(model.tool, model.facets, at)
+    if model.grip is not None:
+        more = friction.forces(model.grip, model.facets, seen(model, x))
+        push, reaction = push + more[0], reaction + more[1]
+    return _gathered(model, push), reaction
+
+
+def _facet_unknowns(model: Pressing) -> NDArray[np.int64]:
+    return model.grid.unknown[model.facets.nodes].reshape(len(model.facets.nodes), -1)
+
+
+def _gathered(model: Pressing, on_facets: Array) -> Array:
+    """Sum (facets, p + 1, 2) into the unknowns."""
+    unknown = _facet_unknowns(model)
+    free = unknown >= 0
+    out = np.zeros(model.grid.unknowns)
+    np.add.at(out, unknown[free], on_facets.reshape(unknown.shape)[free])
+    return out
+
+
+def transferred(x: Array, old: Grid, new: Grid) -> Array:
+    """The state x of one grid on another: the old grid's displacement at the new nodes."""
+    along_r, along_z = (interpolation(a, b, old.order) for a, b in zip(old.lines, new.lines, strict=True))
+    values = axisymmetric_assembly.nodal(old, x[:-1]).reshape(*map(len, old.lines), 2)
+    moved = np.einsum("im,mnk,jn->ijk", along_r, values, along_z, optimize=True).reshape(-1, 2)
+    free = new.unknown >= 0
+    out = np.empty(new.unknowns)
+    out[new.unknown[free]] = moved[free]
+    return np.append(out, x[-1])
+
+
+def interpolation(nodes: Array, points: Array, order: int) -> Array:
+    """Interpolation (points, nodes) of that order between the nodes of a line of elements."""
+    left = np.clip((np.searchsorted(nodes[::order], points, side="right") - 1) * order, 0, len(nodes) - 1 - order)
+    first, last = nodes[left], nodes[left + order]
+    shape, _ = lagrange(order, (2 * points - first - last) / (last - first))
+    out = np.zeros((len(points), len(nodes)))
+    out[np.arange(len(points))[:, None], left[:, None] + np.arange(order + 1)] = shape
+    return out

@@ -1,0 +1,106 @@
+"""The foam's top surface under a punch: its stretches, contact pressure, contact areas and dipole response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
+from eitsim.mechanics.axisymmetric.indentation import Pressing, positions, touching
+from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact.punch_contact import Facets
+from eitsim.mechanics.solid.grid import lagrange
+
+Array = NDArray[np.float64]
+
+# Gauss points a facet at which stretches are sampled, and at which areas and the dipole response are summed.
+_SAMPLES, _FINE = 3, 8
+# Conductivity of the nominal skin of the dipole response is exp(_SENSITIVITY strain).
+_SENSITIVITY = -2.0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Deformation of the surface at points of facets, all arrays (facets, points)."""
+
+    # (facets, points, 2) current position
+    position: Array
+    meridian: Array
+    hoop: Array
+    # through the thickness: J over the areal stretch
+    normal: Array
+    # current radius over the reference radius, derivative of the current radius by the reference radius
+    widening: Array
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Integrals of the contact."""
+
+    # (facets,) contact pressure on the deformed surface, facet averages
+    pressure: Array
+    # (facets,) reference radius of the facets' middles
+    middle: Array
+    # reference radius of the outermost point that touches
+    radius: float
+    # current area projected on the punch's face where the face or the fillet is touched
+    area: float
+    # current area of the side wall that is touched
+    wall: float
+
+
+def stretch(model: Pressing, x: Array, facets: Facets) -> Stretch:
+    """Deformation at the points of facets, from the displacement's gradient at the surface."""
+    where = positions(model, x)
+    order, rows = model.grid.order, model.grid.lines[1]
+    by_height = lagrange(order, np.ones(1))[1][0] * 2 / (rows[-1] - rows[-1 - order])
+    position = facets.shape @ where[facets.nodes]
+    along = facets.slope @ where[facets.nodes]
+    columns = where[facets.nodes[..., None] + np.arange(-order, 1)]
+    up = facets.shape @ np.einsum("k,faki->fai", by_height, columns)
+    meridian = np.hypot(along[..., 0], along[..., 1])
+    on_axis = facets.radius == 0
+    hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, facets.radius))
+    normal = (along[..., 0] * up[..., 1] - along[..., 1] * up[..., 0]) / meridian
+    return Stretch(position, meridian, hoop, normal, along[..., 0] * hoop)
+
+
+def samples(model: Pressing, x: Array) -> tuple[Array, Stretch]:
+    """Reference radii (n,), increasing from 0, and the deformation there, flattened to (n,)."""
+    axis = contact.facets_at(model.grid, model.grid.top[:1], np.array([-1.0]), np.zeros(1))
+    parts = [axis, contact.top_facets(model.grid, points=_SAMPLES)]
+    fields = [stretch(model, x, part) for part in parts]
+
+    def joined(name: str) -> Array:
+        values = [getattr(field, name) for field in fields]
+        return np.concatenate([v.reshape(-1, *v.shape[2:]) for v in values])
+
+    radius = np.concatenate([part.radius.ravel() for part in parts])
+    return radius, Stretch(*(joined(name) for name in Stretch.__dataclass_fields__))
+
+
+def contact_of(model: Pressing, x: Array) -> Contact:
+    """Pressures and areas of the contact at x."""
+    facets = model.facets
+    at, field = touching(model, x), stretch(model, x, facets)
+    push = (facets.weight * contact.pressure(model.tool, at.gap)).sum(axis=1)
+    pressure = push / (facets.weight * field.meridian * field.hoop).sum(axis=1)
+    fine = contact.facets_at(model.grid, facets.nodes, *np.polynomial.legendre.leggauss(_FINE))
+    at, field = touching(model, x, fine), stretch(model, x, fine)
+    touched = at.gap > 0
+    projected = fine.weight * field.widening * (touched & ~at.wall)
+    wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
+    radius = float(fine.radius[touched].max())
+    middle = model.grid.nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
+    return Contact(pressure, middle, radius, float(projected.sum()), float(wall.sum()))
+
+
+def dipole_response(model: Pressing, x: Array, strain: str) -> float:
+    """Polarisability of a nominal skin, driven by that strain, on the deformed surface."""
+    facets = contact.top_facets(model.grid, points=_FINE)
+    field = stretch(model, x, facets)
+    sheet = np.exp(_SENSITIVITY * driving_strain(strain, field.meridian, field.hoop, field.normal))
+    turn = field.hoop / field.meridian
+    return dipole(facets.radius.ravel(), (sheet * turn).ravel(), (sheet / turn).ravel())

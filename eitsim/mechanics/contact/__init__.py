@@ -1,0 +1,1 @@
+"""Where contact is enforced: penalty, friction, stick springs."""

@@ -1,0 +1,115 @@
+"""Friction between foam and punch: a spring along the punch's profile at each point of contact, which may slip.
+
+The slip q of a point is the arc of the profile nearest to it less its anchor, the arc at which it touched first or came
+to rest. While an energy is minimised the direction of the profile and the largest shear T are kept, so that each point
+adds a convex potential: k q^2/2 up to the slip T/k, T |q| - T^2/(2 k) beyond. T is infinite where the punch sticks, by
+Coulomb's law the coefficient times the nominal pressure. Source: Wriggers, Computational Contact Mechanics, 2nd ed.
+(2006), chapters 5 and 10, DOI 10.1007/978-3-540-32609-0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact.punch_contact import Facets, Tool
+from eitsim.scene.scene import Punch
+
+Array = NDArray[np.float64]
+
+# Stiffness of the springs over that of the contact: ten times as much moves depths by less than 1e-4.
+_STIFFNESS = 0.1
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Points of the punch's profile that are nearest to the Gauss points (facets, points) of the foam's top."""
+
+    # depth inside the punch, negative outside
+    gap: Array
+    # arc of the profile from the axis
+    arc: Array
+    # (facets, points, 2) direction (r, z) of the profile, outwards and up
+    along: Array
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Springs along the punch's profile at the Gauss points (facets, points) during one minimisation."""
+
+    # nominal shear over slip, while it sticks
+    stiffness: float
+    # (facets, points) largest nominal shear; infinite where the punch sticks, 0 where nothing holds
+    limit: Array
+    # (facets, points) slip from the anchor where the displacement is `moved`
+    slip: Array
+    # (facets, points, 2) displacement as seen from the punch
+    moved: Array
+    # (facets, points, 2) direction (r, z) of the profile, outwards and up
+    along: Array
+
+
+@dataclass(frozen=True)
+class Shear:
+    """State of the springs, each (facets, points)."""
+
+    # potential per reference area
+    potential: Array
+    # nominal shear; positive pulls the foam inwards
+    size: Array
+    # its derivative by the slip: the spring's stiffness, 0 where it slips
+    slope: Array
+    # size of the slip beyond what the spring takes up
+    slipped: Array
+
+
+def coefficient(punch: Punch) -> float:
+    """Largest shear over pressure: 0 without friction, infinite where the punch sticks."""
+    return {"none": 0.0, "stick": np.inf, "coulomb": punch.friction_coefficient}[punch.friction]
+
+
+def stiffness(tool: Tool) -> float:
+    """Stiffness of the springs, nominal shear over slip."""
+    return _STIFFNESS * tool.stiffness
+
+
+def nearest(tool: Tool, facets: Facets, position: Array, depth: float) -> Nearest:
+    """Where the Gauss points of nodes at `position` (nodes, 2) stand on the punch, whose tip is `depth` below z = 0."""
+    r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
+    gap, n_r, n_z, _, _ = contact.distance(tool, r, z + depth)
+    return Nearest(gap, contact.arc(tool, r, z + depth), np.stack([n_z, -n_r], axis=-1))
+
+
+def moved(facets: Facets, displacement: Array, depth: float) -> Array:
+    """Displacement (facets, points, 2), as seen from the punch, of nodes displaced by (nodes, 2)."""
+    return facets.shape @ displacement[facets.nodes] + np.array([0.0, depth])
+
+
+def shear(grip: Grip, seen: Array) -> Shear:
+    """State of the springs where the foam has `moved` by seen (facets, points, 2)."""
+    slip = grip.slip + np.sum(grip.along * (seen - grip.moved), axis=-1)
+    size, most = np.abs(slip), grip.limit / grip.stiffness
+    elastic = np.minimum(size, most)
+    return Shear(grip.stiffness * elastic * (size - elastic / 2), grip.stiffness * elastic * np.sign(slip),
+                 np.where(size < most, grip.stiffness, 0.0), size - elastic)
+
+
+def energy(grip: Grip, facets: Facets, seen: Array) -> float:
+    """Potential of the springs over the reference surface."""
+    return float(np.sum(facets.weight * shear(grip, seen).potential))
+
+
+def forces(grip: Grip, facets: Facets, seen: Array, *, elastic: bool = False) -> tuple[Array, float]:
+    """Derivatives of the energy as of punch.forces; elastic: of what the springs store, so without those that slip."""
+    at = shear(grip, seen)
+    size = np.where(at.slope > 0, at.size, 0.0) if elastic else at.size
+    return contact.gathered(facets, size[..., None] * grip.along)
+
+
+def tangent(grip: Grip, facets: Facets, seen: Array) -> tuple[Array, Array, float]:
+    """Second derivatives of the energy as of punch.stiffness; never negative."""
+    slope = shear(grip, seen).slope[..., None, None]
+    return contact.gathered_twice(facets, slope * grip.along[..., :, None] * grip.along[..., None, :])

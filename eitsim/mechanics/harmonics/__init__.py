@@ -1,0 +1,1 @@
+"""Fourier discretisation of a disc that is pressed off its centre."""

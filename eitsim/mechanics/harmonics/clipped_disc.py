@@ -1,0 +1,158 @@
+"""A disc pressed off its centre: the whole three-dimensional problem, as Fourier series about the punch's axis.
+
+Unknowns are the amplitudes of what the rim adds to an axisymmetric state on one mesh of the meridian, and to its depth.
+The mesh knows no rim: energies are summed over the parts of its circles that lie inside the disc, so that all offsets
+share one mesh and the state is exact where no circle is cut. Beyond the rim the series goes on at will, held by a weak
+tie: TIE/2 times the squared gradient of what is added, on cut circles, over mu_0 (a finite cell method: Parvizian,
+Duster, Rank, Comput. Mech. 41 (2007) 121, DOI 10.1007/s00466-007-0173-y). Units as in
+eitsim.mechanics.axisymmetric.indentation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing
+from eitsim.mechanics.contact.punch_contact import Tool
+from eitsim.mechanics.contact.stick_springs import Springs, springs
+from eitsim.mechanics.harmonics.arcs import Circles, Outline, circles
+from eitsim.mechanics.harmonics.fourier_fields import Points
+from eitsim.mechanics.solid.axisymmetric_assembly import nodal
+from matcal.laws.hyperfoam import Hyperfoam
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Stiffness beyond the rim, over mu_0. It lowers what the rim adds to the depth by 0.5 %.
+TIE = 1e-3
+
+
+@dataclass(frozen=True)
+class Facing:
+    """The surface that the punch may touch, at points that stand for circles."""
+
+    # (facets, p + 1) nodes
+    nodes: Indices
+    # (points, p + 1) shape functions at a facet's points
+    shape: Array
+    # (facets points, 1) reference radius
+    radius: Array
+    # (facets points, angles) quadrature weight
+    weight: Array
+    circles: Circles
+
+
+@dataclass(frozen=True, eq=False)
+class Outside:
+    """A given field that is added to the disc's own, and its own equilibrium with another punch."""
+
+    # (points, 9, angles) displacement gradient at the foam's points
+    strain: Array
+    # (points, 9, angles) first Piola stress of that field alone, with the foam's weights
+    stress: Array
+    # (facets points, 3, angles) displacement of the surface that the punch may touch
+    shift: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClippedDisc:
+    """The discretised problem."""
+
+    # moduli over mu_0
+    law: Hyperfoam
+    tool: Tool
+    outline: Outline
+    foam: Points
+    # (points, angles) quadrature weight, and (points,) that of the tie
+    weight: Array
+    tie: Array
+    facing: Facing
+    # what holds the surface where the punch sticks
+    springs: Springs
+    # (columns,) radii of the nodes' columns
+    columns: Array
+    # order of the elements
+    order: int
+    # (nodes, 3, harmonics) amplitudes of the axisymmetric state
+    base: Array
+    # its depth, and the force on the punch
+    depth: float
+    force: float
+    # whether the depth is kept instead of the force
+    held: bool
+    # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
+    fixed: NDArray[np.bool_]
+    # what a neighbour adds; None: nothing
+    outside: Outside | None = None
+
+    @property
+    def unknowns(self) -> int:
+        """Number of amplitudes that are free."""
+        return int(self.fixed.size - self.fixed.sum())
+
+
+def clipped_disc(model: Pressing, state: Equilibrium, outline: Outline, harmonics: int, angles: int,
+                 reach: float, *, held: bool = False) -> ClippedDisc:
+    """Discretise what the rim adds to an axisymmetric state: harmonics 0 to harmonics - 1, as many angles on half a
+    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force.
+
+    The punch sticks where the model has a grip.
+    """
+    grid, facets = model.grid, model.facets
+    near = grid.nodes[grid.elements, 0].max(axis=1) <= reach
+    elements, volume = grid.elements[near], grid.weight[near].ravel()
+    shape = grid.gradient[near].reshape(volume.size, -1, 3)
+    radii, circle = np.unique(np.round(1 / shape[..., 2].sum(axis=1), 10), return_inverse=True)
+    around = circles(outline, radii, harmonics, angles)
+    count = int(elements.max()) + 1
+    base = np.zeros((count, 3, harmonics))
+    base[:, [0, 2], 0] = nodal(grid, state.x[:-1])[:count]
+    kept = facets.nodes.max(axis=1) < count
+    under = circles(outline, facets.radius[kept].ravel(), harmonics, angles)
+    facing = Facing(facets.nodes[kept], facets.shape, facets.radius[kept].reshape(-1, 1),
+                    facets.weight[kept].reshape(-1, 1) * under.weight, under)
+    foam = Points(shape, np.repeat(elements, grid.weight.shape[1], axis=0), circle, around)
+    held_by = springs(model.grip, facets.radius[kept].shape)
+    return ClippedDisc(
+        model.law, model.tool, outline, foam,
+        volume[:, None] * around.weight[circle], TIE * volume * around.cut[circle], facing, held_by,
+        grid.lines[0][:count // len(grid.lines[1])], grid.order, base, float(state.x[-1]), state.force, held,
+        _fixed(grid.nodes[:count], harmonics, count < len(grid.nodes)))
+
+
+def _fixed(nodes: Array, harmonics: int, truncated: bool) -> NDArray[np.bool_]:
+    """On the axis a smooth field has u_z of harmonic 0 and u_r = -u_theta of harmonic 1 alone."""
+    out = np.zeros((harmonics, len(nodes), 3), dtype=bool)
+    axis = np.flatnonzero(nodes[:, 0] == 0)
+    out[0, :, 1] = True
+    out[0, axis, 0] = True
+    out[1, axis] = [True, False, True]
+    out[2:, axis] = True
+    out[:, nodes[:, 1] == nodes[0, 1]] = True
+    if truncated:
+        out[:, nodes[:, 0] == nodes[-1, 0]] = True
+    return out
+
+
+def turned(amplitude: Array) -> Array:
+    """Amplitudes (harmonics, nodes, 3) of u_r, u_theta, u_z as those of (u_r +- u_theta)/sqrt(2), u_z from harmonic 1
+    on; its own inverse."""
+    out = amplitude.copy()
+    out[1:, :, 0] = (amplitude[1:, :, 0] + amplitude[1:, :, 1]) / np.sqrt(2)
+    out[1:, :, 1] = (amplitude[1:, :, 0] - amplitude[1:, :, 1]) / np.sqrt(2)
+    return out
+
+
+def amplitudes(disc: ClippedDisc, x: Array) -> Array:
+    """What the unknowns x (unknowns,) add, (nodes, 3, harmonics)."""
+    out = np.zeros(disc.fixed.shape)
+    out[~disc.fixed] = x
+    return np.ascontiguousarray(np.moveaxis(turned(out), 0, 2))
+
+
+def unknowns_of(disc: ClippedDisc, amplitude: Array) -> Array:
+    """The unknowns (unknowns,) of amplitudes (nodes, 3, harmonics); takes forces on amplitudes to those on unknowns."""
+    return turned(np.moveaxis(amplitude, 2, 0))[~disc.fixed]

@@ -1,0 +1,1 @@
+"""Reduced-order tables of load paths, interpolated in place of a solution."""

@@ -1,0 +1,172 @@
+"""Solving what a few laws change of a table's load paths, and how far weighted means are from other laws solved afresh.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial, reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.mechanics.load_paths.build_table import Run, compared, course_at, tabulated
+from eitsim.mechanics.load_paths.law_family import Family, places, table_of
+from eitsim.mechanics.load_paths.load_path import NUMBERS, Deviation, Node, alongside, course_of, from_rest
+from eitsim.mechanics.load_paths.reduced_basis import Span
+from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, near_rim_from, told_by
+from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, state, touch_from
+from eitsim.mechanics.load_paths.types import Shape, Table
+from eitsim.mechanics.rim.solve_near_rim import corrected
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# Touches by which each law tells the error, at each of the diameters.
+_CHECKS = 6
+# Of the cells of gap and depth, every which gap and depth the farthest law is solved at to tell the error.
+_EVERY = (3, 4)
+
+
+def build_family(table: Table, span: Span, run: Run = map) -> Family:
+    """Solve the load paths of a span's laws beside those of its central one, which the table holds; `run` maps a
+    function over laws and diameters, possibly in other processes.
+
+    NotConverged where a path is found at too few depths, or no touch to tell the error.
+    """
+    shape = table.shape
+    some, depths = places(table)
+    diameters = [shape.solved[i] for i in some]
+    pressures = {d: table.values[i, depths, -len(NUMBERS)] for i, d in zip(some, diameters, strict=True)}
+    paths = list(run(partial(_path, table.depths[depths], pressures),
+                     [(of_law(shape, law), d) for law in span.chosen for d in diameters]))
+    spent = sum(cpu for *_, cpu in paths)
+    common = min((len(values) for values, _, _ in paths), default=len(depths))
+    if common < len(depths):
+        table = as_deep_as(table, depths[common - 1] + 1)
+        depths = places(table)[1]
+    values, slopes = (np.array([path[part][:len(depths)] for path in paths]).reshape(
+        len(span.chosen), len(some), len(depths), table.values.shape[-1]) for part in range(2))
+    family = Family(replace(table, cpu_s=table.cpu_s + spent), span, *_changes(table, values, slopes))
+    return family if not span.held_out else _checked(family, run)
+
+
+def _path(depths: Array, pressures: Mapping[float, Array], which: tuple[Shape, float]) -> tuple[Array, Array, float]:
+    """Values and slopes of one law's path at depths, as far as it goes, and the CPU time."""
+    started = time.process_time()
+    shape, diameter = which
+    nodes = list(alongside(course_at(shape, diameter), depths.tolist(), pressures[diameter].tolist()))
+    values, slopes, _ = tabulated(nodes, depths[:len(nodes)])
+    return values, slopes, time.process_time() - started
+
+
+def _changes(table: Table, values: Array, slopes: Array) -> tuple[Array, Array]:
+    """Differences of values and slopes to the table's; slopes of numbers but the pressure's are those of monotone
+    cubics through the differences."""
+    some, depths = places(table)
+    at = np.ix_(some, depths)
+    values, slopes = values - table.values[at], slopes - table.slopes[at]
+    rest = 1 - len(NUMBERS)
+    if len(values):
+        slopes[..., rest:] = PchipInterpolator(table.depths[depths], values[..., rest:], axis=2).derivative()(
+            table.depths[depths])
+    return values, slopes
+
+
+def _checked(family: Family, run: Run) -> Family:
+    """The family with the largest deviation of means from touches of other laws solved afresh."""
+    table, laws = family.table, family.span.held_out
+    depths = (table.depths[1:] + table.depths[:-1]) / 2
+    depths = depths[np.unique(np.linspace(0, len(depths) - 1, _CHECKS).round().astype(int))]
+    pressures = {d: _pressures(table, d, depths) for d in _diameters(table)}
+    found = list(run(_fresh, [(of_law(table.shape, law), d, p) for law in laws for d, p in pressures.items()]))
+    tables = [_compared(family, law, dict(zip(pressures, (nodes for nodes, _ in part), strict=True)))
+              for law, part in zip(laws, _parts(found, len(pressures)), strict=True)]
+    error = reduce(Deviation.at_least, [own.error for own in tables], table.error)
+    return replace(family, table=replace(
+        table, error=error, checks=table.checks + sum(own.checks for own in tables),
+        cpu_s=table.cpu_s + sum(cpu for _, cpu in found)))
+
+
+def _parts(found: list[Any], size: int) -> list[list[Any]]:
+    return [found[i:i + size] for i in range(0, len(found), size)]
+
+
+def _pressures(table: Table, diameter: float, depths: Array) -> tuple[float, ...]:
+    """Mean pressures of the central law at depths, without those where its paths end."""
+    found = (state(table, diameter, depth=depth) for depth in depths.tolist())
+    return tuple(one.number["mean_pressure"] for one in found if one is not None)
+
+
+def _diameters(table: Table) -> list[float]:
+    """Diameters at which other laws tell the error: between those solved, or else those where changes are not."""
+    if table.shape.spans:
+        return list(table.shape.held_out)
+    some = places(table)[0]
+    rest = [d for i, d in enumerate(table.shape.solved) if i not in some]
+    return (rest or list(table.shape.solved))[:2]
+
+
+def _fresh(which: tuple[Shape, float, tuple[float, ...]]) -> tuple[list[Node], float]:
+    """Nodes of a law and diameter under mean pressures, each from rest, those left out that are not found, and the CPU
+    time."""
+    started = time.process_time()
+    shape, diameter, pressures = which
+    course, nodes = course_of(*parts_of(shape, diameter), shape.strain), []
+    for pressure in pressures:
+        with contextlib.suppress(NotConverged):
+            nodes.append(from_rest(course, pressure))
+    return nodes, time.process_time() - started
+
+
+def _compared(family: Family, law: Hyperfoam, nodes: dict[float, list[Node]]) -> Table:
+    own = table_of(family, law)
+    assert own is not None
+    return compared(own, nodes)
+
+
+def with_rim(family: Family, table: Table, run: Run = map) -> Family:
+    """The family with what the rim changes of the central law's touches, from its table, taken over at equal depth; in
+    each cell of gap and depth its deviation is at least that at the law that is farthest off in the nearest cells.
+
+    NotConverged where more than half of the changes that tell it are not found.
+    """
+    rim = table.rim
+    assert rim is not None
+    family = replace(family, table=replace(family.table, rim=rim))
+    if not family.span.held_out:
+        return family
+    own = table_of(family, family.span.held_out[0])
+    assert own is not None
+    cells = [(i, j) for i, j in cells_of(rim) if i % _EVERY[0] == 0 and j % _EVERY[1] == 1]
+    found = list(run(partial(_deviation, own), middles_of(rim, cells, rim.diameters.tolist())))
+    rim = told_by(rim, {cell: off for cell, (off, _) in zip(cells, found, strict=True)})
+    spent = rim.cpu_s + sum(cpu for _, cpu in found)
+    return replace(family, table=replace(family.table, rim=replace(rim, cpu_s=spent)))
+
+
+def _deviation(table: Table, place: tuple[float, float, float]) -> tuple[Deviation | None, float]:
+    """How far a table is from the rim's change of its touch solved afresh, None where that is not found, and the CPU
+    time."""
+    started = time.process_time()
+    diameter, gap, depth = place
+    law, body, punch = parts_of(table.shape, diameter)
+    alone = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
+    if alone is None:
+        return None, time.process_time() - started
+    punch = replace(punch, x_m=body.radius_m - diameter / 2 - gap, force_N=alone.force_N)
+    stored = near_rim_from(table, alone, body, punch)
+    try:
+        fresh = corrected(alone, law, body, punch, strain=table.shape.strain)
+    except NotConverged:
+        return None, time.process_time() - started
+    if stored is None or stored.rim is None or fresh.rim is None:
+        return None, time.process_time() - started
+    signal = signal_difference(body, punch, alone, stored.rim, fresh.rim, table.shape.strain)
+    return Deviation(abs(stored.depth_m / fresh.depth_m - 1), signal, 0.0), time.process_time() - started

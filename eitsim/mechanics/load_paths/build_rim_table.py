@@ -1,0 +1,252 @@
+"""Solving what the rim changes of a table's touches, and its deviation from changes solved afresh between them.
+
+A change is solved on the coarse mesh at all places of a grid, and on the finer one at some: what that adds varies less
+with the gap, and is a cubic through those. Deep touches next to the rim are not found; there lines over the gap go on
+as parabolas, and no touch beside such a place is served.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import interp1d
+
+from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.mechanics.load_paths.build_table import Run
+from eitsim.mechanics.load_paths.load_path import Deviation
+from eitsim.mechanics.load_paths.rim_table import (
+    Solved,
+    across_depths,
+    across_gaps,
+    between,
+    cells_of,
+    change_from,
+    changed_diameters,
+    extended,
+    middles_of,
+    told_by,
+)
+from eitsim.mechanics.load_paths.table import carried_over, parts_of, touch_from
+from eitsim.mechanics.load_paths.types import RimTable, Shape, Table
+from eitsim.mechanics.rim.correction import Change
+from eitsim.mechanics.rim.solve_near_rim import COARSE, LEAST_GAP, corrected, rim_change
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Punch
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+# (diameters, gaps, depths) of Solved, None where nothing was found
+Found = NDArray[np.object_]
+# diameter, gap, depth, over the thickness
+Place = tuple[float, float, float]
+Solve = Callable[[Table, Place], Solved]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Gaps and depths of the axisymmetric touch, increasing, over the thickness, at which changes are solved."""
+
+    gaps: tuple[float, ...]
+    depths: tuple[float, ...]
+    # those of them at which they are solved on the finer mesh too, the ends among them
+    fine_gaps: tuple[float, ...]
+    fine_depths: tuple[float, ...]
+
+
+# From the rim itself up to where it no longer counts at a wanted error of 1 %. The coarse mesh's contact grows element
+# by element, felt most at depths between 0.06 and 0.16, which takes the finer mesh there.
+GRID = Grid((0.0, 0.06, 0.18, 0.38, 0.68, 1.14, 1.83, 2.9, 4.5),
+            (0.02, 0.035, 0.06, 0.09, 0.12, 0.16, 0.2, 0.26, 0.32, 0.4, 0.48, 0.57, 0.66, 0.76, 0.86),
+            (0.0, 0.18, 1.14, 4.5), (0.02, 0.035, 0.06, 0.09, 0.12, 0.16, 0.32, 0.48, 0.66, 0.86))
+# Depths up to which changes are tried, over the thickness, on the coarse and on the finer mesh, and what each thickness
+# of the gap adds to them: deeper ones next to the rim take a minute each, and many are not found.
+_ROUGH_TRIED, _FINE_TRIED, _BY_GAP = 0.66, 0.5, 4.0
+
+
+# Fewest gaps at which a depth is found.
+_FEWEST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class _Nodes:
+    """Changes on a grid."""
+
+    gaps: Array
+    depths: Array
+    solved: Found
+    cpu_s: float
+
+    @property
+    def missing(self) -> NDArray[np.bool_]:
+        """(diameters, gaps, depths) where none was found."""
+        return np.array([one is None for one in self.solved.ravel()]).reshape(self.solved.shape)
+
+
+def build_rim(table: Table, run: Run = map, grid: Grid = GRID) -> RimTable:
+    """Solve the changes of a table's touches on a grid; `run` maps a function over places, possibly in other processes.
+
+    NotConverged where too few changes are found, or too few of those that tell the error.
+    """
+    diameters = changed_diameters(table.shape)
+    rough = _nodes(table, run, _roughly, _ROUGH_TRIED, grid.gaps, grid.depths)
+    fine = _nodes(table, run, _finely, _FINE_TRIED, grid.fine_gaps, grid.fine_depths)
+    rough, fine = _as_deep(rough, fine)
+    field = fine.solved[len(diameters) // 2, -1, 0].change.field
+    (fields, numbers), finer = (_rows(table.shape, field.radius_m, nodes) for nodes in (rough, fine))
+    at = rough.gaps, rough.depths, fine.gaps, fine.depths
+    fields, numbers = (refined(*at, *pair) for pair in zip((fields, numbers), finer, strict=True))
+    rim = RimTable(diameters, rough.gaps, rough.depths, field.radius_m, field.share, fields.astype(np.float32), numbers,
+                   _untold(rough), rough.cpu_s + fine.cpu_s)
+    return checked(table, rim, run)
+
+
+def _nodes(table: Table, run: Run, solve: Solve, deepest: float, gaps: Sequence[float],
+           depths: Sequence[float]) -> _Nodes:
+    """Changes at all gaps and depths at which they are tried, on the rim itself up to the deepest."""
+    diameters, least = changed_diameters(table.shape), LEAST_GAP * table.shape.disc
+    at = np.maximum(gaps, least)
+    places = [(d, g, s) for d in diameters.tolist() for g in at.tolist() for s in depths]
+    tried = [place for place in places if place[2] <= deepest + _BY_GAP * place[1]]
+    found = dict(zip(tried, run(partial(_timed, solve, table), tried), strict=True))
+    solved = np.empty(len(places), dtype=object)
+    solved[:] = [found.get(place, (None, 0.0))[0] for place in places]
+    return _Nodes(at, np.array(depths), solved.reshape(len(diameters), len(at), len(depths)),
+                  sum(cpu for _, cpu in found.values()))
+
+
+def _as_deep(rough: _Nodes, fine: _Nodes) -> tuple[_Nodes, _Nodes]:
+    """Both as deep as a few of the largest gaps are found at; NotConverged where that is at too few depths."""
+    ends = [_end(nodes) for nodes in (rough, fine)]
+    common = fine.depths[fine.depths <= min(ends)]
+    if len(common) < _FEWEST:
+        raise NotConverged("changes by the rim were found at too few gaps and depths for a table.", estimate=fine.gaps)
+    rough, fine = (replace(nodes, depths=nodes.depths[nodes.depths <= common[-1]],
+                           solved=nodes.solved[:, :, nodes.depths <= common[-1]]) for nodes in (rough, fine))
+    return rough, fine
+
+
+def _end(nodes: _Nodes) -> float:
+    """Depth up to which the largest gaps are all found, 0 where they are not at the least."""
+    lost = np.argwhere(nodes.missing[:, -_FEWEST:])[:, 2]
+    count = int(lost.min(initial=len(nodes.depths)))
+    return float(nodes.depths[count - 1]) if count else 0.0
+
+
+def _untold(nodes: _Nodes) -> Array:
+    """Deviations (gaps - 1, depths, 2): none yet, and infinite where a node about a cell is missing."""
+    told = np.zeros((len(nodes.gaps) - 1, len(nodes.depths), 2))
+    for _, i, j in np.argwhere(nodes.missing).tolist():
+        told[max(i - 1, 0):i + 1, j:j + 2] = np.inf
+    return told
+
+
+def _timed(solve: Solve, table: Table, place: Place) -> tuple[Solved | None, float]:
+    """What `solve` finds at a place, None where it finds nothing, and the CPU time."""
+    started = time.process_time()
+    try:
+        found = solve(table, place)
+    except NotConverged:
+        found = None
+    return found, time.process_time() - started
+
+
+def _loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
+    """The axisymmetric touch of a place, and its punch there."""
+    diameter, gap, depth = place
+    law, body, punch = parts_of(table.shape, diameter)
+    touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
+    if touch is None:
+        raise NotConverged("the load paths end before this depth.", estimate=table.depths)
+    return touch, replace(punch, x_m=body.radius_m - diameter / 2 - gap, force_N=touch.force_N)
+
+
+def _roughly(table: Table, place: Place) -> Solved:
+    """The change on the coarse mesh alone, whose errors are not told."""
+    law, body, _ = parts_of(table.shape, place[0])
+    return Solved(rim_change(law, body, _loaded(table, place)[1], COARSE), 0.0, 0.0)
+
+
+def _finely(table: Table, place: Place) -> Solved:
+    law, body, _ = parts_of(table.shape, place[0])
+    touch, punch = _loaded(table, place)
+    done = corrected(touch, law, body, punch, strain=table.shape.strain)
+    assert done.rim is not None
+    wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
+    change = Change(done.rim, done.depth_m - touch.depth_m, done.sigma_max_Pa / touch.sigma_max_Pa,
+                    done.contact_area_m2 / touch.contact_area_m2, wall, done.fraction_non_elliptic, done.residuals)
+    return Solved(change, done.depth_error - touch.depth_error, done.signal_error - touch.signal_error)
+
+
+def _rows(shape: Shape, radius: Array, nodes: _Nodes) -> tuple[Array, Array]:
+    """What a table keeps of changes: fields and numbers (diameters, gaps, depths, ...) at radii about the middle
+    diameter, NaN where none was found."""
+    diameters = changed_diameters(shape).tolist()
+    middle = diameters[len(diameters) // 2]
+    made = {(i, j, k): _row(shape, radius, middle, nodes.solved.item(i, j, k), diameters[i], float(nodes.depths[k]))
+            for i, j, k in np.argwhere(~nodes.missing).tolist()}
+    first = next(iter(made.values()))
+    fields, numbers = (np.full((*nodes.solved.shape, len(part)), np.nan) for part in first)
+    for place, (parts, own) in made.items():
+        fields[place], numbers[place] = parts, own
+    return fields, numbers
+
+
+def _row(shape: Shape, radius: Array, middle: float, one: Solved, diameter: float, depth: float) -> tuple[Array, Array]:
+    """What a table keeps of a change, its circles carried over to those about the middle diameter."""
+    change, field = one.change, one.change.field
+    own = carried_over(shape, radius, middle, diameter)
+    parts = np.concatenate([field.displacement_m, field.metric - [1, 0, 1], field.normal[..., None] - 1], axis=-1)
+    at = np.clip(own, field.radius_m[0], field.radius_m[-1])
+    parts = interp1d(field.radius_m, parts, axis=0, assume_sorted=True)(at) / depth
+    numbers = [change.depth_m / depth, change.pressure, change.area, change.wall, change.fraction_non_elliptic,
+               one.depth_error, one.signal_error]
+    return parts.ravel(), np.array(numbers)
+
+
+def refined(gaps: Array, depths: Array, fine_gaps: Array, fine_depths: Array, values: Array, finer: Array) -> Array:
+    """Values (diameters, gaps, depths, n) with what finer ones at some of the gaps and depths add, cubics through them
+    in the logarithms; what is missing next to the rim, NaN, goes on from larger gaps."""
+    i, j = np.searchsorted(gaps, fine_gaps), np.searchsorted(depths, fine_depths)
+    added = extended(fine_gaps, finer - values[:, i][:, :, j])
+    along = np.stack([_spread(len(fine_gaps), across_gaps(fine_gaps, gap)) for gap in gaps.tolist()])
+    down = np.stack([_spread(len(fine_depths), across_depths(fine_depths, depth)) for depth in depths.tolist()])
+    return extended(gaps, values) + np.einsum("Gg,Ss,dgsn->dGSn", along, down, added, optimize=True)
+
+
+def _spread(count: int, local: tuple[slice, Array]) -> Array:
+    """Weights of some nodes among all (count,) of them."""
+    out = np.zeros(count)
+    out[local[0]] = local[1]
+    return out
+
+
+def checked(table: Table, rim: RimTable, run: Run) -> RimTable:
+    """The table with its deviation from changes solved afresh in the middle of every second cell, in each cell the
+    largest of those next to it: within a cell deviations differ threefold.
+
+    NotConverged where more than half of these are not found, which leaves the error untold.
+    """
+    cells = [(i, j) for i, j in cells_of(rim) if (i + j) % 2 == 0]
+    places = middles_of(rim, cells, between(table.shape))
+    found = list(run(partial(_timed, _finely, table), places))
+    off = {cell: None if fresh is None else _apart(table, rim, place, fresh)
+           for cell, place, (fresh, _) in zip(cells, places, found, strict=True)}
+    return replace(told_by(rim, off), cpu_s=rim.cpu_s + sum(cpu for _, cpu in found))
+
+
+def _apart(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviation:
+    """How far the table is from a change solved afresh at a place between its nodes."""
+    diameter, gap, depth = place
+    stored = change_from(table.shape, rim, diameter, gap, depth)
+    law, body, punch = parts_of(table.shape, diameter)
+    touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
+    assert stored is not None
+    assert touch is not None
+    punch = replace(punch, x_m=body.radius_m - diameter / 2 - gap)
+    signal = signal_difference(body, punch, touch, stored.change.field, fresh.change.field, table.shape.strain)
+    return Deviation(abs(stored.change.depth_m - fresh.change.depth_m) / (depth + fresh.change.depth_m), signal, 0.0)

@@ -1,0 +1,136 @@
+"""Solving the load paths of a table, and its deviation from touches solved afresh between them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from eitsim.mechanics.load_paths.load_path import (
+    Course,
+    Deviation,
+    Node,
+    course_of,
+    deviation,
+    hermite,
+    refined,
+    traced,
+)
+from eitsim.mechanics.load_paths.table import carried_over, parts_of, state
+from eitsim.mechanics.load_paths.types import Shape, Table
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+# map a function over arguments, in this process or in others
+Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+
+# Depths, over the thickness, near which a path is solved at first.
+DEPTHS = (*(1e-4 * 2.0**np.arange(10)).tolist(), *np.arange(0.1, 0.91, 0.08).tolist())
+# Least number of depths of a table, and the depths at which each held-out diameter is solved afresh.
+_FEWEST, _CHECKS = 4, 20
+
+
+def build(shape: Shape, run: Run = map, depths: Sequence[float] = DEPTHS) -> Table:
+    """Solve the paths of a shape, at first near some increasing depths, over the thickness; `run` maps a function over
+    diameters, possibly in other processes.
+
+    NotConverged where no path of a useful length is found.
+    """
+    base = shape.base
+    ((at, own, spent),) = run(partial(_base_path, shape, tuple(depths)), [base])
+    paths = {base: own}
+    others = [d for d in shape.solved if d != base]
+    solved = list(run(partial(_path, shape, at), others))
+    fresh = list(run(partial(_fresh, shape, _probes(at)), shape.held_out))
+    paths |= dict(zip(others, (arrays for arrays, _ in solved), strict=True))
+    shortest = min(len(values) for values, _, _ in paths.values())
+    values, slopes, told = (np.stack([paths[d][part][:shortest] for d in shape.solved]) for part in range(3))
+    spent += sum(cpu for _, cpu in [*solved, *fresh])
+    table = Table(shape, at[:shortest], course_at(shape, base).radius, values, slopes, told, Deviation(0.0, 0.0, 0.0),
+                  0, spent)
+    return compared(table, dict(zip(shape.held_out, (found for found, _ in fresh), strict=True)))
+
+
+def _base_path(shape: Shape, depths: Sequence[float], diameter: float) -> tuple[Array, tuple[Array, ...], float]:
+    """The depths of a path refined where it needs it, what `tabulated` makes of it, and the CPU time."""
+    started = time.process_time()
+    nodes = refined(course_at(shape, diameter), depths)
+    at = np.array([node.depth for node in nodes])
+    return at, tabulated(nodes, at), time.process_time() - started
+
+
+def _probes(depths: Array) -> Array:
+    middles = (depths[1:] + depths[:-1]) / 2
+    return middles[np.unique(np.linspace(0, len(middles) - 1, _CHECKS).round().astype(int))]
+
+
+def course_at(shape: Shape, diameter: float) -> Course:
+    """One of a shape's punches, kept at the table's radii carried over to it."""
+    base = shape.base
+    if diameter == base:
+        return course_of(*parts_of(shape, base), shape.strain)
+    radius = course_of(*parts_of(shape, base), shape.strain).radius
+    return course_of(*parts_of(shape, diameter), shape.strain, carried_over(shape, radius, base, diameter))
+
+
+def _path(shape: Shape, depths: Array, diameter: float) -> tuple[tuple[Array, Array, Array], float]:
+    """What `tabulated` makes of a path at these depths, as far as it goes, and the CPU time."""
+    started = time.process_time()
+    nodes = list(traced(course_at(shape, diameter), depths.tolist()))
+    return tabulated(nodes, depths[:len(nodes)]), time.process_time() - started
+
+
+def _fresh(shape: Shape, depths: Array, diameter: float) -> tuple[list[Node], float]:
+    """Nodes near these depths, at the radii of their own samples, without their states, and the CPU time."""
+    started = time.process_time()
+    course = course_of(*parts_of(shape, diameter), shape.strain)
+    nodes = [replace(node, states=()) for node in traced(course, depths.tolist())]
+    return nodes, time.process_time() - started
+
+
+def tabulated(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
+    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and TOLD (k, 6) there;
+    NotConverged where these are too few."""
+    if len(nodes) < _FEWEST:
+        raise NotConverged(f"a load path was found at {len(nodes)} depths only, too few for a table.",
+                           estimate=depths)
+    at = np.array([node.depth for node in nodes])
+    fields, slopes = (np.stack([getattr(n, name).ravel() for n in nodes]) for name in ("fields", "slopes"))
+    numbers = np.stack([node.numbers for node in nodes])
+    number_slopes = PchipInterpolator(at, numbers).derivative()(at)
+    number_slopes[:, 0] = [node.stiffness for node in nodes]
+    values, slopes = np.hstack([fields, numbers]), np.hstack([slopes, number_slopes])
+    left = np.clip(np.searchsorted(at, depths) - 1, 0, len(at) - 2)
+    pairs = [(at[i:i + 2], values[i:i + 2], slopes[i:i + 2], depth) for i, depth in zip(left, depths, strict=True)]
+    return (np.stack([hermite(*pair) for pair in pairs]), np.stack([_hermite_slope(*pair) for pair in pairs]),
+            np.stack([node.told for node in nodes]))
+
+
+def _hermite_slope(ends: Array, values: Array, slopes: Array, at: float) -> Array:
+    h = ends[1] - ends[0]
+    t = (at - ends[0]) / h
+    return (6 * t * (1 - t) * (values[1] - values[0]) / h + (1 - t) * (1 - 3 * t) * slopes[0]
+            + t * (3 * t - 2) * slopes[1])
+
+
+def compared(table: Table, fresh: dict[float, list[Node]]) -> Table:
+    """The table with its largest deviation from nodes solved afresh at some diameters."""
+    error, checks = table.error, 0
+    for diameter, nodes in fresh.items():
+        course = course_of(*parts_of(table.shape, diameter), table.shape.strain)
+        radius = carried_over(table.shape, table.radius, table.shape.base, diameter)
+        for node in nodes:
+            found = state(table, diameter, mean_pressure=node.mean_pressure)
+            if found is not None:
+                fields = PchipInterpolator(radius, found.fields, axis=1)(np.clip(course.radius, *radius[[0, -1]]))
+                error = error.at_least(deviation(course, found.depth / node.corrected_depth, fields, node.fields))
+                checks += 1
+    if not checks:
+        raise NotConverged("no touch was solved afresh to check a table of load paths by.", estimate=table.depths)
+    return replace(table, error=error, checks=checks)

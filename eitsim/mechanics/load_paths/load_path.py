@@ -1,0 +1,305 @@
+"""Load paths: equilibria of one punch and law at chosen depths, without units, and what is kept of each.
+
+Lengths are over the thickness H, stresses over mu_0, forces over mu_0 H^2. The depth is the coordinate: force and
+surface are smooth in it where the foam softens and a small force moves the punch far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
+from eitsim.mechanics.axisymmetric import surface
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import pressings, touch_of, under_force
+from eitsim.scene.scene import Body, Punch
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# What a node keeps: fields of the surface, and numbers. Area and wall are over those of the punch, its face's and its
+# shank's one thickness high; the contact's end is beyond the punch's edge; the force is the mean pressure on the face.
+FIELDS = ("u_r", "u_z", "stretch_meridian", "stretch_hoop", "stretch_normal", "pressure")
+NUMBERS = ("mean_pressure", "corrected_share", "contact_end", "contact_area", "wall_contact", "sigma_max")
+# What the solution tells of itself; errors as logarithms.
+TOLD = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "log_strain_error",
+        "fraction_non_elliptic")
+# Step, over the depth, of the central differences by depth.
+_DIFFERENCE = 1e-4
+# How near the predicted force must bring the depth to its target, in parts of the step, and the attempts at it.
+_NEAR, _ATTEMPTS = 0.2, 4
+# Largest deviations in the middle of an interval that is not halved, and the least interval over its depth.
+_DEPTH, _SIGNAL, _STRAIN, _LEAST_INTERVAL = 3e-4, 2e-3, 0.05, 0.02
+# Conductivity of the nominal skin by which signals are compared: exp(_SENSITIVITY strain).
+_SENSITIVITY = -2.0
+# Where the parts of a dipole response cancel, differences are relative to this share of what they add up to.
+_CANCELLING = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """One punch, discretised, and the radii at which its surface is kept."""
+
+    law: Hyperfoam
+    body: Body
+    levels: tuple[Pressing, ...]
+    # the skin's driving strain, for which errors of signals are told
+    strain: str
+    # (r,) reference radii
+    radius: Array
+
+    @property
+    def face(self) -> float:
+        """Area of the punch's face, fillet included."""
+        return float(np.pi * self.levels[0].tool.radius**2)
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """One equilibrium of a path."""
+
+    # depth of the punch as solved, before the correction for penetration
+    depth: float
+    # (6, r) FIELDS at the path's radii, and their derivatives by the depth
+    fields: Array
+    slopes: Array
+    # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
+    numbers: Array
+    # (6,) TOLD
+    told: Array
+    # derivative of the mean pressure by the depth
+    stiffness: float
+    # equilibria on all levels; empty where they are no longer needed
+    states: tuple[Equilibrium, ...]
+
+    @property
+    def mean_pressure(self) -> float:
+        return float(self.numbers[0])
+
+    @property
+    def corrected_depth(self) -> float:
+        return self.depth * float(self.numbers[1])
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far an interpolated touch is from one solved afresh at the same force, relative."""
+
+    # depth
+    depth: float
+    # dipole response of a nominal skin; at least a tenth of what its parts add up to is the scale
+    signal: float
+    # all three stretches of the surface, L2 over the reference area
+    strain: float
+
+    def at_least(self, other: Deviation) -> Deviation:
+        """The larger of both, each by itself."""
+        return Deviation(max(self.depth, other.depth), max(self.signal, other.signal), max(self.strain, other.strain))
+
+
+def course_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, radius: Array | None = None) -> Course:
+    """A punch and a law without units, kept at these reference radii, by default at those of the surface's samples."""
+    levels = tuple(pressings(law, body, punch, None, None))
+    if radius is None:
+        radius = surface.samples(levels[-1], np.zeros(levels[-1].grid.unknowns + 1))[0]
+    return Course(law, body, levels, strain, radius)
+
+
+def refined(course: Course, depths: Sequence[float]) -> list[Node]:
+    """A path near these increasing depths and, where cubics between them deviate too much, between.
+
+    It ends before the first interval that stays too coarse, or where no equilibrium is found.
+    """
+    nodes = list(traced(course, depths))
+    done = nodes[:1]
+    ahead = nodes[:0:-1]
+    while ahead:
+        left, right = done[-1], ahead[-1]
+        middle = _between(course, left, right)
+        if middle is None:
+            break
+        depth, fields = interpolated(left, right, middle.mean_pressure)
+        found = deviation(course, depth / middle.depth, fields, middle.fields)
+        if found.depth <= _DEPTH and found.signal <= _SIGNAL and found.strain <= _STRAIN:
+            done += [middle, ahead.pop()]
+        elif right.depth - left.depth > _LEAST_INTERVAL * right.depth:
+            ahead.append(middle)
+        else:
+            break
+    return done
+
+
+def traced(course: Course, depths: Sequence[float]) -> Iterator[Node]:
+    """Nodes near the given depths, which increase, each started from those before it.
+
+    It ends where no equilibrium is found, or none near a depth, as where the punch falls through.
+    """
+    nodes: list[Node] = []
+    for depth in depths:
+        try:
+            node = _towards(course, depth, nodes[-2:])
+        except NotConverged:
+            return
+        if node is None:
+            return
+        nodes.append(node)
+        yield node
+
+
+def alongside(course: Course, depths: Sequence[float], pressures: Sequence[float]) -> Iterator[Node]:
+    """Nodes near the given depths, which increase, where the path of a law much like this has these mean pressures;
+    each is started from the one before it. It ends as `traced` does."""
+    before, ratio, last = None, 1.0, 0.0
+    for depth, pressure in zip(depths, pressures, strict=True):
+        try:
+            node = _node(course, ratio * pressure, before)
+        except NotConverged:
+            return
+        if abs(node.depth - depth) > _NEAR * (depth - last):
+            return
+        yield node
+        before, last = node, depth
+        ratio = (node.mean_pressure + node.stiffness * (depth - node.depth)) / pressure
+
+
+def from_rest(course: Course, mean_pressure: float) -> Node:
+    """The equilibrium under a mean pressure, from rest, without its states; NotConverged where there is none."""
+    return replace(_node(course, mean_pressure, None), states=())
+
+
+def interpolated(left: Node, right: Node, mean_pressure: float) -> tuple[float, Array]:
+    """Depth and FIELDS (6, r) at a mean pressure between those of two nodes."""
+    ends = np.array([left.depth, right.depth])
+    depth = depth_at(ends, np.array([left.mean_pressure, right.mean_pressure]),
+                     np.array([left.stiffness, right.stiffness]), mean_pressure)
+    return depth, hermite(ends, np.stack([left.fields, right.fields]), np.stack([left.slopes, right.slopes]), depth)
+
+
+def hermite(ends: Array, values: Array, slopes: Array, at: float) -> Array:
+    """Cubic with these values (2, ...) and slopes (2, ...) at both ends (2,), at one place."""
+    h = ends[1] - ends[0]
+    t = (at - ends[0]) / h
+    a, b = (1 + 2 * t) * (1 - t)**2, t * (1 - t)**2 * h
+    c, d = t**2 * (3 - 2 * t), t**2 * (t - 1) * h
+    return a * values[0] + b * slopes[0] + c * values[1] + d * slopes[1]
+
+
+def depth_at(ends: Array, values: Array, slopes: Array, target: float) -> float:
+    """Where the cubic between two ends (2,) takes a value between theirs; by bisection, to rounding."""
+    low, high = ends
+    while high - low > 4e-16 * high:
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        low, high = (middle, high) if hermite(ends, values, slopes, middle) < target else (low, middle)
+    return float((low + high) / 2)
+
+
+def deviation(course: Course, depth_ratio: float, fields: Array, fresh: Array) -> Deviation:
+    """Deviation of FIELDS (6, r) from those solved afresh under the same force, and of a depth from its ratio to the
+    other."""
+    r = course.radius
+    weight = np.gradient(r) * r
+    apart, strain = fields[2:5] - fresh[2:5], fresh[2:5] - 1
+    response, parts = _response(course, fresh)
+    return Deviation(abs(depth_ratio - 1),
+                     abs(_response(course, fields)[0] - response) / max(abs(response), _CANCELLING * parts),
+                     float(np.sqrt((apart**2 @ weight).sum() / (strain**2 @ weight).sum())))
+
+
+def _response(course: Course, fields: Array) -> tuple[float, float]:
+    """Dipole response of a nominal skin with FIELDS (6, r), and what its parts add up to without their signs."""
+    (meridian, hoop, normal), radius = fields[2:5, 1:], course.radius[1:]
+    sheet = np.exp(_SENSITIVITY * driving_strain(course.strain, meridian, hoop, normal))
+    radial, around = sheet * hoop / meridian, sheet * meridian / hoop
+    parts = (np.abs(np.log(radial)) + np.abs(np.log(around))) @ (np.gradient(radius) * radius)
+    return dipole(radius, radial, around), float(parts)
+
+
+def _towards(course: Course, depth: float, before: list[Node]) -> Node | None:
+    """The node near a depth, from up to two before it; None where several attempts miss it."""
+    tries = list(before)
+    step = depth - (tries[-1].depth if tries else 0.0)
+    for _ in range(_ATTEMPTS):
+        node = _node(course, _pressure_at(course, depth, tries), tries[-1] if tries else None)
+        if abs(node.depth - depth) <= _NEAR * step:
+            return node
+        tries = sorted([*tries, node], key=lambda n: -abs(n.depth - depth))[-2:]
+    return None
+
+
+def _between(course: Course, left: Node, right: Node) -> Node | None:
+    """A node near the middle of two; None where there is none between them."""
+    depth = (left.depth + right.depth) / 2
+    try:
+        node = _node(course, _pressure_at(course, depth, [left, right]), left)
+    except NotConverged:
+        return None
+    return node if left.depth < node.depth < right.depth else None
+
+
+def _pressure_at(course: Course, depth: float, nodes: list[Node]) -> float:
+    """The mean pressure of a depth: cubic through two nodes, at most e-fold beyond the last; linear from one; a guess
+    from none."""
+    if not nodes:
+        return depth
+    last = nodes[-1]
+    if len(nodes) == 1:
+        value = last.mean_pressure + last.stiffness * (depth - last.depth)
+    else:
+        ends, values, slopes = (np.array([getattr(n, name) for n in nodes])
+                                for name in ("depth", "mean_pressure", "stiffness"))
+        value = float(hermite(ends, values, slopes, depth))
+    return float(np.clip(value, last.mean_pressure / np.e, last.mean_pressure * np.e))
+
+
+def _node(course: Course, mean_pressure: float, before: Node | None) -> Node:
+    """The equilibrium under a mean pressure, from a node before it, first along its tangent, or from rest."""
+    force, levels = mean_pressure * course.face, list(course.levels)
+    if before is None:
+        return _kept(course, under_force(levels, force, None))
+    coarse = before.states[0]
+    ahead = replace(coarse, x=coarse.x + coarse.by_force * (force - coarse.force), force=force)
+    try:
+        return _kept(course, under_force(levels, force, ahead))
+    except NotConverged:
+        return _kept(course, under_force(levels, force, coarse))
+
+
+def _kept(course: Course, states: list[Equilibrium]) -> Node:
+    """What a path keeps of an equilibrium."""
+    model, state = course.levels[-1], states[-1]
+    touch = touch_of(course.law, course.body, list(course.levels), states, course.strain, 0.0)
+    depth, by_depth = float(state.x[-1]), state.by_force / state.by_force[-1]
+    step = _DIFFERENCE * depth
+    fields, ahead, behind = (_sampled(course, model, state.x + s * step * by_depth) for s in (0, 1, -1))
+    radius = model.tool.radius
+    numbers = np.array([state.force / course.face, state.depth / depth, touch.contact_radius_m - radius,
+                        touch.contact_area_m2 / course.face, touch.wall_contact_m2 / (2 * np.pi * radius),
+                        touch.sigma_max_Pa])
+    assert touch.sigma_max_error is not None
+    assert touch.contact_area_error is not None
+    assert touch.strain_error is not None
+    errors = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error,
+              touch.strain_error]
+    told = np.array([*np.log(errors), touch.fraction_non_elliptic])
+    stiffness = 1 / float(state.by_force[-1]) / course.face
+    return Node(depth, fields, (ahead - behind) / (2 * step), numbers, told, stiffness, tuple(states))
+
+
+def _sampled(course: Course, model: Pressing, x: Array) -> Array:
+    """FIELDS (6, r) at the course's radii: monotone cubics between the samples of the surface."""
+    radius, field = surface.samples(model, x)
+    contact = surface.contact_of(model, x)
+    pressure = np.interp(radius, contact.middle, contact.pressure, right=0.0)
+    values = np.stack([field.position[:, 0] - radius, field.position[:, 1], field.meridian, field.hoop, field.normal,
+                       pressure])
+    if np.array_equal(radius, course.radius):
+        return values
+    return PchipInterpolator(radius, values, axis=1)(np.minimum(course.radius, radius[-1]))

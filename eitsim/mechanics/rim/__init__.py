@@ -1,0 +1,1 @@
+"""Corrections near the rim and by a second punch."""

@@ -1,0 +1,86 @@
+"""Displacements as Fourier series about one axis, seen at points about another.
+
+Both frames count the angle from the direction to the other axis, so that the second is a mirror image of the first
+moved along the line through both. Between the nodes of the meridian's mesh stand cubics through the four nearest nodes
+of each line: gradients of a mesh's own quadratic elements jump between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.harmonics.arcs import Circles, harmonics_at
+from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_CUBIC = 4
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Points about one axis, as points about the other."""
+
+    # the same places in the other's meridian, each with a circle of its own of one angle
+    points: Points
+    # (points, 3, 3) takes vectors of the other's local frame (r, theta, z) to this one's
+    turn: Array
+
+    def gradient(self, amplitude: Array) -> Array:
+        """Displacement gradients (points, 9) in this local frame of the other's amplitudes (nodes, 3, harmonics)."""
+        seen = gradients(self.points, amplitude)[..., 0].reshape(-1, 3, 3)
+        return (self.turn @ seen @ np.swapaxes(self.turn, 1, 2)).reshape(-1, 9)
+
+    def displacement(self, amplitude: Array) -> Array:
+        """Displacements (points, 3) in this local frame of the other's amplitudes."""
+        radius = 1 / np.where(self.beyond, 1.0, self.points.shape[..., 2].sum(axis=1))
+        at = np.einsum("na,nacm->ncm", self.points.shape[..., 2] * radius[:, None], amplitude[self.points.nodes])
+        even, odd = (np.einsum("ncm,nm->nc", at, table[..., 0])
+                     for table in (self.points.circles.cosine, self.points.circles.sine))
+        even[:, 1] = odd[:, 1]
+        return np.einsum("nij,nj->ni", self.turn, even)
+
+    @property
+    def beyond(self) -> NDArray[np.bool_]:
+        """Whether a point lies beyond the other's mesh, where nothing moves."""
+        return np.asarray(~self.points.shape.any(axis=(1, 2)))
+
+
+def view(columns: Array, rows: Array, harmonics: int, apart: float, radius: Array, angle: Array,
+         height: Array) -> View:
+    """Points (n,) at radius, angle and height about an axis seen from one that is `apart` from it, whose mesh of the
+    meridian has these columns and rows of nodes, and whose series so many harmonics."""
+    x, y = apart - radius * np.cos(angle), radius * np.sin(angle)
+    away, around = np.hypot(x, y), np.arctan2(y, x)
+    column, across, slope = cubics(columns, np.minimum(away, columns[-1]))
+    row, up, rise = cubics(rows, height)
+    shape = np.stack([slope[:, :, None] * up[:, None], across[:, :, None] * rise[:, None],
+                      across[:, :, None] * up[:, None] / away[:, None, None]], axis=-1)
+    shape = np.where(away > columns[-1], 0.0, 1.0)[:, None, None, None] * shape
+    steps = np.arange(_CUBIC)
+    nodes = (column[:, None] + steps)[:, :, None] * len(rows) + (row[:, None] + steps)[:, None]
+    circles = Circles(np.ones((len(away), 1)), *harmonics_at(around[:, None], harmonics))
+    both = angle + around
+    cosine, sine, none = np.cos(both), np.sin(both), np.zeros_like(both)
+    turn = np.array([[-cosine, sine, none], [sine, cosine, none], [none, none, none + 1]])
+    return View(Points(np.ascontiguousarray(shape.reshape(len(away), -1, 3)),
+                       np.ascontiguousarray(nodes.reshape(len(away), -1)), np.arange(len(away)), circles),
+                np.ascontiguousarray(np.moveaxis(turn, 2, 0)))
+
+
+def cubics(line: Array, points: Array) -> tuple[Indices, Array, Array]:
+    """First of the four nodes (n,) of a line about each of n points, the cubics (n, 4) through them, their slopes."""
+    first = np.clip(np.searchsorted(line, points) - _CUBIC // 2, 0, len(line) - _CUBIC)
+    nodes = line[first[:, None] + np.arange(_CUBIC)]
+    value, slope = np.ones(nodes.shape), np.zeros(nodes.shape)
+    for k in range(_CUBIC):
+        for j in range(_CUBIC):
+            if j != k:
+                width = nodes[:, k] - nodes[:, j]
+                slope[:, k] = (slope[:, k] * (points - nodes[:, j]) + value[:, k]) / width
+                value[:, k] = value[:, k] * (points - nodes[:, j]) / width
+    return first, value, slope

@@ -1,0 +1,129 @@
+"""The surface of a disc pressed off its centre, on circles about the punch's axis, and what is added to it there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.axisymmetric.indentation import Pressing
+from eitsim.mechanics.contact.punch_contact import pressure
+from eitsim.mechanics.harmonics.arcs import Circles, Outline, harmonics_at
+from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc
+from eitsim.mechanics.harmonics.equilibrium import touching
+from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
+from eitsim.mechanics.solid.grid import lagrange
+from eitsim.scene.results import RimField
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# Points a facet and angles at which the surface is sampled.
+_SAMPLES, _ANGLES = 3, 25
+# Where the parts xx, xy, yy of a metric stand.
+_METRIC = ([0, 0, 1], [0, 1, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Where the surface is sampled."""
+
+    points: Points
+    # (n,) reference radii, thicknesses; (k,) places on a circle as in RimField; (n, k) angles
+    radius: Array
+    share: Array
+    angle: Array
+    # what ends the circles: the rim, or a plane that stands for one
+    outline: Outline
+
+
+def samples(disc: ClippedDisc, model: Pressing, outline: Outline) -> Samples:
+    """Circles on the top, as far as they lie inside the outline."""
+    points, radius = _top_points(disc, model)
+    share = np.linspace(0, 1, _ANGLES)
+    start = outline.start(radius)[:, None]
+    angle = start + (np.pi - start) * share
+    waves = Circles(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
+    return Samples(replace(points, circles=waves), radius, share, angle, outline)
+
+
+def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, neighbour: Array | None = None,
+          towards: Array | None = None) -> RimField:
+    """What stands beside a touch alone, and beside its neighbour's alone where there is one: deformation gradients
+    (n, k, 3, 3) of the touch alone, of the whole and of the neighbour, and the added displacement (n, k, 3), in the
+    local frame and thicknesses of `unit`, m. NotConverged where the surface is turned inside out."""
+    metric, normal = _beside(alone, np.eye(3) if neighbour is None else neighbour, whole)
+    cosine, sine = np.cos(at.angle), np.sin(at.angle)
+    turn = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
+    metric = turn @ metric @ np.swapaxes(turn, -1, -2)
+    moved = np.concatenate([(turn @ moved[..., :2, None])[..., 0], moved[..., 2:]], axis=-1)
+    return RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, at.outline.disc * unit,
+                    at.outline.offset * unit, towards)
+
+
+def _beside(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:
+    """In-plane metric (..., 2, 2) of the whole less the neighbour's strain, seen from the stretches alone, and the
+    normal stretch of the whole over both."""
+    metrics = [np.swapaxes(f[..., :2], -1, -2) @ f[..., :2] for f in (alone, neighbour, whole)]
+    value, vector = np.linalg.eigh(metrics[0])
+    inverse = (vector / np.sqrt(value)[..., None, :]) @ np.swapaxes(vector, -1, -2)
+    metric = inverse @ (metrics[2] - metrics[1] + np.eye(2)) @ inverse
+    one, other, all_of_it = (np.linalg.det(f) / np.sqrt(np.linalg.det(m))
+                             for f, m in zip((alone, neighbour, whole), metrics, strict=True))
+    normal = all_of_it / one / other
+    if not (np.all(normal > 0) and np.all(np.linalg.eigvalsh(metric) > 0)):
+        raise NotConverged("what is added to the touch turns the surface inside out between the points of its mesh. "
+                           "Try a smaller force or a larger gap.")
+    return metric, normal
+
+
+def _top_points(disc: ClippedDisc, model: Pressing) -> tuple[Points, Array]:
+    """Points of the surface, Gauss points of the top facets, each with a circle of its own (yet to be sampled)."""
+    grid, p = model.grid, disc.order
+    top = grid.top[grid.top.max(axis=1) < len(disc.base)]
+    t = np.polynomial.legendre.leggauss(_SAMPLES)[0]
+    shape, slope = lagrange(p, t)
+    rows, ends = grid.lines[1], grid.nodes[top][:, [0, -1], 0]
+    up = lagrange(p, np.ones(1))[1][0] * 2 / (rows[-1] - rows[-1 - p])
+    radius = ends.mean(axis=1)[:, None] + np.diff(ends) / 2 * t
+    nodes = (top[:, :, None] + np.arange(-p, 1)).reshape(len(top), 1, -1)
+    out = np.zeros((*radius.shape, p + 1, p + 1, 3))
+    out[..., -1, 0] = slope * 2 / np.diff(ends)[:, :, None]
+    out[..., 1] = shape[:, :, None] * up
+    out[..., -1, 2] = shape / radius[..., None]
+    count = radius.size
+    nodes = np.ascontiguousarray(np.broadcast_to(nodes, (*radius.shape, nodes.shape[-1])).reshape(count, -1))
+    return Points(out.reshape(count, -1, 3), nodes, np.arange(count), disc.foam.circles), radius.ravel()
+
+
+def deformation(points: Points, amplitude: Array) -> Array:
+    """Deformation gradients (circles, angles, 3, 3)."""
+    strain = np.moveaxis(gradients(points, amplitude), 1, 2)
+    return np.eye(3) + strain.reshape(*strain.shape[:2], 3, 3)
+
+
+def displacement(points: Points, amplitude: Array) -> Array:
+    """Displacements (circles, angles, 3) in the local frame."""
+    radius = 1 / points.shape[..., 2].sum(axis=1)
+    at = np.einsum("ra,racm->rcm", points.shape[..., 2] * radius[:, None], amplitude[points.nodes])
+    even, odd = np.einsum("rcm,rmj->rjc", at, points.circles.cosine), at[:, 1, None] @ points.circles.sine
+    even[..., 1] = odd[:, 0]
+    return even
+
+
+def contact_ratios(disc: ClippedDisc, x: Array) -> tuple[float, float, float]:
+    """Ratios of the largest pressure, a facet's average, and of the areas of face and wall to the axisymmetric ones."""
+    at, before = touching(disc, x), touching(replace(disc, outside=None), np.zeros_like(x))
+    facets, weight = len(disc.facing.nodes), disc.facing.weight
+    share = disc.facing.radius.reshape(facets, -1, 1)
+
+    def largest(gap: Array) -> float:
+        held = pressure(disc.tool, gap).reshape(facets, -1, gap.shape[1])
+        return float(((share * held).sum(axis=1) / share.sum(axis=1)).max())
+
+    def areas(gap: Array, wall: NDArray[np.bool_]) -> tuple[float, float]:
+        return float(weight[(gap > 0) & ~wall].sum()), float(weight[(gap > 0) & wall].sum())
+
+    (face, wall), (old_face, old_wall) = areas(at.gap, at.wall), areas(before.gap, before.wall)
+    return largest(at.gap) / largest(before.gap), face / old_face, wall / old_wall if old_wall > 0 else 1.0

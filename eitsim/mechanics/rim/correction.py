@@ -1,0 +1,90 @@
+"""What the rim, or a neighbour, changes of an axisymmetric touch, and how well that is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.scene.results import RimField, Touch
+from eitsim.scene.scene import Body, Punch
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# Least error of the added depth, relative: what two finenesses may happen to share.
+_LEAST_ERROR = 0.03
+# Error of a signal over its difference by two finenesses, found by trial against finer solutions
+# (benchmarks/rim_told.py).
+_UNCONVERGED = 2.0
+
+
+@dataclass(frozen=True)
+class Change:
+    """What the rim, or a neighbour, changes of an axisymmetric touch."""
+
+    field: RimField
+    # depth added to the axisymmetric one, m
+    depth_m: float
+    # ratios of the largest pressure and of the contact areas, face and wall, to the axisymmetric ones
+    pressure: float
+    area: float
+    wall: float
+    # fraction of the quadrature points where strong ellipticity is lost
+    fraction_non_elliptic: float
+    # relative residual after each iteration
+    residuals: tuple[float, ...]
+    # ratio of the force to the axisymmetric one: 1 but where the depth is given
+    force: float = 1.0
+
+
+def changed(touch: Touch, change: Change) -> Touch:
+    """An axisymmetric touch with a change."""
+    area = touch.contact_area_m2 * change.area
+    force = touch.force_N * change.force
+    return replace(touch, rim=change.field, force_N=force, depth_m=touch.depth_m + change.depth_m,
+                   sigma_max_Pa=touch.sigma_max_Pa * change.pressure, contact_area_m2=area,
+                   sigma_ave_Pa=force / area, wall_contact_m2=touch.wall_contact_m2 * change.wall,
+                   strain_error=None,
+                   fraction_non_elliptic=max(touch.fraction_non_elliptic, change.fraction_non_elliptic))
+
+
+def told(touch: Touch, rough: Change, change: Change, body: Body, punch: Punch, strain: str) -> Touch:
+    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors; NotConverged where
+    either leaves no skin."""
+    out = changed(touch, change)
+    signal = _UNCONVERGED * signal_difference(body, punch, touch, rough.field, change.field, strain)
+    if not math.isfinite(signal):
+        raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error cannot be told.",
+                           estimate=change.field.metric, residuals=change.residuals)
+    apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
+    apart = max(apart, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
+    return within_face(replace(
+        out, depth_error=float(touch.depth_error + apart), signal_error=touch.signal_error + signal,
+        sigma_max_error=_added(touch.sigma_max_error, rough.pressure, change.pressure),
+        contact_area_error=_added(touch.contact_area_error, rough.area, change.area),
+        iterations=touch.iterations + len(change.residuals), residuals=touch.residuals + change.residuals), punch)
+
+
+def _added(error: float | None, rough: float, fine: float) -> float | None:
+    """An error with the relative difference of two ratios added, at least a part of what the finer one changes."""
+    return None if error is None else error + max(abs(rough / fine - 1), _LEAST_ERROR * abs(fine - 1))
+
+
+def within_face(touch: Touch, punch: Punch) -> Touch:
+    """The touch with a contact no larger than the punch's face; ratios of reference areas, which a change gives, may
+    exceed it where the foam is drawn under the punch, and the excess counts in the area's error."""
+    face = math.pi * punch.diameter_m**2 / 4
+    excess = max(touch.contact_area_m2 / face - 1, 0.0)
+    error = None if touch.contact_area_error is None else touch.contact_area_error + excess
+    area = min(touch.contact_area_m2, face)
+    return replace(touch, contact_area_m2=area, sigma_ave_Pa=touch.force_N / area, contact_area_error=error)
+
+
+def unchanged(field: RimField) -> RimField:
+    """A field on the same samples that changes nothing."""
+    return replace(field, displacement_m=np.zeros_like(field.displacement_m), normal=np.ones_like(field.normal),
+                   metric=np.broadcast_to([1.0, 0.0, 1.0], field.metric.shape))

@@ -1,0 +1,141 @@
+"""The foam's displacement about a punch near the rim, as kept on its touch: at places, and with its gradient."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing
+from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.harmonics.arcs import Circles, Outline, harmonics_at
+from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes
+from eitsim.mechanics.harmonics.equilibrium import touching
+from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
+from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.mechanics.solid.grid import lagrange
+from eitsim.scene.results import Volume
+from matcal.laws.hyperfoam import Hyperfoam
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Angles at which the contact pressure is kept.
+_ANGLES = 25
+
+
+@dataclass(frozen=True)
+class Places:
+    """Places in the undeformed foam about the punch's axis, and the elements that they belong to."""
+
+    # (n,) radius and height, m
+    radius_m: Array
+    height_m: Array
+    # (n,) number of its half-plane
+    plane: Indices
+    # (planes,) angles of these from the direction to the nearest point of the rim, rad
+    angle_rad: Array
+    # (n, 2) radius and height, m, of a place inside the element that each belongs to
+    within_m: Array
+
+
+def volume_of(disc: ClippedDisc, model: Pressing, state: Equilibrium, x: Array, law: Hyperfoam, unit: float,
+              bearing_rad: float) -> Volume:
+    """What a touch keeps of a clipped disc's solution x; beyond what it reaches, that of the axisymmetric state."""
+    radius, height = model.grid.lines
+    moved = np.zeros((len(model.grid.nodes), 3, len(disc.fixed)))
+    moved[:, [0, 2], 0] = axisymmetric_assembly.nodal(model.grid, state.x[:-1])
+    moved[:len(disc.base)] = disc.base + amplitudes(disc, x[:-1])
+    middle = model.grid.nodes[disc.facing.nodes[:, [0, -1]], 0].mean(axis=1)
+    kept = Volume(
+        radius_m=radius * unit, height_m=height * unit, order=disc.order,
+        amplitude_m=moved.reshape(len(radius), len(height), *moved.shape[1:]) * unit, facet_m=middle * unit,
+        share=np.linspace(0, 1, _ANGLES), pressure_Pa=np.zeros((len(middle), _ANGLES)),
+        disc_m=disc.outline.disc * unit, offset_m=disc.outline.offset * unit, punch_m=disc.tool.radius * unit,
+        bearing_rad=bearing_rad, law=law)
+    return replace(kept, pressure_Pa=_pressure(disc, x, kept, unit) * law.mu_0_Pa)
+
+
+def _pressure(disc: ClippedDisc, x: Array, volume: Volume, unit: float) -> Array:
+    """Contact pressure (facets, angles) on the deformed surface over mu_0, averages along the facets."""
+    radius, share = disc.facing.radius[:, 0], volume.share
+    start = disc.outline.start(radius)[:, None]
+    angle = start + (np.pi - start) * share
+    circles = Circles(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
+    push = contact.pressure(disc.tool, touching(replace(
+        disc, facing=replace(disc.facing, weight=circles.weight, circles=circles)), x).gap)
+    middle = np.repeat(volume.facet_m, contact.POINTS)
+    within = np.column_stack([middle, np.full(len(middle), volume.height_m[-2])])
+    there = Places(np.repeat(radius * unit, len(share)), np.zeros(angle.size), np.arange(angle.size), angle.ravel(),
+                   np.repeat(within, len(share), axis=0))
+    weight = radius * np.tile(np.polynomial.legendre.leggauss(contact.POINTS)[1], len(volume.facet_m))
+    area = widening(gradient(volume, there)).reshape(angle.shape)
+    return np.divide(*((weight[:, None] * part).reshape(-1, contact.POINTS, len(share)).sum(axis=1)
+                       for part in (push, area)))
+
+
+def widening(deformation: Array) -> Array:
+    """Current over reference area (n,) of a horizontal surface at deformation gradients (n, 3, 3)."""
+    return np.linalg.norm(np.cross(deformation[..., 0], deformation[..., 1]), axis=-1)
+
+
+def gradient(volume: Volume, at: Places) -> Array:
+    """Deformation gradients (n, 3, 3) in the local frame (r, theta, z); 1 beyond the mesh."""
+    _, slope, nodes = _shapes(volume, at)
+    amplitude = volume.amplitude_m.reshape(-1, *volume.amplitude_m.shape[2:])
+    angle = at.angle_rad[:, None]
+    waves = Circles(np.ones_like(angle), *harmonics_at(angle, amplitude.shape[2]))
+    found = gradients(Points(slope, nodes, at.plane, waves), amplitude)[..., 0].reshape(-1, 3, 3)
+    return np.eye(3) + np.where(_beyond(volume, at)[:, None, None], 0.0, found)
+
+
+def displacement(volume: Volume, at: Places) -> Array:
+    """Displacements (n, 3), m, in the local frame (r, theta, z); none beyond the mesh."""
+    value, _, nodes = _shapes(volume, at)
+    amplitude = volume.amplitude_m.reshape(-1, *volume.amplitude_m.shape[2:])
+    parts = np.zeros((len(value), *amplitude.shape[1:]))
+    for shape, node in zip(value.T, nodes.T, strict=True):
+        parts += shape[:, None, None] * amplitude[node]
+    cosine, sine = (table[at.plane, :, 0] for table in harmonics_at(at.angle_rad[:, None], amplitude.shape[2]))
+    moved = np.sum(parts * np.stack([cosine, sine, cosine], axis=1), axis=2)
+    return np.where(_beyond(volume, at)[:, None], 0.0, moved)
+
+
+def contact_pressure(volume: Volume, radius_m: Array, angle_rad: Array) -> Array:
+    """Contact pressure (n,), Pa, on the deformed surface: linear between facets' middles and between angles."""
+    start = Outline(volume.disc_m, volume.offset_m).start(radius_m)
+    share = np.clip((angle_rad - start) / np.maximum(np.pi - start, np.finfo(float).tiny), 0.0, 1.0)
+    inside = np.clip(radius_m, volume.facet_m[0], volume.facet_m[-1])
+    held = RegularGridInterpolator((volume.facet_m, volume.share), volume.pressure_Pa)(np.stack([inside, share], -1))
+    return np.where(radius_m > volume.facet_m[-1], 0.0, held)
+
+
+def _beyond(volume: Volume, at: Places) -> NDArray[np.bool_]:
+    return at.within_m[:, 0] > volume.radius_m[-1]
+
+
+def _shapes(volume: Volume, at: Places) -> tuple[Array, Array, Indices]:
+    """Shape functions (n, nodes), their N_,r, N_,z and N/r (n, nodes, 3), and the nodes' numbers.
+
+    On the axis N_,r stands for N/r: what multiplies the N/r of its own nodes is zero for a smooth field.
+    """
+    value_r, slope_r, column = _along(volume.radius_m, volume.order, at.radius_m, at.within_m[:, 0])
+    value_z, slope_z, row = _along(volume.height_m, volume.order, at.height_m, at.within_m[:, 1])
+    axis = (at.radius_m == 0)[:, None]
+    hoop = np.where(axis, slope_r, value_r / np.where(axis, 1.0, at.radius_m[:, None]))
+    pairs = ((value_r, value_z), (slope_r, value_z), (value_r, slope_z), (hoop, value_z))
+    value, *slope = ((r[:, :, None] * z[:, None]).reshape(len(r), -1) for r, z in pairs)
+    return value, np.stack(slope, axis=-1), (column[:, :, None] * len(volume.height_m) + row[:, None]).reshape(
+        len(column), -1)
+
+
+def _along(lines: Array, order: int, at: Array, within: Array) -> tuple[Array, Array, Indices]:
+    """Shape functions (n, order + 1) at places on a line of elements, those that `within` lies in, their slopes and
+    nodes."""
+    ends = lines[::order]
+    left = order * np.clip(np.searchsorted(ends, within, side="right") - 1, 0, len(ends) - 2)
+    first, last = lines[left], lines[left + order]
+    value, slope = lagrange(order, (2 * at - first - last) / (last - first))
+    return value, slope * (2 / (last - first))[:, None], left[:, None] + np.arange(order + 1)

@@ -1,0 +1,272 @@
+"""A touch near the rim: the axisymmetric one, and what the rim changes of it, solved in three dimensions.
+
+The change is the difference of a clipped disc's solution to the axisymmetric one on the same mesh, so that a mesh much
+coarser than the axisymmetric touch's resolves it: the coarse mesh's own errors cancel. A second one, coarser still and
+with fewer harmonics, tells the error. The punch keeps its axis upright. Where it sticks, what has stuck in the
+axisymmetric touch stays stuck, and the change is that at the end of loading: the way there is not followed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.mechanics.axisymmetric import friction_increments
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing, interpolation
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, pressings, solve_touch, under_force
+from eitsim.mechanics.contact import friction
+from eitsim.mechanics.contact.punch_contact import top_facets
+from eitsim.mechanics.harmonics.arcs import Outline
+from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
+from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
+from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
+from eitsim.mechanics.rim.correction import Change, told, unchanged
+from eitsim.mechanics.rim.displacement_field import volume_of
+from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
+from eitsim.numerics.work_budget import bounded
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Punch, rim_gap_m
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# How far from the punch's edge the change ends, thicknesses.
+_BEYOND = 5.0
+# Widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7.
+_WIDEST = 0.5
+# Elements are halved along the radius from so far inside the punch's edge to so far beyond it, thicknesses: there the
+# strain falls off steeply where the foam leaves the fillet, and the rim moves that place.
+_INSIDE, _OUTSIDE = 0.05, 0.2
+# Lines closer than this are one, thicknesses.
+_NEAR = 1e-9
+# Least gap between the punch's edge and the rim, over the disc's radius: with less the rim cuts slivers off elements.
+LEAST_GAP = 1e-5
+# Part of what the rim changes that the way to it may alter where the punch sticks: the largest difference of the
+# surface's displacement (2-norm) to increments of the three-dimensional problem, 16 for 14 mm, 0.3 N and a gap of 1 mm,
+# and 1 N and 5 mm, 8 for 3 N and 5 mm; the added depth differs by 2 % at most.
+_WAY = 0.1
+# How often the force is halved for a start where the solution is not found from the axisymmetric state.
+_HALVINGS = 3
+# Factorisations on the mesh in three dimensions whose work the change may take: the dearest random scene takes 1050.
+FACTORISATIONS = 2000
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How finely the change is resolved."""
+
+    # element size at the punch's edge over the default one of the axisymmetric touch
+    element: float
+    # harmonics of the angle, the constant included
+    harmonics: int
+    # angles on half a circle
+    angles: int
+    # reference radius, thicknesses beyond the punch's edge, at which the change ends
+    beyond: float = _BEYOND
+    # widest element up to there, thicknesses
+    widest: float = _WIDEST
+
+
+COARSE, FINE = Fineness(6.0, 5, 12), Fineness(4.0, 7, 14)
+WHOLE = Fineness(3.0, 9, 18, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What the rim adds on one mesh."""
+
+    disc: ClippedDisc
+    model: Pressing
+    state: Equilibrium
+    # (unknowns + 1,) what the rim adds
+    x: Array
+    residuals: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Load:
+    """What is given: the force over mu_0 H^2, or else the depth over H."""
+
+    force: float | None
+    depth: float | None
+
+    def state(self, model: Pressing, sticks: bool) -> tuple[Pressing, Equilibrium]:
+        """Axisymmetric equilibrium, and the pressing with what holds the foam there; ValueError where nothing is given.
+        """
+        if self.force is not None:
+            if not sticks:
+                return model, under_force([model], self.force)[0]
+            with bounded(friction_increments.FACTORISATIONS, model.grid.unknowns):
+                _, found = friction_increments.loaded(model, np.inf, friction_increments.at_rest(model), self.force)
+        elif self.depth is not None:
+            (state,) = at_depth([model], self.depth)
+            if not sticks:
+                return model, state
+            with bounded(friction_increments.FACTORISATIONS, model.grid.unknowns):
+                _, found = friction_increments.at_depth_of(model, np.inf, self.depth, state.force)
+        else:
+            raise ValueError("a punch needs force_N or depth_m, got neither.")
+        return replace(model, grip=found.grip), found.state
+
+    def halved(self) -> Load:
+        """Half of it."""
+        return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
+
+
+def rim_problem(body: Body, punch: Punch) -> str:
+    """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
+    gap = rim_gap_m(body, punch)
+    least = LEAST_GAP * body.radius_m
+    if gap < least:
+        where = f"{-gap * 1e3:.1f} mm beyond" if gap <= -5e-5 else "on"
+        inwards = (math.floor((least - gap) * 1e5) + 1) / 100
+        return (f"the punch's edge lies {where} the rim of the disc; change x_mm and y_mm so that the punch lies "
+                f"{inwards:.2f} mm further inwards")
+    if 0 < friction.coefficient(punch) < np.inf:
+        return "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")"
+    return ""
+
+
+def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal", whole: bool = False) -> Touch:
+    """Equilibrium near the rim under the punch's force or at its depth: the axisymmetric touch, and what the rim adds.
+
+    whole: on finer meshes and out to the whole disc. ValueError where `rim_problem` names one, NotConverged where no
+    equilibrium is found.
+    """
+    if problem := rim_problem(body, punch):
+        raise ValueError(f"{problem}.")
+    if not whole:
+        return corrected(solve_touch(law, body, punch, strain=strain), law, body, punch, strain=strain)
+    touch = solve_touch(law, body, punch, strain=strain, element_m=default_element_m(body, punch) / 2)
+    return corrected(touch, law, body, punch, strain=strain, coarse=FINE, fine=WHOLE)
+
+
+def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal",
+              coarse: Fineness = COARSE, fine: Fineness = FINE) -> Touch:
+    """An axisymmetric touch with the rim's effect, of finenesses whose difference tells the error; NotConverged, with
+    the likely cause, where no equilibrium is found."""
+    try:
+        return _corrected(touch, law, body, punch, strain, coarse, fine)
+    except NotConverged as error:
+        raise NotConverged(f"{error} {_likely_cause(touch, body, punch)}", estimate=error.estimate,
+                           residuals=error.residuals, load_fraction=error.load_fraction) from None
+
+
+def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
+    gap = rim_gap_m(body, punch)
+    lost = (f"strong ellipticity is lost at {touch.fraction_non_elliptic:.1%} of the points of the foam, and "
+            if touch.fraction_non_elliptic else "")
+    return (f"Likely cause: {lost}the punch's edge is {gap * 1e3:.2f} mm from the rim, {touch.depth_m * 1e3:.2f} mm "
+            "deep, and squeezes the foam's free side out; move it inwards or press less.")
+
+
+def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: str, coarse: Fineness,
+               fine: Fineness) -> Touch:
+    started = time.process_time()
+    before = _found(law, body, punch, coarse)
+    rough = _change_of(before, body)
+    after = _found(law, body, punch, fine, before)
+    change = _change_of(after, body)
+    out = told(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch,
+               strain)
+    way = _WAY if punch.friction == "stick" else 0.0
+    volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
+                       math.atan2(punch.y_m, punch.x_m))
+    return replace(out, volume=volume, cpu_s=touch.cpu_s + time.process_time() - started,
+                   signal_error=out.signal_error + (way and way * signal_difference(
+                       body, punch, touch, unchanged(change.field), change.field, strain)))
+
+
+def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness = FINE) -> Change:
+    """What the rim changes of the touch under the punch's force or at its depth.
+
+    Radii and angles of the field depend on the body, the punch's size and shape and the fineness alone, so that fields
+    of several forces and places on the disc interpolate point by point. NotConverged where no equilibrium is found.
+    """
+    return _change_of(_found(law, body, punch, fineness), body)
+
+
+def _change_of(solution: Solution, body: Body) -> Change:
+    disc, x, unit = solution.disc, solution.x, body.thickness_m
+    pressed, area, wall = contact_ratios(disc, x)
+    at, added = samples(disc, solution.model, disc.outline), amplitudes(disc, x[:-1])
+    alone, whole = (deformation(at.points, a) for a in (disc.base, disc.base + added))
+    return Change(field(at, alone, whole, displacement(at.points, added), unit), float(x[-1]) * unit, pressed, area,
+                  wall, fraction_non_elliptic(disc, x), solution.residuals, force_ratio(solution) if disc.held else 1.0)
+
+
+def force_ratio(solution: Solution) -> float:
+    """Force over the axisymmetric one at the same depth; the contact's penetration, which both are corrected for, goes
+    with the force."""
+    state, ratio = solution.state, reaction(solution.disc, solution.x) / solution.disc.force
+    penetration = float(state.x[-1]) - state.depth
+    return ratio - (1 - ratio) * penetration / float(state.by_force[-1] * state.force)
+
+
+def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before: Solution | None = None) -> Solution:
+    """The solution from the axisymmetric state, or from one on another mesh; else by way of half the load."""
+    model, load = set_up(law, body, punch, fineness)
+    unit = body.thickness_m
+    outline = Outline(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
+    return _under(model, load, punch.friction == "stick", outline, fineness, before, _HALVINGS)
+
+
+def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness) -> tuple[Pressing, Load]:
+    """The discretised foam under a punch, without friction, and what is given."""
+    unit, smooth = body.thickness_m, replace(punch, friction="none")
+    model = pressings(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]
+    load = Load(None if punch.force_N is None else punch.force_N / force_unit(law, body),
+                None if punch.force_N is not None or punch.depth_m is None else punch.depth_m / unit)
+    return _narrowed(model, fineness), load
+
+
+def _narrowed(model: Pressing, fineness: Fineness) -> Pressing:
+    """The pressing with elements halved about the punch's edge, and none wider than the widest as far as the change
+    reaches."""
+    r, z = (lines[::model.grid.order] for lines in model.grid.lines)
+    edge = model.tool.radius
+    halved = (r[:-1] > edge - _INSIDE - _NEAR) & (r[1:] < edge + _OUTSIDE)
+    parts = [max(math.ceil((b - a) / fineness.widest), 2 if half else 1) if a < edge + fineness.beyond else 1
+             for (a, b), half in zip(itertools.pairwise(r), halved, strict=True)]
+    r = np.concatenate([[0.0], *(a + (b - a) * np.arange(1, n + 1) / n
+                                 for (a, b), n in zip(itertools.pairwise(r), parts, strict=True))])
+    grid = tensor_grid(r, z, order=model.grid.order)
+    last = model.grid.nodes[model.facets.nodes[-1, -1], 0]
+    return replace(model, grid=grid, facets=top_facets(grid, last - _NEAR))
+
+
+def _under(model: Pressing, load: Load, sticks: bool, outline: Outline, fineness: Fineness,
+           before: Solution | None, halvings: int) -> Solution:
+    model, state = load.state(model, sticks)
+    disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + fineness.beyond,
+                        held=load.force is None)
+    with bounded(FACTORISATIONS, disc.unknowns):
+        for start in (None if before is None else carried_over(before, disc, model), None):
+            try:
+                found = solve(disc, start)
+                return Solution(disc, model, state, found.x, found.residuals)
+            except NotConverged:
+                if halvings == 0:
+                    raise
+        half = _under(model, load.halved(), sticks, outline, fineness, None, halvings - 1)
+        found = solve(disc, half.x)
+        return Solution(disc, model, state, found.x, half.residuals + found.residuals)
+
+
+def carried_over(before: Solution, disc: ClippedDisc, model: Pressing) -> Array:
+    """A solution's unknowns on another disc: what the rim adds at the new nodes, in as many harmonics as both have."""
+    old, count = before.disc, min(len(before.disc.fixed), len(disc.fixed))
+    along_r = interpolation(old.columns, disc.columns, old.order)
+    along_r[disc.columns > old.columns[-1]] = 0.0
+    along_z = interpolation(before.model.grid.lines[1], model.grid.lines[1], old.order)
+    added = amplitudes(old, before.x[:-1])[..., :count].reshape(len(old.columns), -1, 3 * count)
+    out = np.zeros(disc.base.shape)
+    out[..., :count] = np.einsum("im,mnk,jn->ijk", along_r, added, along_z, optimize=True).reshape(-1, 3, count)
+    return np.append(unknowns_of(disc, out), before.x[-1])

@@ -1,0 +1,247 @@
+"""Two touches that meet, solved together in three dimensions: a pass over each in turn, until nothing changes.
+
+Each punch has a frame of its own, in which its field is the axisymmetric state and an added Fourier series about its
+axis (`eitsim.mechanics.harmonics.clipped_disc`, unclipped). With F_1, F_2 the gradients of both fields alone and F =
+F_1 + F_2 - 1, the stress P(F) is split at the plane in the middle of the gap: frame 1 balances P(F) - P(F_2) in its
+half and P(F_1) in the other, frame 2 the mirror image, so that the sum is P(F) everywhere and neither series has to
+follow the other's edge. Solving either frame with the other's field given, as in Schwarz's method, and both at once, a
+pass, leads there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.axisymmetric.indentation import Pressing
+from eitsim.mechanics.harmonics.arcs import Outline
+from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, Outside, amplitudes, clipped_disc
+from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
+from eitsim.mechanics.rim.axis_transfer import View, view
+from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
+from eitsim.mechanics.rim.correction import Change, told
+from eitsim.mechanics.rim.interaction import edge_gap_m
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Fineness, Solution, carried_over, force_ratio, set_up
+from eitsim.mechanics.solid import hyperfoam_3d
+from eitsim.numerics.newton import Minimum
+from eitsim.scene.results import RimField, Touch
+from eitsim.scene.scene import Body, Punch
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# Least gap between the edges, thicknesses, at which pairs were solved.
+LEAST_GAP = 0.3
+# Gaps closer than this are one, thicknesses.
+_NEAR = 1e-9
+# Relative change of depths and forces at which the passes end, and the most passes.
+_SETTLED, _PASSES = 1e-4, 20
+# Least part of the other's field by which it is added where all of it at once leads nowhere.
+_LEAST_PART = 1 / 32
+_MEND = "Try smaller forces or a larger gap."
+# Radius, thicknesses, of the disc whose rim stands for the plane in the middle.
+_PLANE = 1e5
+# The finest that is offered, for exact runs.
+FINEST = Fineness(3.0, 9, 18)
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """One punch of two, and how the other's field is seen from it; lengths in thicknesses."""
+
+    # the touch alone on the frame's mesh, nothing added
+    alone: Solution
+    # distance of the plane in the middle from the punch's axis, and of the other axis
+    half: float
+    apart: float
+    # (points, angles) whether a point of the foam lies in this punch's half
+    near: NDArray[np.bool_]
+    # those points, and all (facets points x angles) of the surface that the punch may touch, seen from the other
+    foam: View
+    surface: View
+
+    @property
+    def disc(self) -> ClippedDisc:
+        return self.alone.disc
+
+    @property
+    def model(self) -> Pressing:
+        return self.alone.model
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Two frames and what is added in each."""
+
+    frames: tuple[_Frame, ...]
+    # the frames' discs with the other's field
+    discs: tuple[ClippedDisc, ...]
+    # (unknowns + 1,) each
+    x: tuple[Array, ...]
+    # largest relative change of depths and forces by the last pass
+    moved: float
+    residuals: tuple[float, ...]
+
+
+def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
+    """Why touches cannot be solved together, without a full stop; empty where they can."""
+    if len(punches) != 2:
+        return "two touches, not more, are solved together"
+    if any(punch.friction != "none" for punch in punches):
+        return "only frictionless punches are solved together"
+    if edge_gap_m(*punches) < (LEAST_GAP - _NEAR) * body.thickness_m:
+        return f"two touches are solved together from a gap of {LEAST_GAP * body.thickness_m * 1e3:.1f} mm on"
+    return ""
+
+
+def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punches: Sequence[Punch], *,
+                    strain: str = "normal", coarse: Fineness = COARSE, fine: Fineness = FINE) -> tuple[Touch, Touch]:
+    """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
+    both axes.
+
+    Two finenesses and the last pass tell the errors. ValueError where `pair_problem` names one, NotConverged where no
+    equilibrium is found.
+    """
+    if problem := pair_problem(body, punches):
+        raise ValueError(f"{problem}.")
+    started = time.process_time()
+    rough = _settled(_frames(law, body, punches, coarse))
+    found = _settled(_frames(law, body, punches, fine), rough)
+    spent, out = (time.process_time() - started) / 2, []
+    for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
+        one = told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch,
+                   strain)
+        out.append(replace(one, depth_error=one.depth_error + found.moved, signal_error=one.signal_error + found.moved,
+                           cpu_s=touch.cpu_s + spent))
+    return out[0], out[1]
+
+
+def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Fineness) -> tuple[_Frame, ...]:
+    unit = body.thickness_m
+    gap = edge_gap_m(*punches) / unit
+    parts = []
+    for punch in punches:
+        model, load = set_up(law, body, punch, fineness)
+        model, state = load.state(model, sticks=False)
+        disc = clipped_disc(model, state, Outline(_PLANE, 0.0), fineness.harmonics, fineness.angles,
+                            model.tool.radius + fineness.beyond, held=load.force is None)
+        parts.append(Solution(disc, model, state, np.zeros(disc.unknowns + 1), ()))
+    apart = gap + sum(part.model.tool.radius for part in parts)
+    return tuple(_frame(own, other, apart, gap) for own, other in zip(parts, parts[::-1], strict=True))
+
+
+def _frame(alone: Solution, other: Solution, apart: float, gap: float) -> _Frame:
+    model, disc = alone.model, alone.disc
+    half = model.tool.radius + gap / 2
+    harmonics, angles = len(disc.fixed), disc.weight.shape[1]
+    angle = (np.arange(angles) + 0.5) / angles * np.pi
+    at = disc.foam.shape[..., 2]
+    radius = 1 / at.sum(axis=1)
+    height = radius * np.sum(at * model.grid.nodes[disc.foam.nodes, 1], axis=1)
+    near = radius[:, None] * np.cos(angle) < half
+
+    def seen(radius: Array, angle: Array, height: Array) -> View:
+        return view(other.disc.columns, other.model.grid.lines[1], harmonics, apart, radius, angle, height)
+
+    where = np.broadcast_arrays(radius[:, None], angle, height[:, None])
+    foam = seen(*(part[near] for part in where))
+    under, around = np.broadcast_arrays(disc.facing.radius, angle)
+    surface = seen(under.ravel(), around.ravel(), np.zeros(under.size))
+    return _Frame(alone, half, apart, near, foam, surface)
+
+
+def _settled(frames: tuple[_Frame, ...], before: _Pair | None = None) -> _Pair:
+    """Passes over both frames, from another pair's solution or from the touches alone, until nothing changes."""
+    x = tuple(f.alone.x for f in frames) if before is None else tuple(
+        carried_over(replace(b.alone, x=old), f.disc, f.model)
+        for f, b, old in zip(frames, before.frames, before.x, strict=True))
+    outside, last, residuals = [None, None], None, ()
+    for _ in range(_PASSES):
+        fields = [f.disc.base + amplitudes(f.disc, part[:-1]) for f, part in zip(frames, x, strict=True)]
+        given = [_outside(f, field) for f, field in zip(frames, fields[::-1], strict=True)]
+        found = [_met(f.disc, *of) for f, of in zip(frames, zip(outside, given, x, strict=True), strict=True)]
+        outside, x = given, tuple(one.x for one in found)
+        discs = tuple(replace(f.disc, outside=one) for f, one in zip(frames, outside, strict=True))
+        now = np.array([(disc.depth + part[-1], reaction(disc, part)) for disc, part in zip(discs, x, strict=True)])
+        moved = np.inf if last is None else float(np.abs(now / last - 1).max())
+        last, residuals = now, residuals + tuple(r for one in found for r in one.residuals)
+        if moved < _SETTLED:
+            return _Pair(frames, discs, x, moved, residuals)
+    raise NotConverged(f"two touches solved in turn still change each other by {moved:.1e} after {_PASSES} passes. "
+                       f"{_MEND}", residuals=residuals)
+
+
+def _outside(frame: _Frame, field: Array) -> Outside:
+    """The other's field (nodes, 3, harmonics) in this punch's half."""
+    strain = np.zeros((*frame.near.shape, 9))
+    strain[frame.near] = frame.foam.gradient(field)
+    shift = frame.surface.displacement(field).reshape(*frame.disc.facing.weight.shape, 3)
+    return _stressed(frame.disc, np.ascontiguousarray(np.moveaxis(strain, 2, 1)),
+                     np.ascontiguousarray(np.moveaxis(shift, 2, 1)))
+
+
+def _stressed(disc: ClippedDisc, strain: Array, shift: Array) -> Outside:
+    at = hyperfoam_3d.principal(strain)
+    stress, _ = hyperfoam_3d.stress_and_tangent(at, hyperfoam_3d.response(disc.law, at.log), disc.weight)
+    return Outside(strain, stress, shift)
+
+
+def _met(disc: ClippedDisc, before: Outside | None, after: Outside, start: Array) -> Minimum:
+    """The disc's equilibrium with a field from outside; in parts, where needed, from the field that `start` belongs to
+    or from none."""
+    try:
+        return solve(replace(disc, outside=after), start)
+    except NotConverged:
+        if before is None:
+            before, start = _stressed(disc, 0 * after.strain, 0 * after.shift), 0 * start
+    reached, part = 0.0, 0.5
+    while True:
+        share = reached + part
+        given = after if share == 1 else _stressed(disc, before.strain + share * (after.strain - before.strain),
+                                                   before.shift + share * (after.shift - before.shift))
+        try:
+            found = solve(replace(disc, outside=given), start)
+        except NotConverged as error:
+            if part <= _LEAST_PART:
+                raise NotConverged(f"two touches solved together: {error} {_MEND}", estimate=error.estimate,
+                                   residuals=error.residuals, load_fraction=reached) from None
+            part /= 2
+            continue
+        reached, start = share, found.x
+        if reached == 1:
+            return found
+
+
+def _change(pair: _Pair, i: int, body: Body, punches: Sequence[Punch]) -> Change:
+    """What its neighbour changes of one of two touches."""
+    disc, x, unit = pair.discs[i], pair.x[i], body.thickness_m
+    there = np.array([punches[1 - i].x_m - punches[i].x_m, punches[1 - i].y_m - punches[i].y_m])
+    pressed, area, wall = contact_ratios(disc, x)
+    return Change(_surface_field(pair, i, unit, there / np.linalg.norm(there)), float(x[-1]) * unit, pressed, area,
+                  wall, fraction_non_elliptic(disc, x), pair.residuals,
+                  force_ratio(replace(pair.frames[i].alone, disc=disc, x=x)) if disc.held else 1.0)
+
+
+def _surface_field(pair: _Pair, i: int, unit: float, towards: Array) -> RimField:
+    """What both touches change beside their sum: displacement, and the metric and the normal stretch that this touch
+    must have so that, with the other's alone, they are those of the whole."""
+    frame, theirs = pair.frames[i], pair.frames[1 - i]
+    added, other_added = (amplitudes(pair.frames[k].disc, pair.x[k][:-1]) for k in (i, 1 - i))
+    plane = Outline(_PLANE, _PLANE - frame.half)
+    at = samples(frame.disc, frame.model, plane)
+    flat = np.broadcast_to(at.radius[:, None], at.angle.shape).ravel()
+    seen = view(theirs.disc.columns, theirs.model.grid.lines[1], len(theirs.disc.fixed), frame.apart, flat,
+                at.angle.ravel(), np.zeros(flat.size))
+
+    def others(amplitude: Array) -> Array:
+        return seen.gradient(amplitude).reshape(*at.angle.shape, 3, 3)
+
+    alone, neighbour = deformation(at.points, frame.disc.base), np.eye(3) + others(theirs.disc.base)
+    whole = deformation(at.points, frame.disc.base + added) + others(theirs.disc.base + other_added)
+    moved = displacement(at.points, added) + seen.displacement(other_added).reshape(*at.angle.shape, 3)
+    return field(at, alone, whole, moved, unit, neighbour, towards)

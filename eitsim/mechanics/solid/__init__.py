@@ -1,0 +1,1 @@
+"""Grid, kernels and assembly of the foam."""

@@ -1,0 +1,235 @@
+"""Large-strain foam on a grid: energy, residual and consistent tangent of the hyperfoam law in principal stretches.
+
+In the meridian plane F = l_1 u_1 v_1' + l_2 u_2 v_2' and l_3 is the hoop stretch (1 in plane strain). With
+m, h = (x_1 +- x_2)/2 of the logarithmic stretches x and tau of the law, the second derivative of the energy w(l)
+splits into the stretch block w_kl, the flip mode (w_1 - w_2)/(l_1 - l_2) on u_1 v_2' + u_2 v_1' and the twist mode
+(w_1 + w_2)/(l_1 + l_2) on u_1 v_2' - u_2 v_1'; both are written with the law's divided difference, so coinciding
+stretches need no case. Source of the modes: Smith, de Goes, Kim, ACM Trans. Graph. 38 (2019) 12,
+DOI 10.1145/3241041.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.solid.grid import Grid
+from eitsim.mechanics.solid.hyperfoam_axisymmetric import density, response
+from matcal.laws import hyperfoam
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.jit import compiled
+
+Array = NDArray[np.float64]
+
+# Places of l_1, l_2, l_3 among the five modes (stretch 1, 2, 3, flip, twist).
+_STRETCHES, _FLIP, _TWIST = slice(0, 3), 3, 4
+# Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
+_TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Principal stretches of a field of deformation gradients and the modes that they act on."""
+
+    # (..., 3) logarithmic stretches: larger and smaller in-plane, hoop
+    log: Array
+    # (..., 5, 5) modes (stretch 1, 2, 3, flip, twist) x parts of F (rr, rz, zr, zz, hoop), orthonormal rows
+    modes: Array
+
+
+def deformation(grid: Grid, u: Array) -> Array:
+    """F - 1 (elements, points, 5), parts rr, rz, zr, zz and hoop, of the unknown displacements u."""
+    moved = nodal(grid, u)[grid.elements]
+    elements, points = grid.weight.shape
+    gradient = np.moveaxis(grid.gradient, 3, 2).reshape(elements, 3 * points, -1)
+    slope = (gradient @ moved).reshape(elements, points, 3, 2)
+    return np.stack([slope[..., 0, 0], slope[..., 1, 0], slope[..., 0, 1], slope[..., 1, 1], slope[..., 2, 0]], -1)
+
+
+def nodal(grid: Grid, u: Array) -> Array:
+    """Displacements (nodes, 2) of the unknowns u, zero where they are fixed."""
+    return np.where(grid.unknown < 0, 0.0, u[grid.unknown])
+
+
+def admissible(strain: Array) -> NDArray[np.bool_]:
+    """Where F = 1 + strain (..., 5) keeps its orientation."""
+    return (_area_change(strain) > -1) & (strain[..., 4] > -1)
+
+
+def _area_change(strain: Array) -> Array:
+    rr, rz, zr, zz = np.moveaxis(strain[..., :4], -1, 0)
+    return rr + zz + rr * zz - rz * zr
+
+
+def log_stretches(strain: Array) -> Array:
+    """Logarithmic principal stretches (..., 3) of F = 1 + strain (..., 5): in-plane larger, smaller, hoop."""
+    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+    mean = np.log1p(_area_change(strain)) / 2
+    half = np.arctanh(np.hypot(rr - zz, rz + zr) / np.hypot(2 + rr + zz, rz - zr))
+    return np.stack([mean + half, mean - half, np.log1p(hoop)], axis=-1)
+
+
+def principal(strain: Array) -> Stretches:
+    """Stretches and modes of F = 1 + strain (..., 5)."""
+    rr, rz, zr, zz, _ = np.moveaxis(strain, -1, 0)
+    cd, sd = _direction(2 + rr + zz, zr - rz)
+    cs, ss = _direction(rr - zz, rz + zr)
+    modes = np.zeros((*rr.shape, 5, 5))
+    modes[..., 0, :4] = np.stack([cd + cs, ss - sd, ss + sd, cd - cs], -1) / 2
+    modes[..., 1, :4] = np.stack([cd - cs, -ss - sd, sd - ss, cd + cs], -1) / 2
+    modes[..., 2, 4] = 1
+    modes[..., _FLIP, :4] = np.stack([-ss, cs, cs, ss], -1) / np.sqrt(2)
+    modes[..., _TWIST, :4] = np.stack([sd, cd, -cd, sd], -1) / np.sqrt(2)
+    return Stretches(log_stretches(strain), modes)
+
+
+def _direction(x: Array, y: Array) -> tuple[Array, Array]:
+    """Cosine and sine of the direction (x, y); (1, 0) where there is none."""
+    length = np.hypot(x, y)
+    none = length == 0
+    length = np.where(none, 1.0, length)
+    return np.where(none, 1.0, x / length), y / length
+
+
+def stress(law: Hyperfoam, at: Stretches) -> Array:
+    """First Piola stress (..., 5), parts rr, rz, zr, zz and hoop: sum_k tau_k/l_k on each stretch mode."""
+    force = hyperfoam.kirchhoff(law, at.log) * np.exp(-at.log)
+    return (force[..., None, :] @ at.modes[..., _STRETCHES, :])[..., 0, :]
+
+
+def second_piola(law: Hyperfoam, strain: Array) -> Array:
+    """Second Piola-Kirchhoff stress (..., 4), parts rr, rz, zz and hoop, F^-1 P, at F = 1 + strain (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+    p = stress(law, principal(strain))
+    area = 1 + _area_change(strain)
+    return np.stack([((1 + zz) * p[..., 0] - rz * p[..., 2]) / area, ((1 + zz) * p[..., 1] - rz * p[..., 3]) / area,
+                     ((1 + rr) * p[..., 3] - zr * p[..., 1]) / area, p[..., 4] / (1 + hoop)], axis=-1)
+
+
+def green_lagrange(strain: Array) -> Array:
+    """Green-Lagrange strain (..., 4), parts rr, rz, zz and hoop, (F'F - 1)/2 of F = 1 + strain (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+    return np.stack([rr + (rr * rr + zr * zr) / 2, (rz + zr + rr * rz + zr * zz) / 2,
+                     zz + (rz * rz + zz * zz) / 2, hoop + hoop * hoop / 2], axis=-1)
+
+
+def pushed(prestress: Array, strain: Array) -> Array:
+    """First Piola stress (..., 5), F times a second Piola-Kirchhoff stress (..., 4), at F = 1 + strain (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+    s_rr, s_rz, s_zz, s_hoop = np.moveaxis(prestress, -1, 0)
+    return np.stack([(1 + rr) * s_rr + rz * s_rz, (1 + rr) * s_rz + rz * s_zz, zr * s_rr + (1 + zz) * s_rz,
+                     zr * s_rz + (1 + zz) * s_zz, (1 + hoop) * s_hoop], axis=-1)
+
+
+def geometric_stiffness(prestress: Array, share: float) -> Array:
+    """d(F S)/dF (..., 5, 5) of a constant second Piola-Kirchhoff stress S (..., 4), negative parts scaled by share."""
+    plane = prestress[..., [0, 1, 1, 2]].reshape(*prestress.shape[:-1], 2, 2)
+    hoop = prestress[..., 3]
+    if share != 1:
+        value, vector = np.linalg.eigh(plane)
+        value = np.where(value < 0, share, 1.0) * value
+        plane = (vector * value[..., None, :]) @ np.swapaxes(vector, -1, -2)
+        hoop = np.where(hoop < 0, share, 1.0) * hoop
+    out = np.zeros((*hoop.shape, 5, 5))
+    out[..., 0:2, 0:2], out[..., 2:4, 2:4], out[..., 4, 4] = plane, plane, hoop
+    return out
+
+
+def stiffness(law: Hyperfoam, at: Stretches) -> Array:
+    """d2U/dmode2 (..., 5, 5) in the modes of `at`: stretch block, flip and twist."""
+    tau, inverse = hyperfoam.kirchhoff(law, at.log), np.exp(-at.log)
+    mean, half = (at.log[..., 0] + at.log[..., 1]) / 2, (at.log[..., 0] - at.log[..., 1]) / 2
+    slope = hyperfoam.kirchhoff_difference(law, mean, half)
+    middle, shrink = (tau[..., 0] + tau[..., 1]) / 2, np.exp(-2 * mean)
+    out = np.zeros((*mean.shape, 5, 5))
+    block = hyperfoam.kirchhoff_tangent(law, at.log) - tau[..., None] * np.eye(3)
+    out[..., _STRETCHES, _STRETCHES] = block * inverse[..., None] * inverse[..., None, :]
+    out[..., _FLIP, _FLIP] = shrink * (slope * np.cosh(half) / hyperfoam.sinh_ratio(half) - middle)
+    out[..., _TWIST, _TWIST] = shrink * (middle - slope * half * np.tanh(half))
+    return out
+
+
+def damped(stiff: Array, share: float) -> Array:
+    """The stiffness (..., 5, 5) with its negative parts scaled by share: 1 keeps it, 0 makes it semidefinite."""
+    if share == 1:
+        return stiff
+    out = stiff.copy()
+    for mode in (_FLIP, _TWIST):
+        out[..., mode, mode] = np.where(stiff[..., mode, mode] < 0, share, 1.0) * stiff[..., mode, mode]
+    value, vector = np.linalg.eigh(stiff[..., _STRETCHES, _STRETCHES])
+    value = np.where(value < 0, share, 1.0) * value
+    out[..., _STRETCHES, _STRETCHES] = (vector * value[..., None, :]) @ np.swapaxes(vector, -1, -2)
+    return out
+
+
+def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None) -> float:
+    """Stored energy; infinite where the foam would be turned inside out or squeezed beyond the range of numbers.
+
+    A prestress S (elements, points, 4), constant on the reference body, adds its potential S : E.
+    """
+    strain = deformation(grid, u)
+    if not np.all(admissible(strain)):
+        return np.inf
+    with np.errstate(over="ignore", invalid="ignore"):
+        local = density(law, strain)
+        if prestress is not None:
+            local = local + (prestress * green_lagrange(strain)) @ _TWICE_OFF_DIAGONAL
+        stored = float(np.sum(grid.weight * local))
+    return stored if np.isfinite(stored) else np.inf
+
+
+def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.0,
+                         prestress: Array | None = None) -> tuple[Array, Array]:
+    """Gradient (unknowns,) and Hessian of the stored energy, negative modes scaled by share.
+
+    The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth.
+    """
+    strain = deformation(grid, u)
+    force, tangent = response(law, strain, share)
+    if prestress is not None:
+        force = force + pushed(prestress, strain)
+        tangent = tangent + geometric_stiffness(prestress, share)
+    force, tangent = force * grid.weight[..., None], tangent * grid.weight[..., None, None]
+    gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
+    assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)
+    return gradient, band
+
+
+@compiled
+def assemble(shape, elements, unknown, force, tangent, gradient, band):
+    """Add element forces sum_q B' force and stiffnesses sum_q B' tangent B to gradient and to the lower band.
+
+    B maps node a's (u_r, u_z) to the parts (rr, rz, zr, zz, hoop) of F through N_,r, N_,z and N/r in shape.
+    """
+    nodes = shape.shape[2]
+    local = np.empty((2 * nodes, 2 * nodes))
+    load = np.empty(2 * nodes)
+    row = np.empty((2, 5))
+    for e in range(elements.shape[0]):
+        local[:] = 0.0
+        load[:] = 0.0
+        for q in range(shape.shape[1]):
+            p, c = force[e, q], tangent[e, q]
+            for a in range(nodes):
+                r, z, h = shape[e, q, a, 0], shape[e, q, a, 1], shape[e, q, a, 2]
+                load[2 * a] += r * p[0] + z * p[1] + h * p[4]
+                load[2 * a + 1] += r * p[2] + z * p[3]
+                for k in range(5):
+                    row[0, k] = r * c[0, k] + z * c[1, k] + h * c[4, k]
+                    row[1, k] = r * c[2, k] + z * c[3, k]
+                for b in range(a + 1):
+                    r, z, h = shape[e, q, b, 0], shape[e, q, b, 1], shape[e, q, b, 2]
+                    for i in range(2):
+                        local[2 * a + i, 2 * b] += row[i, 0] * r + row[i, 1] * z + row[i, 4] * h
+                        local[2 * a + i, 2 * b + 1] += row[i, 2] * r + row[i, 3] * z
+        for a in range(2 * nodes):
+            i = unknown[elements[e, a // 2], a % 2]
+            if i < 0:
+                continue
+            gradient[i] += load[a]
+            for b in range(a + 1):
+                j = unknown[elements[e, b // 2], b % 2]
+                if j >= 0:
+                    band[min(i, j), abs(i - j)] += local[a, b]

@@ -1,0 +1,184 @@
+"""Tensor mesh of the foam's meridian half-plane, biquadratic or bilinear, numbered for a narrow band."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
+
+from eitsim.scene.scene import Body, Punch
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Elements by their order; each has order + 1 Gauss points per direction.
+ELEMENTS = {1: ElementQuad1, 2: ElementQuad2}
+# Corners, middles of edges and centre among an element's nodes column after column, by order.
+_AROUND = {1: [0, 2, 3, 1], 2: [0, 6, 8, 2, 3, 7, 5, 1, 4]}
+# Sizes in feature lengths, where a feature is the fillet radius or, if less, a twentieth of the thickness: the default
+# element at the edge of the punch, and the distances over which elements double from there, inwards, outwards and
+# downwards. Inwards they stay fine longer, since the foam under the fillet comes from there.
+_FEATURE, _ELEMENT, _INWARDS, _OUTWARDS, _DOWNWARDS = 0.05, 0.12, 1.2, 0.6, 0.6
+# The same outwards from a cone's tip, towards which elements are as small as at its edge.
+_FROM_TIP = 1.2
+# Distance inside a flat punch's edge, thicknesses, from which deep touches draw the foam over the fillet, and the
+# widest default element there, in feature lengths: wider ones catch on the fillet. With a fillet of 0.05 mm, 20 mm and
+# 3 N on 10 mm of foam, what stands at the fillet comes from 0.11 within; elements of five fillets left 2 to 5 %. But by
+# default at most so many elements there: with more, a touch takes more than 500 MB.
+_DRAWN, _WIDEST_DRAWN, _MOST_DRAWN = 0.18, 0.5, 144
+# Widest default element under the punch, in thicknesses; under a cone the contact may end anywhere.
+_WIDEST, _WIDEST_UNDER_CONE = 0.08, 0.03
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A mesh of the (r, z) half-plane with its quadrature, p the elements' order; lengths in any one unit."""
+
+    # (nodes, 2) reference position (r, z), column after column, upwards in each
+    nodes: Array
+    # (elements, (p + 1)^2) node numbers
+    elements: Indices
+    # (nodes, 2) number of the unknown of (u_r, u_z); -1 where the displacement is zero
+    unknown: Indices
+    # (elements, points, (p + 1)^2, 3) N_,r, N_,z and N/r of each shape function; the last is 0 in plane strain
+    gradient: Array
+    # (elements, points) quadrature weight, 2 pi r included unless plane strain
+    weight: Array
+    # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, from the axis outwards
+    top: Indices
+
+    @property
+    def order(self) -> int:
+        """Order of the elements."""
+        return self.top.shape[1] - 1
+
+    @property
+    def lines(self) -> tuple[Array, Array]:
+        """Radii of the node columns and heights of the node rows."""
+        rows = int(self.top[0, 0]) + 1
+        return self.nodes[::rows, 0], self.nodes[:rows, 1]
+
+    @property
+    def counter_clockwise(self) -> Indices:
+        """Nodes (elements, (p + 1)^2): corners counter-clockwise, middles of the edges from the first on, centre."""
+        return np.sort(self.elements, axis=1)[:, _AROUND[self.order]]
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement unknowns."""
+        return int(self.unknown.max()) + 1
+
+    @property
+    def bandwidth(self) -> int:
+        """Largest distance between two unknowns of one element."""
+        numbers = self.unknown[self.elements].reshape(len(self.elements), -1)
+        return int((numbers.max(axis=1) - np.where(numbers < 0, numbers.max(), numbers).min(axis=1)).max())
+
+
+def feature_m(body: Body, punch: Punch) -> float:
+    """Length that sets the element size, m: the fillet radius, at most a twentieth of the foam's thickness."""
+    return min(punch.fillet_m, _FEATURE * body.thickness_m)
+
+
+def default_element_m(body: Body, punch: Punch) -> float:
+    """Element size at the edge of the punch, m, that keeps depth and touch signal within half a percent."""
+    return _ELEMENT * feature_m(body, punch)
+
+
+def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Grid:
+    """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0.
+
+    Lines lie at the edge of the punch and where its fillet starts. element_m is the element size there, m; elements
+    widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness, the
+    punch is smaller than the disc and the elements' order is one of ELEMENTS.
+    """
+    unit = body.thickness_m
+    if not 0 < element_m < unit:
+        raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
+    rim, edge, fillet = body.radius_m / unit, punch.diameter_m / 2 / unit, punch.fillet_m / unit
+    if edge >= rim:
+        raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc (radius "
+                         f"{body.radius_m} m).")
+    size, feature = element_m / unit, feature_m(body, punch) / unit
+    cone = punch.profile == "cone"
+    widest = (_WIDEST_UNDER_CONE if cone else _WIDEST) * size / (_ELEMENT * feature)
+    start = max(edge - fillet, 0.0)
+
+    def width(r: Array) -> Array:
+        away = np.maximum((start - r) / _INWARDS, np.maximum((r - edge) / _OUTWARDS, 0))
+        if cone:
+            away = np.minimum(away, np.maximum(r - fillet, 0) / _FROM_TIP)
+        most = np.minimum(widest, np.inf if cone else drawn(r))
+        return np.minimum(size * (1 + away / feature), np.where(r < edge, most, np.inf))
+
+    def drawn(r: Array) -> Array:
+        most = max(_WIDEST_DRAWN, _DRAWN / (_MOST_DRAWN * feature)) / _ELEMENT
+        return size * (most + np.maximum(start - _DRAWN - r, 0) / (_INWARDS * feature))
+
+    def height(z: Array) -> Array:
+        return size * (1 - z / (_DOWNWARDS * feature))
+
+    stops = sorted({0.0, start, edge, rim})
+    r = np.concatenate([[0.0], *(spread(a, b, width) for a, b in itertools.pairwise(stops))])
+    return tensor_grid(r, np.concatenate([[-1.0], spread(-1.0, 0.0, height)]), order=order)
+
+
+def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, order: int = 2) -> Grid:
+    """Grid on lines r and z: bottom fixed and u_r = 0 at r = 0, or everything free; axisymmetric or plane strain.
+
+    ValueError unless the elements' order is one of ELEMENTS.
+    """
+    if order not in ELEMENTS:
+        raise ValueError(f"elements of order {order} are not built; known: {', '.join(map(str, ELEMENTS))}.")
+    basis = Basis(MeshQuad.init_tensor(r, z), ELEMENTS[order](), intorder=2 * order + 1)
+    column, row = (_place(ends, order, x) for ends, x in zip((r, z), basis.doflocs, strict=True))
+    sequence = np.lexsort((row, column))
+    number = np.empty_like(sequence)
+    number[sequence] = np.arange(sequence.size)
+    nodes = np.ascontiguousarray(basis.doflocs.T[sequence])
+    fixed = np.zeros(nodes.shape, dtype=bool)
+    if not free:
+        fixed |= (nodes[:, 1] == z[0])[:, None]
+        fixed[:, 0] |= nodes[:, 0] == 0
+    unknown = np.where(fixed, -1, np.cumsum(~fixed.ravel()).reshape(nodes.shape) - 1)
+    gradient, weight = _quadrature(basis, plane)
+    surface = np.flatnonzero(nodes[:, 1] == z[-1])
+    top = surface[np.arange(0, surface.size - 1, order)[:, None] + np.arange(order + 1)]
+    return Grid(nodes, number[basis.element_dofs.T], unknown, gradient, weight, top)
+
+
+def _place(ends: Array, order: int, x: Array) -> Indices:
+    """Number of the line of nodes that each x lies on, whatever its rounding; elements of that order between ends."""
+    lines = np.interp(np.arange(order * (len(ends) - 1) + 1) / order, np.arange(len(ends)), ends)
+    return np.searchsorted((lines[1:] + lines[:-1]) / 2, x)
+
+
+def _quadrature(basis: Basis, plane: bool) -> tuple[Array, Array]:
+    radius = np.asarray(basis.global_coordinates())[0]
+    gradient = np.zeros((*radius.shape, len(basis.basis), 3))
+    for k, (shape,) in enumerate(basis.basis):
+        gradient[:, :, k, :2] = np.moveaxis(np.asarray(shape.grad), 0, -1)
+        if not plane:
+            gradient[:, :, k, 2] = np.asarray(shape) / radius
+    return gradient, basis.dx * (1.0 if plane else 2 * np.pi * radius)
+
+
+def lagrange(order: int, t: Array) -> tuple[Array, Array]:
+    """Shape functions (points, order + 1) of as many equally spaced nodes in [-1, 1] and their derivatives at t."""
+    weights = np.linalg.inv(np.vander(np.linspace(-1, 1, order + 1), increasing=True))
+    power = np.arange(order + 1)
+    return t[:, None] ** power @ weights, power * t[:, None] ** np.maximum(power - 1, 0) @ weights
+
+
+def spread(start: float, stop: float, width: Callable[[Array], Array]) -> Array:
+    """Points after start, up to stop, spaced in proportion to a width and at most as wide."""
+    x = np.linspace(start, stop, 2001)
+    steps = np.concatenate([[0.0], np.cumsum(np.diff(x) / width((x[1:] + x[:-1]) / 2))])
+    count = max(math.ceil(steps[-1] - 1e-9), 1)
+    inside = np.interp(np.linspace(0, steps[-1], count + 1)[1:-1], steps, x)
+    return np.append(inside, stop)

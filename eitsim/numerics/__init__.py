@@ -1,0 +1,1 @@
+"""Linear algebra and Newton minimisation; knows no physics."""

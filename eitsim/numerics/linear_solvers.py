@@ -1,0 +1,72 @@
+"""Linear solvers as values: a factorisation gives solve(b)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+from eitsim.numerics.work_budget import PRODUCT, charge
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+
+class Indefinite(ArithmeticError):
+    """A matrix that must be positive definite is not."""
+
+
+def factorise_band(band: Array) -> Solve:
+    """Cholesky factors of a symmetric matrix from its lower band (n, width + 1), column j holding rows j onwards.
+
+    The band is overwritten. Indefinite is raised where a pivot is not positive.
+    """
+    charge(len(band))
+    try:
+        factor = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False)
+    except LinAlgError:
+        raise Indefinite("a pivot of the Cholesky factorisation is not positive") from None
+    return lambda b: cho_solve_banded((factor, True), b, check_finite=False)
+
+
+def bordered(solve: Solve, border: Array, corner: float) -> Solve:
+    """Solver of [[A, border], [border', corner]] from one of A; Indefinite where its Schur complement is not positive.
+    """
+    column = solve(border)
+    schur = corner - float(border @ column)
+    if schur <= 0:
+        raise Indefinite("the Schur complement of the border is not positive")
+
+    def both(b: Array) -> Array:
+        first = solve(b[:-1])
+        last = (b[-1] - border @ first) / schur
+        return np.append(first - column * last, last)
+
+    return both
+
+
+def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance: float, limit: int = 1000) -> Array:
+    """Solution of A x = b, A symmetric positive definite given by its product with vectors.
+
+    Stops where r' P r, r the residual and P the preconditioner, is tolerance^2 of what it was, or after `limit`
+    products, with the best x so far. Indefinite is raised where A is not positive along a direction.
+    """
+    x, r = np.zeros_like(b), b
+    z = precondition(r)
+    p, now = z, float(r @ z)
+    first = now
+    for _ in range(limit):
+        if now <= tolerance**2 * first:
+            break
+        charge(PRODUCT * len(b))
+        ap = product(p)
+        curvature = float(p @ ap)
+        if curvature <= 0:
+            raise Indefinite("a direction of conjugate gradients has negative curvature")
+        x, r = x + now / curvature * p, r - now / curvature * ap
+        z = precondition(r)
+        before, now = now, float(r @ z)
+        p = z + now / before * p
+    return x

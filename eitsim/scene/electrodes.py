@@ -1,0 +1,155 @@
+"""Electrodes along the rim: where they lie, how they touch the skin, and which of them are missing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.scene.drive import Drive, read_out
+
+Array = NDArray[np.float64]
+# One number for all electrodes, or one for each.
+PerElectrode = float | tuple[float, ...]
+
+# kind -> key of its contact impedance
+IMPEDANCES = {"line": "contact_impedance_Ohm_m", "patch": "contact_impedance_Ohm_m2"}
+FEWEST, MOST = 4, 64
+# Gaps up to this angle, rad, are rounding: the electrodes touch.
+TOUCHING = 1e-8
+
+
+@dataclass(frozen=True)
+class Electrodes:
+    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface beside it."""
+
+    # one of IMPEDANCES
+    kind: str = "line"
+    # how many, missing ones too
+    count: int = 16
+    # width along the rim, m
+    width_m: PerElectrode = 0.01
+    # length of patches from the rim inwards, m
+    length_m: float = 0.01
+    # angle of the middle of the first one from +x, rad; the others follow at even steps
+    first_angle_rad: float = 0.0
+    # (count,) angles of the middles from +x, rad, where they are not even; empty: they are
+    angles_rad: tuple[float, ...] = ()
+    # contact impedance of lines, Ohm m; infinite: no contact
+    contact_impedance_Ohm_m: PerElectrode = 1.0
+    # contact impedance of patches, Ohm m^2; infinite: no contact
+    contact_impedance_Ohm_m2: PerElectrode = 1e-2
+    # numbers, from 0, of electrodes without contact
+    missing: tuple[int, ...] = ()
+
+
+def widths(electrodes: Electrodes) -> Array:
+    """Widths (count,) along the rim, m."""
+    return np.broadcast_to(np.asarray(electrodes.width_m, dtype=float), electrodes.count)
+
+
+def middles(electrodes: Electrodes) -> Array:
+    """Angles (count,) of the electrodes' middles from +x, rad."""
+    if electrodes.angles_rad:
+        return np.array(electrodes.angles_rad)
+    return electrodes.first_angle_rad + 2 * np.pi / electrodes.count * np.arange(electrodes.count, dtype=float)
+
+
+def contact_impedances(electrodes: Electrodes) -> Array:
+    """Contact impedances (count,) of the electrodes' kind, Ohm m or Ohm m^2; infinite where one is missing."""
+    given = np.asarray(getattr(electrodes, IMPEDANCES[electrodes.kind]), dtype=float)
+    out = np.broadcast_to(given, electrodes.count).copy()
+    out[list(electrodes.missing)] = np.inf
+    return out
+
+
+def arcs(radius_m: float, electrodes: Electrodes) -> Array:
+    """First and last angle (count, 2), rad, of the electrodes on a rim; ValueError where they overlap."""
+    ends = middles(electrodes)[:, None] + widths(electrodes)[:, None] / (2 * radius_m) * np.array([-1.0, 1.0])
+    gaps = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi) - ends[:, 1]
+    if gaps.min() >= -TOUCHING:
+        return ends
+    k = int(np.argmin(gaps))
+    mend = "place them further apart or make them narrower"
+    if not electrodes.angles_rad and np.ndim(electrodes.width_m) == 0:
+        widest = math.floor(2e6 * math.pi * radius_m / electrodes.count) / 1e3
+        mend = f"{electrodes.count} of them at radius_mm = {radius_m * 1e3:g} may be {widest:.3f} wide at most"
+    raise ValueError(f"width_mm in [electrodes]: electrodes {k} and {(k + 1) % electrodes.count} (from 0) overlap by "
+                     f"{-gaps[k] * radius_m * 1e3:.3g} mm; {mend}.")
+
+
+def alike(electrodes: Electrodes) -> bool:
+    """Whether turning the ring by one electrode changes nothing."""
+    sizes = widths(electrodes), contact_impedances(electrodes)
+    return not electrodes.angles_rad and all(bool(np.all(size == size[0])) for size in sizes)
+
+
+def there(electrodes: Electrodes) -> NDArray[np.bool_]:
+    """(count,) which electrodes have contact."""
+    return np.isfinite(contact_impedances(electrodes))
+
+
+def present(electrodes: Electrodes) -> Electrodes:
+    """The electrodes that have contact, by themselves."""
+    kept = there(electrodes)
+    if kept.all():
+        return electrodes
+    own = {IMPEDANCES[electrodes.kind]: tuple(contact_impedances(electrodes)[kept].tolist())}
+    return replace(electrodes, count=int(kept.sum()), width_m=tuple(widths(electrodes)[kept].tolist()),
+                   first_angle_rad=0.0, angles_rad=tuple(middles(electrodes)[kept].tolist()), missing=(), **own)
+
+
+def among_all(electrodes: Electrodes, impedance_Ohm: Array) -> Array:
+    """The impedance matrix of the electrodes with contact within that (count, count) of all, NaN for the others."""
+    kept = there(electrodes)
+    if kept.all():
+        return impedance_Ohm
+    out = np.full((electrodes.count,) * 2, np.nan)
+    out[np.ix_(kept, kept)] = impedance_Ohm
+    return out
+
+
+def unread(drive: Drive, electrodes: Electrodes) -> NDArray[np.bool_]:
+    """(readings,) which of a drive need an electrode without contact; ValueError for a drive that cannot be."""
+    count = int(there(electrodes).sum())
+    return np.isnan(read_out(drive, among_all(electrodes, np.zeros((count, count))))).ravel()
+
+
+def check(radius_m: float, electrodes: Electrodes) -> None:
+    """ValueError where electrodes cannot be as they are given; names the key of [electrodes]."""
+    _require(electrodes.kind in IMPEDANCES, "kind", f"'{electrodes.kind}' is unknown; known: {', '.join(IMPEDANCES)}")
+    _require(FEWEST <= electrodes.count <= MOST, "count", f"must be {FEWEST} to {MOST}, got {electrodes.count}")
+    for key, value in {"width_mm": electrodes.width_m, "angles_deg": electrodes.angles_rad or 0.0,
+                       "contact_impedance_Ohm_m": electrodes.contact_impedance_Ohm_m,
+                       "contact_impedance_Ohm_m2": electrodes.contact_impedance_Ohm_m2}.items():
+        _require(np.shape(value) in ((), (electrodes.count,)), key,
+                 f"must hold {electrodes.count} numbers, one an electrode, got {np.size(value)}")
+        _require(key == "angles_deg" or np.all(np.asarray(value) > 0), key, f"must be positive, got {np.min(value):g}")
+    _require(0 < electrodes.length_m < radius_m, "length_mm",
+             f"must be positive and less than radius_mm = {radius_m * 1e3:g}, got {electrodes.length_m * 1e3:g}")
+    _require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
+             "has no effect with angles_deg; leave it out")
+    steps = np.diff(middles(electrodes), append=middles(electrodes)[0] + 2 * np.pi)
+    _require(bool(np.all(steps > 0)), "angles_deg", "must increase counter-clockwise, within one turn")
+    _check_kind(electrodes)
+    for k in electrodes.missing:
+        _require(k in range(electrodes.count), "missing",
+                 f"must hold numbers of electrodes, 0 to {electrodes.count - 1}, got {k}")
+    arcs(radius_m, electrodes)
+
+
+def _check_kind(electrodes: Electrodes) -> None:
+    """What another kind of electrode has is refused where it is given."""
+    others = {key: key for kind, key in IMPEDANCES.items() if kind != electrodes.kind}
+    if electrodes.kind != "patch":
+        others["length_mm"] = "length_m"
+    for key, name in others.items():
+        _require(getattr(electrodes, name) == getattr(Electrodes, name), key,
+                 f"has no effect with kind = \"{electrodes.kind}\"; leave it out")
+
+
+def _require(ok: object, key: str, expected: str) -> None:
+    if not ok:
+        raise ValueError(f"{key} in [electrodes]: {expected}.")

@@ -1,0 +1,73 @@
+"""Frames of voltages as a CSV: one column a reading, pattern-major, one row a frame, header optional."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.scene.drive import voltage_columns
+from eitsim.scene.results import Readings
+from touchcal.csv_numbers import read_numbers, write_numbers
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames and where they stand in their file."""
+
+    # (n, readings) V
+    volts: Array
+    # (n,) line numbers from 1
+    line: NDArray[np.int64]
+
+
+def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
+    """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order.
+
+    Readings of the mask `unread` (readings,), which need a missing electrode, may be empty and are 0. TestFileError
+    names the line of a wrong width or a missing number, and a header's name that is no reading.
+    """
+    table = read_numbers(path, readings, what="voltages", blanks=unread is not None)
+    volts, wanted = table.values, voltage_columns(readings)
+    if table.names:
+        try:
+            volts = volts[:, column_order(table.names, readings)]
+        except ValueError as error:
+            raise TestFileError(path, f"{error}") from None
+    if unread is not None:
+        empty = np.argwhere(np.isnan(volts) & ~unread)
+        if len(empty):
+            raise TestFileError(path, f"{wanted[empty[0, 1]]} is empty, and its electrodes are all there. Mend it, or "
+                                      "name what is missing in [electrodes].", line=int(table.line[empty[0, 0]]))
+        volts = np.where(unread, 0.0, volts)
+    return Frames(volts, table.line)
+
+
+def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
+    """(readings,) column of each reading under a header that names v_000 ... in any order; ValueError for one that
+    names anything else, or not each of them once."""
+    wanted = voltage_columns(readings)
+    place = {name: column for column, name in enumerate(names)}
+    mend = f"Name the columns {wanted[0]} to {wanted[-1]}, or leave the header out where they are in that order."
+    if foreign := [name for name in place if name not in wanted]:
+        raise ValueError(f"the header names '{foreign[0][:20]}' in column {place[foreign[0]] + 1}, which is no "
+                         f"reading. {mend}")
+    if lacking := [name for name in wanted if name not in place]:
+        raise ValueError(f"the header lacks {lacking[0]}. {mend}")
+    if len(place) < len(names):
+        twice = next(name for column, name in enumerate(names) if place[name] != column)
+        raise ValueError(f"the header names {twice} twice. {mend}")
+    return np.array([place[name] for name in wanted], np.intp)
+
+
+def write_frames(path: Path | str, frames: Sequence[Readings]) -> None:
+    """Write solved readings as frames that `read_frames` and `surrogate predict` read: the untouched one first, then
+    one a solution, columns v_000 ... in the order of the drive pattern, V, empty where an electrode is missing."""
+    volts = np.array([frames[0].baseline_V.ravel(), *(frame.touched_V.ravel() for frame in frames)])
+    write_numbers(path, voltage_columns(volts.shape[1]), volts)

@@ -1,0 +1,355 @@
+"""A scene: the body, its skin and electrodes, the touches, and how well they must be known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from eitsim.scene.drive import MATRICES, Drive, with_matrices
+from eitsim.scene.electrodes import IMPEDANCES, Electrodes, check, unread
+from touchcal.errors import TestFileError, unknown_key
+from touchcal.toml_file import read_toml
+
+PROFILES = ("flat", "sphere", "cone")
+FRICTIONS = ("none", "stick", "coulomb")
+STRAINS = ("normal", "principal", "areal")
+CONTROLS = ("force", "depth")
+MODULI = ("card", "instantaneous", "longterm")
+# Currents that any instrument drives, with room; beyond them a value is a slip of the unit.
+LEAST_CURRENT_A, LARGEST_CURRENT_A = 1e-12, 1e3
+
+
+@dataclass(frozen=True)
+class Body:
+    """Foam disc, bottom fixed."""
+
+    # radius, m
+    radius_m: float = 0.1
+    # thickness, m
+    thickness_m: float = 0.01
+
+
+@dataclass(frozen=True)
+class Punch:
+    """Rigid axisymmetric punch pressed along -z."""
+
+    # axis in the plane of the disc, m
+    x_m: float = 0.0
+    y_m: float = 0.0
+    # diameter, fillet included, m
+    diameter_m: float = 0.014
+    # applied force, N; None where the depth is given
+    force_N: float | None = 1.0
+    # prescribed depth, m; None where the force is given
+    depth_m: float | None = None
+    # one of PROFILES
+    profile: str = "flat"
+    # radius that rounds the edge, and a cone's tip; m
+    fillet_m: float = 0.0005
+    # angle between a cone's axis and its face, rad; without effect on the other profiles
+    half_angle_rad: float = math.radians(60)
+    # one of FRICTIONS
+    friction: str = "none"
+    # shear over pressure that it slips at; 0 unless by Coulomb's law
+    friction_coefficient: float = 0.0
+    # whether the punch conducts and floats
+    conductor: bool = False
+    # contact impedance of a conducting punch, Ohm m^2
+    contact_impedance_Ohm_m2: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Conductive coating of the top surface."""
+
+    # coating thickness, m
+    thickness_m: float = 20e-6
+    # the strain that drives its conductivity, one of STRAINS
+    strain: str = "normal"
+
+
+@dataclass(frozen=True)
+class Hold:
+    """How long the touch lasts."""
+
+    # times after loading at which it is read, s; empty: none
+    time_s: tuple[float, ...] = ()
+    # one of CONTROLS
+    control: str = "force"
+    # time that loading takes at a constant rate of force or depth, s; 0: loaded at once
+    loading_s: float = 0.0
+    # one of MODULI: as the card labels them, or scaled by its Prony series; a hold begins with instantaneous ones
+    moduli: str = "card"
+
+    @property
+    def keeps_deformation(self) -> bool:
+        """Whether the foam stays as it was loaded: at a depth kept from loading at once only stresses relax."""
+        return self.control == "depth" and self.loading_s == 0
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What is asked of the numbers."""
+
+    # wanted relative error of the touch signal dV, mechanics and electrics together
+    signal: float = 0.01
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that one simulation needs beside the card."""
+
+    body: Body = field(default_factory=Body)
+    # one a touch
+    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))
+    skin: Skin = field(default_factory=Skin)
+    electrodes: Electrodes = field(default_factory=Electrodes)
+    drive: Drive = field(default_factory=Drive)
+    hold: Hold = field(default_factory=Hold)
+    accuracy: Accuracy = field(default_factory=Accuracy)
+    # path of the card that the scene file names; None where it names none
+    card: str | None = None
+
+
+# table -> scene-file key -> (field, its units per SI unit); the one place where units of a scene file are converted
+_KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
+    "body": {"radius_mm": ("radius_m", 1e3), "thickness_mm": ("thickness_m", 1e3)},
+    "punch": {"x_mm": ("x_m", 1e3), "y_mm": ("y_m", 1e3), "diameter_mm": ("diameter_m", 1e3),
+              "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
+              "fillet_mm": ("fillet_m", 1e3), "half_angle_deg": ("half_angle_rad", 180 / math.pi),
+              "friction": ("friction", None), "friction_coefficient": ("friction_coefficient", 1.0),
+              "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
+    "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
+    "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
+                   "length_mm": ("length_m", 1e3), "first_angle_deg": ("first_angle_rad", 180 / math.pi),
+                   "angles_deg": ("angles_rad", 180 / math.pi), "missing": ("missing", None),
+                   "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
+                   "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
+    "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
+              **{key: (key, None) for key in MATRICES}},
+    "hold": {"time_s": ("time_s", None), "control": ("control", None), "loading_s": ("loading_s", 1.0),
+             "moduli": ("moduli", None)},
+    "accuracy": {"signal": ("signal", 1.0)},
+}
+# Keys that may hold a list of one number an electrode, and those that always hold a list.
+EACH = ("width_mm", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
+_LISTS = ("angles_deg", "missing")
+# Keys that hold one of a few words.
+_KNOWN = {("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS, ("skin", "strain"): STRAINS,
+          ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
+_CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
+            "accuracy": Accuracy}
+
+
+def is_list(table: str, key: str, value: Any) -> bool:
+    """Whether a value is a list that a key itself holds, not a range that a design draws one number from."""
+    whole = (table == "drive" and key in MATRICES) or (table == "electrodes" and key in _LISTS)
+    return isinstance(value, list) and (whole or (table == "electrodes" and key in EACH and len(value) > 2))
+
+
+def check_value(table: str, key: str, value: Any) -> None:
+    """ValueError where `value` is none that a key may hold, whatever the other keys hold."""
+    if is_list(table, key, value):
+        return
+    name, per = _KEYS[table][key]
+    _value(f"{key} in [{table}]", value, per, getattr(_CLASSES[table](), name))
+    if (table, key) in _KNOWN:
+        _choice(f"{key} in [{table}]", value, _KNOWN[table, key])
+
+
+def slope_rad(punch: Punch) -> float:
+    """Angle of the punch's face to the horizontal, rad: pi/2 minus a cone's half-angle, 0 for the other profiles."""
+    return math.pi / 2 - punch.half_angle_rad if punch.profile == "cone" else 0.0
+
+
+def rim_gap_m(body: Body, punch: Punch) -> float:
+    """Distance from the punch's edge to the disc's rim, m; negative where it overhangs."""
+    return body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
+
+
+def scene_keys() -> dict[str, tuple[str, ...]]:
+    """Table -> keys that a scene file may hold."""
+    return {table: tuple(keys) for table, keys in _KEYS.items()}
+
+
+def scene_tables(scene: Scene) -> dict[str, Any]:
+    """The scene as the tables of a scene file, every default that has an effect filled in, units as the keys say."""
+    out: dict[str, Any] = {}
+    for table, keys in _KEYS.items():
+        parts = scene.punches if table == "punch" else (getattr(scene, table),)
+        blocks = [{key: _unconverted(getattr(part, name), per) for key, (name, per) in keys.items()
+                   if getattr(part, name) is not None} for part in parts]
+        out[table] = blocks if table == "punch" else blocks[0]
+    drive = scene.drive
+    for key, instead in (("pattern", drive.currents), ("reading", drive.currents or drive.measurements)):
+        if instead is not None:
+            del out["drive"][key]
+    return out
+
+
+def _unconverted(value: Any, per: float | None) -> Any:
+    if isinstance(value, tuple):
+        return [_unconverted(part, per) for part in value]
+    if per is None:
+        return value
+    return value if per == 1.0 else float(f"{value * per:.12g}")
+
+
+def read_scene(path: Path | str) -> Scene:
+    """Read a scene file (TOML); TestFileError names the file and the key, ValueError's text inside it."""
+    path = Path(path)
+    raw = read_toml(path)
+    try:
+        return scene_from(with_matrices(raw, path.parent))
+    except ValueError as error:
+        raise TestFileError(path, str(error)) from None
+
+
+def scene_from(raw: Mapping[str, Any]) -> Scene:
+    """A checked scene from the tables of a scene file, units as their keys say; ValueError names the key."""
+    known = (*_KEYS, "card")
+    if unknown := [key for key in raw if key not in known]:
+        raise ValueError(unknown_key(unknown[0], known))
+    parts: dict[str, Any] = {}
+    for table in _KEYS:
+        if table in raw and table != "punch":
+            parts[table] = _electrodes(raw[table]) if table == "electrodes" else _table(table, raw[table])
+    touches = raw.get("punch", {})
+    touches = touches if isinstance(touches, list) else [touches]
+    if not touches:
+        raise ValueError("punch is an empty list; give one [[punch]] a touch, or leave it out for the default one.")
+    parts["punches"] = tuple(_punch(t) for t in touches)
+    scene = Scene(**parts, card=raw.get("card"))
+    _check(scene)
+    return scene
+
+
+def _table(table: str, raw: Any) -> Any:
+    if not isinstance(raw, Mapping):
+        raise ValueError(f"[{table}] must be a table of keys, got {raw!r}.")
+    keys, values = _KEYS[table], {}
+    for key, value in raw.items():
+        if key not in keys:
+            raise ValueError(unknown_key(key, keys, table))
+        name, per = keys[key]
+        where = f"{key} in [{table}]"
+        values[name] = (_rows(where, value) if table == "drive" and key in MATRICES else
+                        _value(where, value, per, getattr(_CLASSES[table](), name)))
+    return _CLASSES[table](**values)
+
+
+def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
+    if isinstance(default, tuple):
+        cells = value if isinstance(value, list) else [value]
+        return tuple(_value(where, cell, per or 1.0, 0.0) for cell in cells)
+    if per is not None:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ValueError(f"{where} must be a finite number, got {value!r}.")
+        return float(value) / per
+    if type(value) is not type(default):
+        raise ValueError(f"{where} must be of the kind of {default!r}, got {value!r}.")
+    return value
+
+
+def _rows(where: str, value: Any) -> tuple[Any, ...]:
+    """Nested lists of numbers as tuples."""
+    if not (isinstance(value, list | tuple) and value and all(isinstance(row, list | tuple) and row for row in value)):
+        raise ValueError(f"{where} must hold rows of numbers or, in a file, the name of a CSV file of them, got "
+                         f"{value!r:.80}.")
+    return tuple(tuple(_rows(where, [cell])[0] if isinstance(cell, list | tuple) else _value(where, cell, 1.0, 0.0)
+                       for cell in row) for row in value)
+
+
+def _electrodes(raw: Any) -> Electrodes:
+    """Electrodes, with lists of one number an electrode; an infinite contact impedance is a missing electrode."""
+    lists = {key: value for key, value in raw.items() if key in EACH and isinstance(value, list)} if isinstance(
+        raw, Mapping) else {}
+    if isinstance(raw, Mapping) and math.inf in [raw.get(key) for key in IMPEDANCES.values()]:
+        raise ValueError("contact impedances in [electrodes] are one finite number or a list of one an electrode, inf "
+                         "where it has no contact; or name those electrodes in missing.")
+    given = _table("electrodes", {key: value for key, value in raw.items() if key not in lists} if lists else raw)
+    values, open_ends = {}, set()
+    for key, cells in lists.items():
+        name, per = _KEYS["electrodes"][key]
+        infinite = [k for k, cell in enumerate(cells) if cell == math.inf and key != "width_mm"]
+        open_ends.update(infinite if key == IMPEDANCES.get(given.kind) else [])
+        values[name] = tuple(_value(f"{key} in [electrodes]", 1.0 if k in infinite else cell, per, 0.0)
+                             for k, cell in enumerate(cells))
+    if any(k != int(k) for k in given.missing):
+        raise ValueError(f"missing in [electrodes] must hold numbers of electrodes, from 0, got {list(given.missing)}.")
+    return replace(given, **values, missing=tuple(sorted(open_ends.union(int(k) for k in given.missing))))
+
+
+def _punch(raw: Any) -> Punch:
+    given = dict(raw) if isinstance(raw, Mapping) else raw
+    punch: Punch = _table("punch", given)
+    if isinstance(given, dict) and "depth_mm" in given:
+        if "force_N" in given:
+            raise ValueError("[punch] has both force_N and depth_mm; give one of them.")
+        values = {**punch.__dict__, "force_N": None}
+        return Punch(**values)
+    return punch
+
+
+def _check(scene: Scene) -> None:
+    body, electrodes = scene.body, scene.electrodes
+    positive = {"radius_mm in [body]": body.radius_m * 1e3, "thickness_mm in [body]": body.thickness_m * 1e3,
+                "thickness_um in [skin]": scene.skin.thickness_m * 1e6,
+                "signal in [accuracy]": scene.accuracy.signal}
+    for where, value in positive.items():
+        _require(value > 0, where, "must be positive", f"{value:g}")
+    _require(LEAST_CURRENT_A <= scene.drive.current_A <= LARGEST_CURRENT_A, "current_mA in [drive]",
+             f"must be from {LEAST_CURRENT_A * 1e3:g} to {LARGEST_CURRENT_A * 1e3:g} mA",
+             f"{scene.drive.current_A * 1e3:g}")
+    parts = {"skin": scene.skin, "hold": scene.hold}
+    for (table, key), words in _KNOWN.items():
+        for part in scene.punches if table == "punch" else (parts[table],):
+            _choice(f"{key} in [{table}]", getattr(part, key), words)
+    check(body.radius_m, electrodes)
+    _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
+    _require(scene.hold.loading_s >= 0, "loading_s in [hold]", "must not be negative", scene.hold.loading_s)
+    _require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
+             "has no effect without time_s; give time_s, or leave it out", scene.hold.loading_s)
+    _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
+             "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
+             scene.hold.moduli)
+    if unread(scene.drive, electrodes).all():
+        raise ValueError(f"missing in [electrodes]: without {', '.join(map(str, electrodes.missing))} no reading of "
+                         "the drive is left; leave some of them, or choose another pattern in [drive].")
+    for punch in scene.punches:
+        _check_punch(punch, body)
+
+
+def _check_punch(punch: Punch, body: Body) -> None:
+    if punch.force_N is not None:
+        _require(punch.force_N > 0, "force_N in [punch]", "must be positive (N, pressing into the foam)", punch.force_N)
+    if punch.depth_m is not None:
+        _require(0 < punch.depth_m < body.thickness_m, "depth_mm in [punch]",
+                 "must lie between 0 and the foam's thickness", punch.depth_m * 1e3)
+    _require(punch.diameter_m > 0, "diameter_mm in [punch]", "must be positive", punch.diameter_m * 1e3)
+    _require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
+             "(0.5 unless given) must be positive (a sharp edge has no finite peak stress) and at most half of "
+             f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)
+    _require(0 < punch.half_angle_rad < math.pi / 2, "half_angle_deg in [punch]",
+             "(from the axis to the face of a cone) must lie between 0 and 90", math.degrees(punch.half_angle_rad))
+    _require(punch.contact_impedance_Ohm_m2 > 0, "contact_impedance_Ohm_m2 in [punch]", "must be positive",
+             punch.contact_impedance_Ohm_m2)
+    by_coulomb = punch.friction == "coulomb"
+    _require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
+             "must be positive with friction = \"coulomb\"", punch.friction_coefficient)
+    _require(punch.friction_coefficient == 0 or by_coulomb, "friction_coefficient in [punch]",
+             f"has no effect with friction = \"{punch.friction}\"; leave it out, or ask for \"coulomb\"",
+             punch.friction_coefficient)
+
+
+def _require(ok: bool, where: str, expected: str, value: Any) -> None:
+    if not ok:
+        raise ValueError(f"{where} {expected}, got {value}.")
+
+
+def _choice(where: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ValueError(f"{where}: '{value}' is unknown; known: {', '.join(known)}.")

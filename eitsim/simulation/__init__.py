@@ -1,0 +1,1 @@
+"""One scene: plan, solution, error budget."""

@@ -1,0 +1,1 @@
+"""Derivatives of readings by position, force, diameter and card."""

@@ -1,0 +1,136 @@
+"""Derivatives of a scene's readings by its touches, its card's parameters and its contact impedances.
+
+dV/dp = -int grad w . dS/dp . grad u on one mesh (`eitsim.electrics.cem.adjoint`), u the touched field, w that of the
+measuring electrodes. Exact: c0 and contact impedances. dS/dp is a central difference of the conductance field, never of
+voltages, for all others (`eitsim.simulation.derivatives.conductance_variation`): of the field moved with its punch for
+x and y; of that of the touch's tangent (`eitsim.simulation.derivatives.tangent`) for force, depth, diameter and the
+foam's law; for a_1, a_2, a_3, in which the field is linear, it is exact but for rounding. Near the rim, what it changes
+is solved anew for each side of a parameter (`eitsim.simulation.derivatives.tangent`).
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.electrics.cem.adjoint import impedance_by_contact, impedance_by_field, readings_by
+from eitsim.electrics.cem.assembly import SkinMesh, centred, dissection, potentials, quadrature_points
+from eitsim.electrics.mesh.p2_triangles import HALVINGS, halved
+from eitsim.electrics.mesh.ring_mesh import patch_radii
+from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
+from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
+from eitsim.scene.drive import read_out, voltage_columns
+from eitsim.scene.electrodes import IMPEDANCES, Electrodes, among_all, contact_impedances, present, there
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Punch, Scene
+from eitsim.simulation.derivatives.conductance_variation import conductance_change, variations
+from eitsim.simulation.derivatives.tangent import settled
+from eitsim.simulation.plan import law_of, make_plan, near_rim, together
+from matcal.card import MaterialCard, require
+from touchcal.csv_numbers import cells
+
+Array = NDArray[np.float64]
+
+# By how much the mesh's rings at the lines of the contact are thinner than those of the readings' own: force and law
+# change the conductance in a ring there that is as thin as the elements of the foam's mesh.
+THINNER = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Readings and their derivatives; readings pattern-major."""
+
+    # (p,) names of the parameters as in a data set, units in them
+    parameters: tuple[str, ...]
+    # (readings,) touched, V, and what the touches change of it, V; NaN where an electrode without contact is needed
+    touched_V: Array
+    signal_V: Array
+    # (readings, p) derivatives of both, V a unit
+    touched_by: Array
+    signal_by: Array
+
+
+def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVINGS) -> Sensitivity:
+    """Derivatives of a scene's readings; its touches are solved on the default mesh of the foam.
+
+    Parameters: those of variation.variations, c0_S_per_m, and z_k_Ohm_m or, of patches, z_k_Ohm_m2, the contact
+    impedance of electrode k from 0. The mesh is that of readings with thinner rings, halved so often. On the default
+    one they are within 0.3 % of those on a finer one, but for those by z_k, whose currents crowd at the electrodes'
+    ends: 63 of 64 are within 1.2 %, the last, with blunt triangles there, is 3.1 % off, its dV 1.5 % (against an
+    integral equation on the rim and a finer mesh; benchmarks/sensitivity.py). Near the rim (14 mm, 1 N, a gap of 20 mm)
+    they differ from central differences of scenes solved anew by 0.5 (x), 1.7 (y), 0.9 (d) and 0.6 % (F, of steps of
+    0.0075 N; 2.2 and 3.6 % of twice and four times those, whose own errors grow).
+    ValueError where the plan refuses the scene, with friction or with a conducting punch, for touches solved together,
+    and for a hold; NotConverged where the mechanics does not converge.
+    """
+    if problem := make_plan(scene, card).refusal:
+        raise ValueError(problem)
+    check_differentiable(scene)
+    law, skin_law = law_of(scene, card), require(card, "conductivity", "the skin")
+    bases = [settled(law, scene.body, punch, scene.skin.strain, near_rim=near_rim(scene, punch))
+             for punch in scene.punches]
+    touches = tuple((base.punch, base.touch) for base in bases)
+    electrodes = present(scene.electrodes)
+    mesh = _mesh(scene.body, electrodes, touches, halvings)
+    z, free = contact_impedances(electrodes), untouched_conductance(skin_law, scene.skin)
+    field = touched_conductance(quadrature_points(mesh), touches, scene.skin, skin_law)
+    rest = np.broadcast_to(free * np.eye(2), field.shape)
+    order = dissection(mesh)
+    touched, untouched = (potentials(mesh, sheet, z, order=order) for sheet in (field, rest))
+    by_field = {v.name: impedance_by_field(mesh, touched, conductance_change(mesh, scene.skin, v))
+                for v in variations(mesh.nodes_m, bases, skin_law, float(patch_radii(scene.body, electrodes)[0]))}
+    both = [np.concatenate([impedance_by_field(mesh, u, sheet / skin_law.c0_S_per_m)[None],
+                            impedance_by_contact(mesh, u, z)]) for u, sheet in ((touched, field), (untouched, rest))]
+    by_touch, whole, baseline = (
+        readings_by(scene.drive, np.stack([among_all(scene.electrodes, one) for one in part]))
+        for part in (by_field.values(), *both))
+    voltages, before = (read_out(scene.drive, among_all(scene.electrodes, centred(mesh, u)[len(mesh.nodes_m):])).ravel()
+                        for u in (touched, untouched))
+    unit = IMPEDANCES[electrodes.kind].removeprefix("contact_impedance_")
+    contacts = (f"z_{k}_{unit}" for k in np.flatnonzero(there(scene.electrodes)))
+    return Sensitivity((*by_field, "c0_S_per_m", *contacts), voltages, voltages - before,
+                       np.hstack([by_touch, whole]), np.hstack([by_touch, whole - baseline]))
+
+
+def write_sensitivity(sensitivity: Sensitivity, path: Path) -> None:
+    """A CSV of one row a reading, touched as v_000, v_001, ..., then what the touches change as dv_000, ...; columns
+    reading, value_V and one a parameter: the derivative, V over the parameter's unit; empty where an electrode is
+    missing."""
+    blocks = (("v", sensitivity.touched_V, sensitivity.touched_by), ("dv", sensitivity.signal_V, sensitivity.signal_by))
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["reading", "value_V", *sensitivity.parameters])
+        for prefix, values, slopes in blocks:
+            rows.writerows([name, *row] for name, row in zip(
+                voltage_columns(len(values), prefix), cells(np.column_stack([values, slopes])), strict=True))
+
+
+def _mesh(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, Touch], ...], halvings: int) -> SkinMesh:
+    mesh = alike_mesh(body, electrodes, touches, thinner=THINNER)
+    for _ in range(halvings):
+        mesh = halved(mesh)
+    return mesh
+
+
+def check_differentiable(scene: Scene) -> None:
+    """ValueError with the reason where a scene that can be solved has no derivatives here, and with what has."""
+    if problem := _problem(scene):
+        raise ValueError(f"sensitivities are not built for {problem}")
+
+
+def _problem(scene: Scene) -> str:
+    if scene.hold.time_s:
+        return "a hold; leave out time_s in [hold]."
+    if together(scene):
+        return "touches solved together; give one [punch], or move them apart."
+    for punch in scene.punches:
+        if punch.friction != "none":
+            return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."
+        if punch.conductor:
+            return ("conductor = true in [punch], where readings depend on the end of the contact, which moves on the "
+                    "foam's mesh in steps; leave it out.")
+    return ""

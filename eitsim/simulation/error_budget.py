@@ -1,0 +1,38 @@
+"""The error told with a result: what is numerical of it, what the plan left out, and what misses the wanted one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from eitsim.scene.results import Plan, Readings, Touch
+
+
+def errors(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None
+           ) -> dict[str, float]:
+    """`numerical_errors`, with what the plan left out and what neighbours may change beyond that."""
+    return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
+            + (unplanned or {}).get(key, 0.0) for key, value in numerical.items()}
+
+
+def numerical_errors(touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
+    """Relative errors of the worst touch by what was solved: "signal", its electrics added, and "depth", and
+    "sigma_max", "A_c" and "strain" where every touch tells them."""
+    out = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
+           "depth": max(t.depth_error for t in touches)}
+    for key, told in {"sigma_max": [t.sigma_max_error for t in touches],
+                      "A_c": [t.contact_area_error for t in touches],
+                      "strain": [t.strain_error for t in touches]}.items():
+        known = [error for error in told if error is not None]
+        if len(known) == len(told):
+            out[key] = max(known)
+    return out
+
+
+def missed(wanted: float, told: float, numerical: float, plan: Plan) -> str:
+    """What keeps the signal's error from the wanted one; empty where nothing does."""
+    if told <= wanted:
+        return ""
+    largest = max(plan.decisions, key=lambda d: d.error_bound)
+    return (f"the signal's error may be {told:.2g}, more than the {wanted:g} asked for (signal in [accuracy]): "
+            f"{numerical:.2g} is numerical, {plan.error_bound:.2g} what the plan left out, most of that "
+            f"\"{largest.decision}\".")

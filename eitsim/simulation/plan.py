@@ -1,0 +1,370 @@
+"""What a scene needs, decided before anything is solved, with the reason and the error each decision may cost."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from eitsim.electrics.cem.boundary_integral import unsolvable
+from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
+from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
+from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, rim_problem
+from eitsim.mechanics.rim.two_punches import pair_problem
+from eitsim.scene.drive import protocol
+from eitsim.scene.electrodes import present
+from eitsim.scene.results import Decision, Plan
+from eitsim.scene.scene import Punch, Scene, rim_gap_m
+from eitsim.simulation.validity import beyond_numbers, positive_from
+from matcal.card import MaterialCard, require, with_moduli
+from matcal.laws.hyperfoam import Hyperfoam
+
+# Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
+# What scenes with one card leave out, whatever it is.
+ONE_CARD = "one card, not its uncertainty"
+# by the rim of depth, of the strain that drives the skin (2-norm) and of dV (2-norm), for 8 mm and 0.3 N, 14 mm and 1
+# and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py). In-plane strains change more than the normal one.
+# Beyond the last point it decays with the last two points' rate.
+_GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
+_RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.029, 0.008]),
+               "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
+               "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
+# Parts of the wanted signal error that neglecting the rim and solving touches apart may use up.
+_RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
+STEEL_E_PA = 210e9
+# Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
+# above all that were measured, 14 mm under 0.1 and 1 N.
+_CONTACT_SHARE = 0.6
+# What the foam's mesh may cost of dV by the end of a conducting punch's contact: half the element size changed it by at
+# most that under flat punches of 14 mm, 0.1 and 1 N, and 10 mm, 2 N, and a sphere of 14 mm, 1 N, down to 1e-9 Ohm m^2.
+_CONTACT_END = 0.0105
+# Prescribed depth over the thickness up to which equilibria are found in seconds.
+_DEEPEST = 0.97
+_RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
+
+
+def rim_effect(gap_m: float, thickness_m: float, strain: str = "normal") -> float:
+    """Largest relative change by the rim, gap_m from the punch's edge; a table, see above.
+
+    strain: what drives the skin, one of scene.STRAINS.
+    """
+    gap, effect = gap_m / thickness_m, _RIM_EFFECT[strain]
+    if gap <= _GAP[-1]:
+        return float(np.interp(gap, _GAP, effect))
+    rate = math.log(effect[-2] / effect[-1]) / (_GAP[-1] - _GAP[-2])
+    return float(effect[-1] * math.exp(-rate * (gap - _GAP[-1])))
+
+
+def make_plan(scene: Scene, card: MaterialCard, *, exact: bool = False, reused: Sequence[Decision | None] = ()) -> Plan:
+    """The plan of a scene with a card; what cannot be solved is a refusal in it, never an exception.
+
+    exact: turn off every omission that can be, and say of the others that they stay; reused: for each punch what a
+    stored load path may cost, None where it is solved afresh.
+    """
+    decisions = _decisions(scene, card, reused or [None] * len(scene.punches), exact)
+    return Plan(tuple(_exactly(scene, decisions) if exact else decisions),
+                beyond_numbers(scene, card, law_of(scene, card)) or _electrode_refusal(scene, card)
+                or _refusal(scene))
+
+
+def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:
+    yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for",
+                   0.0)
+    for made in decisions:
+        if made.decision == _RINGS:
+            yield Decision("exact: the skin is solved on a mesh that follows the touch", "nothing is taken from rings; "
+                           "the mesh's estimate counts in the result's own error", 0.0)
+        elif made.error_bound > 0 or made.unbounded:
+            yield replace(made, reason=f"{made.reason}; exact does not change it, since nothing that does without it "
+                          "is built")
+        else:
+            yield made
+
+
+def law_of(scene: Scene, card: MaterialCard) -> Hyperfoam:
+    """The foam's law of a scene: with the moduli that it asks for, or instantaneous ones where there is a hold.
+
+    ValueError where the card lacks the law, or a Prony series that is needed.
+    """
+    if not scene.hold.time_s:
+        return with_moduli(card, scene.hold.moduli)
+    require(card, "prony", "a hold (time_s in [hold])")
+    return with_moduli(card, "instantaneous")
+
+
+def _refusal(scene: Scene) -> str:
+    """Why the scene cannot be solved yet, with the nearest thing that can; empty where it can."""
+    problems = [_punch_refusal(scene, punch) for punch in scene.punches]
+    if len(problems) == 1:
+        return problems[0]
+    named = [f"touch {i}: {problem}" for i, problem in enumerate(problems, 1) if problem]
+    return named[0] if named else _neighbour_refusal(scene)
+
+
+def _electrode_refusal(scene: Scene, card: MaterialCard) -> str:
+    if scene.electrodes.kind != "line" or card.conductivity is None:
+        return ""
+    return unsolvable(scene.body, present(scene.electrodes), untouched_conductance(card.conductivity, scene.skin))
+
+
+def _neighbour_refusal(scene: Scene) -> str:
+    pairs = itertools.combinations(range(len(scene.punches)), 2)
+    gap, i, j = min((edge_gap_m(scene.punches[i], scene.punches[j]), i, j) for i, j in pairs)
+    where = f"the edges of touches {i + 1} and {j + 1}"
+    if gap <= 0:
+        return (f"{where} overlap by {max(-gap, 0.0) * 1e3:.1f} mm; move the punches apart by that and, for punches "
+                "solved together, a gap of 3 mm more.")
+    if scene.hold.time_s:
+        return (f"a hold (time_s in [hold]) is built for one touch, {len(scene.punches)} are given; give one [punch] "
+                "or leave out time_s.")
+    problems = ((group, _together_problem(scene, group)) for group in _clusters(scene))
+    return next((_apart_refusal(scene, group, problem) for group, problem in problems if problem), "")
+
+
+def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
+    return clusters(scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal)
+
+
+def _together_problem(scene: Scene, group: Sequence[int]) -> str:
+    """Why these touches cannot be solved together, without a full stop; empty where they can."""
+    for i in group:
+        if near_rim(scene, scene.punches[i]):
+            gap_mm = rim_gap_m(scene.body, scene.punches[i]) * 1e3
+            return (f"touch {i + 1} is also {gap_mm:.1f} mm from the rim, and near a "
+                    "neighbour and the rim at once is not built")
+    return pair_problem(scene.body, [scene.punches[i] for i in group])
+
+
+def _apart_refusal(scene: Scene, group: Sequence[int], problem: str) -> str:
+    gap, i, j = min((edge_gap_m(scene.punches[i], scene.punches[j]), i, j)
+                    for i, j in itertools.combinations(group, 2))
+    allowed = _NEIGHBOUR_SHARE * scene.accuracy.signal
+    apart = gap_for(allowed / (len(scene.punches) - 1), scene.body.thickness_m) * 1e3
+    return (f"the edges of touches {i + 1} and {j + 1} are {gap * 1e3:.1f} mm apart: solving each touch as if it were "
+            f"alone may cost {expected(scene.body, scene.punches):.2g} of the signal, allowed is {allowed:.2g} (half "
+            f"of signal in [accuracy]), and {problem}. Move them apart to {apart:.0f} mm or ask for less accuracy (a "
+            "larger signal in [accuracy]).")
+
+
+def together(scene: Scene, *, exact: bool = False) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the touches, two each, that are solved together: those that must be, with exact any two that can."""
+    if len(scene.punches) < 2 or scene.hold.time_s:
+        return ()
+    groups = ((0, 1),) if exact and len(scene.punches) == 2 else _clusters(scene)
+    return tuple(group for group in groups if not _together_problem(scene, group))
+
+
+def _punch_refusal(scene: Scene, punch: Punch) -> str:
+    if punch.depth_m is not None and punch.depth_m > _DEEPEST * scene.body.thickness_m:
+        return (f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is beyond {_DEEPEST:.0%} of the foam's thickness, "
+                f"which squeezes it flat; give at most {_DEEPEST * scene.body.thickness_m * 1e3:g}.")
+    if scene.electrodes.kind == "patch" and (problem := _patch_refusal(scene, punch)):
+        return problem
+    if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:
+        return (f"friction = \"{punch.friction}\" in [punch] is built for holds that keep the deformation only: "
+                "control = \"depth\" and loading_s = 0 in [hold]. Ask for such a hold, or for friction = \"none\".")
+    return _rim_refusal(scene, punch)
+
+
+def _patch_refusal(scene: Scene, punch: Punch) -> str:
+    onto = scene.electrodes.length_m - rim_gap_m(scene.body, punch)
+    if onto < 0:
+        return ""
+    return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {scene.electrodes.length_m * 1e3:g} mm "
+            "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than that, "
+            "or make length_mm in [electrodes] smaller.")
+
+
+def _rim_refusal(scene: Scene, punch: Punch) -> str:
+    if not near_rim(scene, punch):
+        return ""
+    problem = rim_problem(scene.body, punch)
+    if not problem and scene.hold.time_s and not scene.hold.keeps_deformation:
+        problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
+                   "loading_s = 0")
+    gap, allowed = rim_gap_m(scene.body, punch), _RIM_SHARE * scene.accuracy.signal
+    if not problem or gap < LEAST_GAP * scene.body.radius_m:
+        return problem and f"{problem}."
+    return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
+            f"rim may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
+            f"of signal in [accuracy]). There, {problem}; {_mend(scene, allowed)}.")
+
+
+def near_rim(scene: Scene, punch: Punch) -> bool:
+    """Whether neglecting the rim may cost more of the signal than its share of the wanted error."""
+    return rim_gap_m(scene.body, punch) <= 0 or _rim_effect(scene, punch) > _RIM_SHARE * scene.accuracy.signal
+
+
+def _rim_effect(scene: Scene, punch: Punch) -> float:
+    return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
+
+
+def _mend(scene: Scene, allowed: float) -> str:
+    gap = _gap_for(allowed, scene.body.thickness_m, scene.skin.strain)
+    inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.radius_m else ""
+    return f"{inwards}ask for less accuracy (a larger signal in [accuracy])"
+
+
+def _gap_for(effect: float, thickness_m: float, strain: str) -> float:
+    gaps = np.arange(0.0, 10.0, 0.01)
+    effects = np.array([rim_effect(g * thickness_m, thickness_m, strain) for g in gaps])
+    return float(gaps[np.argmax(effects <= effect)] * thickness_m) if effects[-1] <= effect else math.inf
+
+
+def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | None],
+               exact: bool) -> Iterator[Decision]:
+    law, groups = law_of(scene, card), together(scene, exact=exact)
+    for i, (punch, stored) in enumerate(zip(scene.punches, reused, strict=True)):
+        yield _rim_decision(scene, punch, exact and not any(i in group for group in groups))
+        if stored is not None:
+            yield stored
+        elif punch.force_N is not None:
+            yield Decision("solved from rest at the force itself", "no load path is stored or interpolated", 0.0)
+        yield from _conductor_decisions(scene, punch, any(i in group for group in groups))
+    yield from (_together_decision(scene, group) for group in groups)
+    if len(scene.punches) > 2 or (len(scene.punches) == 2 and not groups):
+        yield _neighbour_decision(scene, groups)
+    yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, card)]
+    yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
+                   "may compress the foam further than its test; the result tells both strains, the cost is unknown "
+                   "and not in the bound", 0.0, unbounded=True)
+    if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
+        yield Decision("the skin's law is positive over part of what touches reach", f"its cubic is 0 at the strain "
+                       f"{least:.3g}; whether the touch compresses the skin that far is known once its mechanics is "
+                       "solved, and refused then", 0.0)
+    yield Decision(ONE_CARD, "the card's own laws are taken as exact; not in the bound", 0.0,
+                   unbounded=True)
+    yield from (_friction_decision(punch, near_rim(scene, punch)) for punch in scene.punches)
+    yield Decision("coating of constant thickness, real currents", "fixed choices of this version; the "
+                   "bound does not hold them", 0.0, unbounded=True)
+    yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
+                   law.E_0_Pa / STEEL_E_PA)
+    yield Decision("electrodes do not stiffen the rim", "what they touch is at most the rim's own effect",
+                   max(_rim_effect(scene, punch) for punch in scene.punches))
+    yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
+                   "unknown and not in the bound", 0.0, unbounded=True)
+    sharpest = min(p.fillet_m for p in scene.punches)
+    yield Decision("the skin is a sheet, solved on the surface",
+                   f"its thickness is {scene.skin.thickness_m / sharpest:.2f} of the punch's fillet, the shortest "
+                   "length over which it changes; the cost is of second order in that",
+                   (scene.skin.thickness_m / sharpest) ** 2)
+    yield from _electrode_decisions(scene)
+    patterns, _ = protocol(scene.drive, scene.electrodes.count).shape
+    yield Decision(f"one impedance matrix serves all {patterns} patterns",
+                   "every pattern is a linear read-out of it", 0.0)
+
+
+def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[Decision]:
+    if not punch.conductor:
+        yield Decision("no conduction through the punch", "conductor is false in [punch]", 0.0)
+        return
+    yield Decision("a conducting punch floats on the whole of its contact", "one contact impedance; the contact ends "
+                   "where the foam's mesh resolves it, which the signal's numerical error does not count: half the "
+                   "element size changed dV by 0.05 to 1.05 % at four touches with strain = \"normal\"; where other "
+                   "strains cancel what the punch shunts, more", _CONTACT_END, unbounded=scene.skin.strain != "normal")
+    if paired:
+        yield Decision("a conducting punch touches where it would alone", "what its neighbour changes of the contact's "
+                       "end is not built; the cost is unknown and not in the bound", 0.0, unbounded=True)
+    elif near_rim(scene, punch):
+        yield Decision("a conducting punch touches where it would without the rim", "what the rim changes of the "
+                       "contact's end is not built; with the contact of the three-dimensional solution dV changed by "
+                       "up to 1.9 % (flat, gaps of 3 to 20 mm) and 9.4 % (sphere, 5 mm)",
+                       _CONTACT_SHARE * _rim_effect(scene, punch))
+
+
+def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
+    if scene.electrodes.kind == "patch":
+        yield Decision("the skin is solved on a mesh that follows the touch", "patch electrodes cover part of it; the "
+                       "mesh's estimate counts in the result's own error", 0.0)
+        yield Decision("patches conduct by their untouched area", "their contact impedance does not follow what a "
+                       "touch beside them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
+    else:
+        yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
+                       "wanted error, a mesh that follows the touch takes over; the estimate counts in the result's "
+                       "own error", 0.0)
+    if scene.electrodes.missing:
+        yield Decision(f"without electrode{'s' if len(scene.electrodes.missing) > 1 else ''} "
+                       f"{', '.join(map(str, scene.electrodes.missing))} (from 0)", "missing in [electrodes]: no "
+                       "current passes; readings that need one are null", 0.0)
+
+
+def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
+    gap = rim_gap_m(scene.body, punch)
+    where = f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses"
+    creeps = bool(scene.hold.time_s) and not scene.hold.keeps_deformation
+    if exact and not creeps and not rim_problem(scene.body, punch):
+        return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",
+                        f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
+                        "own", 0.0)
+    if near_rim(scene, punch):
+        return Decision("mechanics in three dimensions near the rim, as a change of the axisymmetric touch",
+                        f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
+                        "own", 0.0)
+    return Decision("mechanics axisymmetric about the punch", where, _rim_effect(scene, punch))
+
+
+def _friction_decision(punch: Punch, rim: bool) -> Decision:
+    if punch.friction == "none":
+        return Decision("no friction", "friction is none in [punch]; a punch that sticks stands up to 6 % less and 1 % "
+                        "deeper (Table 1, 10 to 18 mm, 0.1 to 3 N); the signal's cost is unknown and not in the "
+                        "bound", 0.0, unbounded=True)
+    reason = ("what the foam sticks to depends on the way there, a straight rise of the force; half as many increments "
+              "tell the error, which counts in the result's own; on the default mesh, whatever accuracy is asked for")
+    if rim:
+        reason += ("; what the rim changes is taken at the end of that way alone, with what sticks stuck. In 16 or 8 "
+                   "increments of it, at three touches, the added depth was at most 2 % and the added movement 10 % "
+                   "different: that part of it counts in the result's own error too")
+    return Decision("friction, loaded in increments", reason, 0.0)
+
+
+def _together_decision(scene: Scene, group: Sequence[int]) -> Decision:
+    gap = edge_gap_m(*(scene.punches[i] for i in group))
+    named = " and ".join(str(i + 1) for i in group)
+    return Decision(f"touches {named} solved together in three dimensions",
+                    f"{gap * 1e3:.1f} mm lie between their edges, {gap / scene.body.thickness_m:.1f} thicknesses; a "
+                    "coarser mesh with fewer harmonics and the last pass over both tell the error, which counts in the "
+                    "result's own", 0.0)
+
+
+def _neighbour_decision(scene: Scene, groups: Sequence[Sequence[int]]) -> Decision:
+    apart = [(i, j) for i, j in itertools.combinations(range(len(scene.punches)), 2)
+             if not any(i in group and j in group for group in groups)]
+    gap = min(edge_gap_m(scene.punches[i], scene.punches[j]) for i, j in apart)
+    others = " not solved together" if groups else ""
+    return Decision(f"{len(scene.punches)} touches, each{others} solved as if it were alone",
+                    f"the closest two{others} have {gap * 1e3:.1f} mm between their edges, "
+                    f"{gap / scene.body.thickness_m:.1f} thicknesses; their strains add up in the skin, whose "
+                    "electrics is solved for all together. Where the solved fields reach further than this bound, the "
+                    "result's own error grows", expected(scene.body, scene.punches, groups))
+
+
+def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:
+    law = with_moduli(card, scene.hold.moduli)
+    reason = f"the scene asks for no hold; {law.moduli} moduli"
+    if scene.hold.moduli == "card":
+        reason += " as the card labels them"
+    if law.moduli == "instantaneous" and card.prony is not None:
+        reason += f" (a touch held to equilibrium needs {card.prony.g_infinity:.2f} of the force: set moduli in [hold])"
+    return Decision("no viscoelasticity", reason, 0.0)
+
+
+def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
+    hold = scene.hold
+    if hold.keeps_deformation:
+        yield Decision("a hold at constant depth, without steps in time", "at a kept deformation every stress falls by "
+                       "G(t)/G_0, and with it the force on a rigid punch; strains and readings stay", 0.0)
+    else:
+        yield Decision(f"a hold at constant {hold.control}, stepped in time", "the deformation goes on, which no "
+                       "formula tells; halving the steps tells their error, which counts in the result's own", 0.0)
+    ramp = f"over {hold.loading_s:g} s at a constant rate (loading_s in [hold])"
+    yield Decision("loaded at once" if hold.loading_s == 0 else "loaded " + ramp,
+                   "loading_s in [hold] is 0; instantaneous moduli" if hold.loading_s == 0 else
+                   "stepped in time; instantaneous moduli at its start", 0.0)
+    if np.any(law.nu != 0):
+        yield Decision("shear and bulk relax alike", "the card has one Prony series; for nu other than 0 the cost is "
+                       "unknown and not in the bound", 0.0, unbounded=True)
+    yield Decision("the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows "
+                   "no time", 0.0, unbounded=True)

@@ -1,0 +1,97 @@
+"""A result as plain JSON values: the keys of `result.json`, units in their names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from eitsim.scene.results import Array, Moment, Plan, Result, Touch
+from eitsim.scene.scene import Scene
+from eitsim.simulation.error_budget import errors, numerical_errors
+from matcal.card import MaterialCard
+
+
+def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
+    """A result as plain JSON values with the keys of the command-line contract; several touches give lists."""
+    out: dict[str, Any] = {
+        "outcome": result.outcome, "message": result.message,
+        "plan": decisions(result.plan),
+        "cost": dict(result.cost)}
+    if result.residuals:
+        out["residuals"] = list(result.residuals)
+    if result.load_fraction is not None:
+        out["load_fraction"] = result.load_fraction
+    if result.readings is None:
+        return out
+    blocks = [mechanical(touch) for touch in result.touches]
+    mechanics: Mapping[str, Any] = {key: [block[key] for block in blocks] for key in blocks[0]}
+    return out | (blocks[0] if len(blocks) == 1 else mechanics) | {
+        "readings_V": _rows(result.readings.touched_V), "baseline_V": _rows(result.readings.baseline_V),
+        "impedance_Ohm": _rows(result.readings.impedance_Ohm),
+        **({"interaction": dict(result.interaction)} if result.interaction else {}),
+        "error_estimate": dict(result.error_estimate), "numerical_error": dict(result.numerical_error),
+        "electrics_method": result.readings.method,
+        "stability": {"elliptic": all(t.fraction_non_elliptic == 0 for t in result.touches),
+                      "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
+                      "non_elliptic_mm": [non_elliptic_mm(touch) for touch in result.touches],
+                      "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
+                      **fitted_ranges(result, card)},
+        "slip_fraction": [touch.slip_fraction for touch in result.touches],
+        "profile": [profile(touch, scene) for touch in result.touches]} | (
+            {"times": [moment_block(moment, result.plan) for moment in result.moments]} if result.moments else {})
+
+
+def _rows(values: Array) -> list[list[float | None]]:
+    """A matrix as lists, None where an electrode that it needs is missing."""
+    return [[None if math.isnan(value) else value for value in row] for row in values.tolist()]
+
+
+def decisions(plan: Plan) -> list[dict[str, Any]]:
+    """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound."""
+    return [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound}
+            | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound}) for d in plan.decisions]
+
+
+def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:
+    """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
+    return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": _rows(moment.readings.touched_V),
+            "error_estimate": errors(plan, numerical_errors((moment.touch,), moment.readings))}
+
+
+def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:
+    """Where strong ellipticity is lost: least and largest reference radius and depth below the untouched surface."""
+    if touch.non_elliptic_m is None:
+        return None
+    radius, below = (1e3 * touch.non_elliptic_m).tolist()
+    return {"radius_mm": radius, "below_mm": below}
+
+
+def fitted_ranges(result: Result, card: MaterialCard) -> dict[str, Any]:
+    """Least through-thickness strain of the surface, and the strains over which foam and skin were fitted.
+
+    Where the least strain lies below them the laws are extrapolated, at a cost that no error estimate here counts.
+    """
+    least = min(float(np.min(touch.stretch_normal)) for touch in result.touches) - 1
+    foam = card.hyperfoam.strain_range.get("uniaxial") if card.hyperfoam else None
+    skin = card.conductivity.strain_range if card.conductivity else None
+    return {"least_strain": least, "fitted_foam_strain": list(foam) if foam else None,
+            "fitted_skin_strain": list(skin) if skin else None}
+
+
+def mechanical(touch: Touch) -> dict[str, float]:
+    """The mechanical outputs of one touch, units in their names."""
+    return {"force_N": touch.force_N, "delta_max_mm": touch.depth_m * 1e3, "sigma_max_kPa": touch.sigma_max_Pa / 1e3,
+            "sigma_ave_kPa": touch.sigma_ave_Pa / 1e3, "A_c_mm2": touch.contact_area_m2 * 1e6,
+            "wall_contact_mm2": touch.wall_contact_m2 * 1e6}
+
+
+def profile(touch: Touch, scene: Scene) -> dict[str, list[float]]:
+    """Surface fields of a touch along the reference radius, out to the disc's radius, units in their names."""
+    inside = touch.radius_m <= scene.body.radius_m
+    fields = {"radius_mm": touch.radius_m * 1e3, "u_r_mm": touch.u_r_m * 1e3, "u_z_mm": touch.u_z_m * 1e3,
+              "pressure_kPa": touch.pressure_Pa / 1e3, "stretch_normal": touch.stretch_normal,
+              "stretch_meridian": touch.stretch_meridian, "stretch_hoop": touch.stretch_hoop}
+    return {name: np.asarray(values)[inside].tolist() for name, values in fields.items()}

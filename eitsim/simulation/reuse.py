@@ -1,0 +1,123 @@
+"""Which table of load paths serves a scene, and what a touch from it is said to cost."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, astuple, replace
+from typing import Any
+
+import numpy as np
+
+from eitsim.mechanics.load_paths.build_rim_table import GRID, build_rim
+from eitsim.mechanics.load_paths.build_table import DEPTHS, Run, build
+from eitsim.mechanics.load_paths.load_path import Deviation
+from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
+from eitsim.mechanics.load_paths.table import shape_of, touch_from
+from eitsim.mechanics.load_paths.types import RimTable, Shape, Table
+from eitsim.scene.results import Decision, Touch
+from eitsim.scene.scene import Punch, Scene
+from eitsim.simulation.plan import law_of, near_rim
+from matcal.card import MaterialCard
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal import cache
+
+# Part of the wanted signal error that a table's own may use up.
+TABLE_SHARE = 0.25
+# Arrays of a table and of what the rim changes.
+_PATHS = ("depths", "radius", "values", "slopes", "told")
+_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "told")
+# What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
+# touches 35 were within once the largest, 39 within twice.
+_SAFETY = 2.0
+# Part of the wanted signal error that a table of changes may use up beside the paths.
+RIM_SHARE = 1.0
+
+
+def table_for(shape: Shape, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:
+    """The table of a shape, with what the rim changes where that is asked for, from the cache or solved and put there,
+    and a note where the cache cannot be used."""
+    key = {"shape": asdict(shape), "depths": DEPTHS}
+    arrays, note = cache.kept(cache.key_of(key), lambda: _arrays(build(shape, run, DEPTHS)))
+    part = {name: np.asarray(arrays[name]) for name in _PATHS}
+    table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["told"],
+                  Deviation(*arrays["error"].tolist()), int(arrays["checks"]), float(arrays["cpu_s"]))
+    if not rim:
+        return table, note
+    key |= {"rim": asdict(GRID)}
+    arrays, note = cache.kept(cache.key_of(key), lambda: _rim_arrays(build_rim(table, run, GRID)))
+    part = {name: np.asarray(arrays[name]) for name in _CHANGES}
+    return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note
+
+
+def _arrays(table: Table) -> dict[str, Any]:
+    kept = {name: getattr(table, name) for name in _PATHS}
+    return kept | {"error": np.array(astuple(table.error)), "checks": np.array(table.checks),
+                   "cpu_s": np.array(table.cpu_s)}
+
+
+def _rim_arrays(rim: RimTable) -> dict[str, Any]:
+    kept = {name: getattr(rim, name) for name in _CHANGES}
+    return kept | {"cpu_s": np.array(rim.cpu_s)}
+
+
+def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
+    """The shape that serves every force on a scene's punch; ValueError where load paths are not reused."""
+    law = law_of(scene, card)
+    try:
+        return shape_for(scene, law, sorted({punch.diameter_m for punch in scene.punches}), False)
+    except ValueError as error:
+        raise ValueError(f"{error} Leave out --reuse: the touch is then solved afresh.") from None
+
+
+def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> Shape:
+    """The shape of all touches of a scene, for these diameters; ValueError where no load path serves them."""
+    if scene.hold.time_s:
+        raise ValueError("a hold (time_s in [hold]) is solved in time, not along a load path.")
+    for punch in scene.punches:
+        if punch.friction != "none":
+            raise ValueError(f"friction = \"{punch.friction}\" in [punch]: load paths are stored for punches without "
+                             "friction only.")
+        if punch.profile != "flat":
+            raise ValueError(f"profile = \"{punch.profile}\" in [punch]: load paths of spheres and cones are not "
+                             "stored.")
+    shapes = {shape_of(law, scene.body, punch, scene.skin.strain, diameters_m, spans=spans) for punch in scene.punches}
+    if len(shapes) > 1:
+        raise ValueError("the punches differ in more than their diameters, and a table of load paths serves one kind.")
+    return shapes.pop()
+
+
+def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
+    """The touches of a scene that a table holds to the wanted error; None for each that is to be solved afresh."""
+    if table is None or scene.hold.time_s or table.error.signal > TABLE_SHARE * scene.accuracy.signal:
+        return (None,) * len(scene.punches)
+    return tuple(_served(table, law, scene, punch) for punch in scene.punches)
+
+
+def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch | None:
+    touch = touch_from(table, law, scene.body, punch, scene.skin.strain)
+    if touch is None or not near_rim(scene, punch):
+        return touch
+    rim = None if table.rim is None else within(table.rim, RIM_SHARE * scene.accuracy.signal)
+    return near_rim_from(replace(table, rim=rim), touch, scene.body, punch)
+
+
+def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
+    """What a touch from a table may cost, as measured when it was made."""
+    error = table.error
+    ends = [f"{d * thickness_m * 1e3:g}" for d in table.shape.diameters]
+    where = f"{ends[0]} to {ends[-1]} mm" if table.shape.spans else f"{', '.join(ends)} mm"
+    if table.laws > 1:
+        where += (f", for this law a weighted mean of those of {table.laws} drawn laws (what the rim changes that of "
+                  "one)")
+    bound, rim = max(error.depth, error.signal), ""
+    if touch.rim is not None and touch.rim.told is not None:
+        depth, signal = touch.rim.told
+        bound += max(depth, signal)
+        rim = (f"; what the rim changes, from a table too, was at most {depth:.1e} off in depth and {signal:.1e} in "
+               "signal about this gap and depth")
+    bound *= _SAFETY
+    told = (f"the bound is {_SAFETY:g} times the larger of depth and response; the table took {table.whole_cpu_s:.0f} "
+            "CPU s, once, not counted in the cost of a touch")
+    return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
+                    f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
+                    f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "
+                    f"{error.strain:.1e} in L2{rim}; {told}", bound, strain_bound=_SAFETY * error.strain)

@@ -1,0 +1,136 @@
+"""One scene, end to end: plan, mechanics, skin and electrics, readings."""
+
+from __future__ import annotations
+
+import resource
+import time
+from dataclasses import replace
+
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
+from eitsim.mechanics.load_paths.law_family import Family, table_of
+from eitsim.mechanics.load_paths.types import Table
+from eitsim.mechanics.rim.interaction import expected, interaction
+from eitsim.scene.results import Moment, Plan, Readings, Result, Touch
+from eitsim.scene.scene import Body, Scene
+from eitsim.simulation.error_budget import errors, missed, numerical_errors
+from eitsim.simulation.plan import law_of, make_plan, together
+from eitsim.simulation.reuse import decision, served
+from eitsim.simulation.touches import fine_enough, held_touch, solved_touches
+from eitsim.simulation.validity import check_positive
+from matcal.card import MaterialCard, require
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+# Part of the wanted signal error, or of what the touches themselves miss where that is more, that the electrics may use
+# up.
+ELECTRICS_SHARE = 0.2
+
+
+def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False,
+             table: Table | Family | None = None) -> Result:
+    """Solve a scene with a card; a refusal or a failure of a solver is the result's outcome, told in its message.
+
+    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells; table: load
+    paths, or a family of them, that serve the touches they hold to the wanted error (reuse.served), never with exact.
+    ValueError where the card lacks a part that the scene needs.
+    """
+    wall, cpu = time.perf_counter(), time.process_time()
+    law = law_of(scene, card)
+    skin_law = require(card, "conductivity", "the skin")
+    paths = None if exact else table_of(table, law)
+    stored = _stored(paths, law, scene)
+    plan = make_plan(scene, card, exact=exact, reused=[
+        decision(paths, touch, scene.body.thickness_m) if paths is not None and touch is not None else None
+        for touch in stored])
+    result = Result("refused", plan, message=plan.refusal) if plan.refusal else _solved(
+        plan, law, skin_law, scene, card, stored, exact)
+    return replace(result, cost={
+        "cpu_s": time.process_time() - cpu, "wall_s": time.perf_counter() - wall,
+        "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
+
+
+def _stored(table: Table | None, law: Hyperfoam, scene: Scene) -> list[Touch | None]:
+    """The touches that a table serves finely enough, with what each cost, changes by the rim too; None for each that is
+    to be solved."""
+    begun = time.process_time()
+    found = [touch if touch is not None and (touch.rim is not None or fine_enough([touch], scene)) else None
+             for touch in served(table, law, scene)]
+    each = (time.process_time() - begun) / max(sum(touch is not None for touch in found), 1)
+    return [touch and replace(touch, cpu_s=each) for touch in found]
+
+
+class _Refused(ValueError):
+    """What only the solved touch tells."""
+
+
+def _solved(plan: Plan, law: Hyperfoam, skin_law: Conductivity, scene: Scene, card: MaterialCard,
+            stored: list[Touch | None], exact: bool) -> Result:
+    """A planned scene, solved; without a cost yet."""
+    try:
+        if scene.hold.time_s:
+            moments = _moments(law, scene, card, skin_law, exact)
+            return _told(scene, plan, (moments[-1].touch,), moments[-1].readings, moments, exact)
+        touches = solved_touches(law, scene, stored, together(scene, exact=exact), exact)
+        return _told(scene, plan, touches, readings_of(scene, touches, skin_law, exact), (), exact)
+    except _Refused as error:
+        return Result("refused", plan, message=str(error))
+    except NotConverged as error:
+        return Result("bottomed_out" if isinstance(error, BottomedOut) else "not_converged", plan, message=str(error),
+                      residuals=error.residuals, load_fraction=error.load_fraction)
+
+
+def _told(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Readings, moments: tuple[Moment, ...],
+          exact: bool) -> Result:
+    """What was solved, with its errors, and what is wrong with it."""
+    neighbours, unplanned = _neighbours(scene, touches, exact)
+    numerical = numerical_errors(touches, readings)
+    told = errors(plan, numerical, unplanned)
+    too_deep = _too_deep(touches, scene.body)
+    return Result("bottomed_out" if too_deep else "ok", plan, touches, readings, moments,
+                  too_deep or missed(scene.accuracy.signal, told["signal"], numerical["signal"], plan),
+                  interaction=neighbours, error_estimate=told, numerical_error=numerical)
+
+
+def _neighbours(scene: Scene, touches: tuple[Touch, ...], exact: bool) -> tuple[dict[str, float], dict[str, float]]:
+    """What neighbours may change of the solved touches, and what of that the plan did not count."""
+    if len(touches) < 2:
+        return {}, {}
+    groups = together(scene, exact=exact)
+    found = interaction(tuple(zip(scene.punches, touches, strict=True)), groups)
+    planned = expected(scene.body, scene.punches, groups)
+    return found, {key: max(value - planned, 0.0) for key, value in found.items()}
+
+
+def _too_deep(touches: tuple[Touch, ...], body: Body) -> str:
+    """In words, that a touch is beyond what the foam's mesh resolves; empty where none is."""
+    deepest = max(touch.depth_m for touch in touches)
+    if deepest <= BOTTOM * body.thickness_m:
+        return ""
+    return f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
+
+
+def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
+    """Readings of solved touches, as fine as the scene asks for or as the touches are themselves; ValueError where the
+    conductivity is not positive."""
+    try:
+        check_positive(skin_law, scene.skin.strain, touches)
+    except ValueError as error:
+        raise _Refused(str(error)) from None
+    return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
+                 tuple(zip(scene.punches, touches, strict=True)), skin_law,
+                 signal=ELECTRICS_SHARE * max(scene.accuracy.signal, *(touch.signal_error for touch in touches)),
+                 method="mesh" if exact else "auto")
+
+
+def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conductivity,
+             exact: bool) -> tuple[Moment, ...]:
+    """A held touch with its readings; one solve serves all times where the strains stay as they were loaded."""
+    (punch,) = scene.punches
+    held = held_touch(law, require(card, "prony", "a hold"), scene, punch, exact)
+    if scene.hold.keeps_deformation:
+        readings = [readings_of(scene, (held[0][1],), skin_law, exact)] * len(held)
+    else:
+        readings = [readings_of(scene, (touch,), skin_law, exact) for _, touch in held]
+    return tuple(Moment(t, touch, reading) for (t, touch), reading in zip(held, readings, strict=True))

@@ -1,0 +1,71 @@
+"""What a scene and a card may ask of numbers: forces, depths and conductivities that rounding does not hide."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from eitsim.electrics.sheet.sheet_conductance import driving_strain
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Punch, Scene
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity, conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+
+# Force over the foam's modulus times the square of the thickness or of the diameter, the larger, and depth over the
+# thickness, below which a touch is lost in rounding; a hundredth of
+# either was still solved (Table 1, 14 mm).
+_LEAST_FORCE, _LEAST_DEPTH = 1e-8, 1e-8
+# Conductivities, S/m, beyond which only a slip of the unit can lie: silver has 6e7, pure water 6e-6.
+_LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
+# Strain that touches of a foam come near to: flat.
+_FLAT = -0.97
+
+
+def beyond_numbers(scene: Scene, card: MaterialCard, law: Hyperfoam) -> str:
+    """Why a touch or the card's conductivity is beyond what numbers resolve, with the mend; empty where none is."""
+    problems = (_too_light(scene.body, punch, law) for punch in scene.punches)
+    return _conductivity_problem(card) or next((problem for problem in problems if problem), "")
+
+
+def positive_from(law: Conductivity) -> float | None:
+    """Strain at which the cubic c(e) first falls to 0 in compression; None where it stays positive."""
+    roots = np.roots(np.trim_zeros([*law.a[::-1], 1.0], "f"))
+    real = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real < 0) & (roots.real > _FLAT)]
+    return float(real.max()) if real.size else None
+
+
+def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> None:
+    """ValueError where solved touches, by themselves, strain the skin to where its cubic is not positive; only their
+    mechanics tells."""
+    driving = np.concatenate([driving_strain(strain, touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal)
+                              for touch in touches])
+    try:
+        conductivity(law, driving)
+    except ValueError as error:
+        raise ValueError(f"the touch strains the skin further than its law goes, which its solved mechanics alone "
+                         f"tells. Press less, or mend the card: {error}") from None
+
+
+def _conductivity_problem(card: MaterialCard) -> str:
+    law = card.conductivity
+    if law is None or _LEAST_S_PER_M <= law.c0_S_per_m <= _LARGEST_S_PER_M:
+        return ""
+    return (f"c0_S_per_m = {law.c0_S_per_m:g} in the conductivity of card '{card.name}': {_LEAST_S_PER_M:g} to "
+            f"{_LARGEST_S_PER_M:g} S/m is solved; check its unit, or fit the conductivity again.")
+
+
+def _too_light(body: Body, punch: Punch, law: Hyperfoam) -> str:
+    if punch.depth_m is not None:
+        least_m = _LEAST_DEPTH * body.thickness_m
+        return "" if punch.depth_m >= least_m else (
+            f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is so little that rounding hides the touch; give at least "
+            f"{least_m * 1e3:g}.")
+    least_N = _LEAST_FORCE * law.mu_0_Pa * max(body.thickness_m, punch.diameter_m) ** 2
+    if punch.force_N is None or punch.force_N >= least_N:
+        return ""
+    digits = 10.0 ** (math.floor(math.log10(least_N)) - 1)
+    return (f"force_N = {punch.force_N:g} in [punch] is so little that rounding hides the touch; this foam needs at "
+            f"least {math.ceil(least_N / digits) * digits:.2g}.")

@@ -1,0 +1,1 @@
+"""Many scenes: design, rows, data set, instrument, sensitivity indices."""

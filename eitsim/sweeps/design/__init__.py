@@ -1,0 +1,1 @@
+"""Random, listed and nested scenes."""

@@ -1,0 +1,165 @@
+"""A design of scenes: ranges, laws and lists in the tables of a scene file, and the scene of any row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from eitsim.electrics.forward.gridded_fields import StoredFields, check_one_grid, fields_from
+from eitsim.scene.drive import with_matrices
+from eitsim.scene.scene import Scene, scene_from, scene_keys
+from eitsim.sweeps.design import nested_design
+from eitsim.sweeps.design.card_draws import Material, material_from
+from eitsim.sweeps.design.sampling import FIXED, row_tables
+from eitsim.sweeps.design.variables import Layout, Variable, layout_of
+from eitsim.sweeps.measurement.instrument_table import as_table, measurement_from
+from touchcal.errors import TestFileError, unknown_key
+from touchcal.toml_file import read_toml
+
+SAMPLERS = ("random", *FIXED, nested_design.SAMPLER)
+# Those whose count may grow.
+GROWING = ("random", nested_design.SAMPLER)
+_TOP = ("scenes", "seed", "sampler", "touches", "card", "material", "measurement", "fields")
+# Rows that are tried to find one whose scene is right.
+_TRIED = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What a sweep draws its scenes from."""
+
+    # number of scenes
+    scenes: int
+    # seed of every draw
+    seed: int
+    # one of SAMPLERS
+    sampler: str
+    # tables of a scene file, a scalar possibly replaced by a range, a choice, a list or a law
+    tables: Mapping[str, Any]
+    # which cards of the posterior serve the rows; None: the card itself
+    material: Material | None = None
+    # the keys of [measurement], which changes no row: they stay clean, and `measured_set` applies it; empty: none
+    measurement: Mapping[str, Any] = field(default_factory=dict)
+    # what is stored of each row's skin, and on which grid; None: nothing
+    fields: StoredFields | None = None
+    # number of touches of a row, possibly drawn; None: one for each [[punch]]
+    touches: Any = None
+    # name and sha256 of the table of scenes that it was read from; None where it is drawn
+    source: Mapping[str, str] | None = None
+
+
+def read_design(path: Path | str, scenes: int | None = None) -> Design:
+    """Read a design file; `scenes` overrides its count. TestFileError names the file and the key."""
+    path = Path(path)
+    raw = read_toml(path)
+    try:
+        return design_from(with_matrices(raw, path.parent), scenes)
+    except ValueError as error:
+        raise TestFileError(path, str(error)) from None
+
+
+def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
+    """A checked design from its tables; ValueError names the key and what it may hold."""
+    known = (*_TOP, *scene_keys())
+    if unknown := [key for key in raw if key not in known]:
+        raise ValueError(unknown_key(unknown[0], known))
+    seed, sampler = raw.get("seed", 0), raw.get("sampler", "random")
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise ValueError(f"seed must be a whole number from 0, got {seed!r}.")
+    if sampler not in SAMPLERS:
+        raise ValueError(f"sampler '{sampler}' is unknown; known: {', '.join(SAMPLERS)}.")
+    tables, touches = {key: value for key, value in raw.items() if key in scene_keys()}, raw.get("touches")
+    layout = layout_of(tables, touches)
+    count = _count(scenes if scenes is not None else raw.get("scenes"), layout)
+    material = material_from(raw["material"]) if "material" in raw else None
+    if sampler == nested_design.SAMPLER:
+        nested_design.check(count, material, any(v.draw.order != "chance" for v in layout.variables))
+    measurement = as_table(measurement_from(raw["measurement"])) if "measurement" in raw else {}
+    stored = fields_from(raw["fields"]) if "fields" in raw else None
+    design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
+    if stored is not None:
+        check_one_grid(drawn_keys(design))
+    example(design)
+    return design
+
+
+def _count(scenes: Any, layout: Layout) -> int:
+    """The number of scenes: as asked for, else what lists and rows have."""
+    count = scenes if scenes is not None else layout.rows or layout.combinations
+    if count is None:
+        raise ValueError("scenes is not given, and no list tells how many there are. Add scenes = 200, say.")
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise ValueError(f"scenes must be a positive whole number, got {count!r}.")
+    if layout.rows is not None and count > layout.rows:
+        raise ValueError(f"scenes = {count}, but {layout.rows} are given row by row. Ask for that many or fewer.")
+    return count
+
+
+def tables_at(design: Design, index: int) -> dict[str, Any]:
+    """Tables of the scene of row `index`, as in a scene file, "punch" a list of its touches; ValueError where touches
+    find no place."""
+    number = nested_design.touch_number(index) if design.sampler == nested_design.SAMPLER else index
+    return row_tables(_layout(design), design.sampler, design.scenes, design.seed, number)
+
+
+def scene_at(design: Design, index: int) -> Scene:
+    """The scene of row `index`; with "random" and "nested" it depends on (seed, index) only. ValueError where it is
+    none."""
+    return scene_from(tables_at(design, index))
+
+
+def right_scenes(design: Design, most: int) -> Iterator[Scene]:
+    """The scenes of the first `most` rows, those left out that are none."""
+    for index in range(min(design.scenes, most)):
+        try:
+            yield scene_at(design, index)
+        except ValueError:
+            continue
+
+
+def example(design: Design) -> Scene:
+    """The first scene of a design that is right; ValueError says what is wrong with row 0 where none of many is."""
+    found = next(right_scenes(design, _TRIED), None)
+    return scene_at(design, 0) if found is None else found
+
+
+def most_touches(design: Design) -> int:
+    """The largest number of touches that a row may have."""
+    return len(_layout(design).places)
+
+
+def varied(design: Design) -> tuple[Variable, ...]:
+    """What differs between the rows of a design, in a fixed order."""
+    return _layout(design).variables
+
+
+def card_number(design: Design, index: int) -> int:
+    """The number by which `materials` chooses the card of row `index`."""
+    return nested_design.card_number(index) if design.sampler == nested_design.SAMPLER else index
+
+
+def drawn_keys(design: Design) -> list[tuple[str, str]]:
+    """(table, key) of every key of a scene that is drawn, in a fixed order; of several touches once for each."""
+    return [(v.table, key) for v in varied(design) if v.table
+            for key in (("x_mm", "y_mm") if v.key == "place" else (v.key,))]
+
+
+def same_or_grown(old: Any, new: Any) -> bool:
+    """Whether tables of a design are those of an older one, but for rows that were added to its end."""
+    if not isinstance(old, Mapping) or not isinstance(new, Mapping):
+        if isinstance(old, list | tuple) and isinstance(new, list | tuple):
+            return len(old) == len(new) and all(map(same_or_grown, old, new))
+        return bool(old == new)
+    if old.keys() != new.keys():
+        return False
+    if old.keys() == {"rows"}:
+        return list(new["rows"][:len(old["rows"])]) == list(old["rows"])
+    return all(same_or_grown(old[key], new[key]) for key in old)
+
+
+@lru_cache(maxsize=4)
+def _layout(design: Design) -> Layout:
+    return layout_of(design.tables, design.touches)

@@ -1,0 +1,137 @@
+"""The rows of a design: random numbers of each row, the values they give, and places where touches do not overlap."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.scene.scene import Body, Punch
+from eitsim.sweeps.design.punch_positions import on_disc
+from eitsim.sweeps.design.variables import Layout, Variable
+
+# Samplers whose points are chosen together, so that their number is fixed; any other draws each row for itself.
+FIXED = ("lhs", "sobol")
+# Places that are tried for a touch that would overlap another.
+_TRIES = 1000
+
+Circle = tuple[float, float, float]
+# a touch that has its place, and how far others keep from its edge, mm
+Standing = tuple[Circle, float]
+
+
+def row_tables(layout: Layout, sampler: str, scenes: int, seed: int, index: int) -> dict[str, Any]:
+    """Tables of the scene of one row, "punch" a list of its touches; ValueError where touches find no place.
+
+    Touches whose place is left to chance, and that would overlap others, are placed again by random numbers of their
+    own that depend on (seed, index) only, whatever the sampler.
+    """
+    tables = copy.deepcopy(dict(layout.plain))
+    count = len(tables["punch"])
+    numbers = _uniforms(sampler, scenes, seed, index, layout.free)
+    for variable, value in _values(layout, numbers, index):
+        if variable.key == "touches":
+            count = value
+        elif value is not None:
+            _table_of(tables, variable)[variable.key] = value
+    tables["punch"] = tables["punch"][:count]
+    _without_idle_friction(layout, tables["punch"])
+    _place(layout, tables, seed, index)
+    return tables
+
+
+def _table_of(tables: dict[str, Any], variable: Variable) -> dict[str, Any]:
+    return tables["punch"][variable.touch] if variable.table == "punch" else tables[variable.table]
+
+
+def _uniforms(sampler: str, scenes: int, seed: int, index: int, count: int) -> NDArray[np.float64]:
+    """Numbers of [0, 1), one a free variable of the design, for one row."""
+    if sampler in FIXED:
+        return _points(sampler, scenes, seed, count)[index]
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,))).random(count)
+
+
+@lru_cache(maxsize=4)
+def _points(sampler: str, scenes: int, seed: int, count: int) -> NDArray[np.float64]:
+    """(scenes, count) points that fill the unit cube evenly."""
+    from scipy.stats import qmc
+
+    if count == 0:
+        return np.empty((scenes, 0))
+    if sampler == "lhs":
+        points = qmc.LatinHypercube(count, rng=seed).random(scenes)
+    else:
+        points = qmc.Sobol(count, rng=seed).random_base2(math.ceil(math.log2(max(scenes, 2))))[:scenes]
+    points.setflags(write=False)
+    return points
+
+
+def _values(layout: Layout, numbers: NDArray[np.float64], index: int) -> Iterator[tuple[Variable, Any]]:
+    """The value of each variable in a row; of lists every combination once, the last list the fastest."""
+    chances, left = iter(numbers.tolist()), layout.combinations or 1
+    for variable in layout.variables:
+        draw = variable.draw
+        if draw.quantile is not None:
+            yield variable, draw.quantile(next(chances))
+        elif draw.order == "list":
+            left //= len(draw.values)
+            yield variable, draw.values[index // left % len(draw.values)]
+        else:
+            yield variable, draw.values[index]
+
+
+def _without_idle_friction(layout: Layout, punches: list[dict[str, Any]]) -> None:
+    """Where friction is drawn, its coefficient serves the rows with Coulomb's law alone."""
+    drawn = {v.touch for v in layout.variables if v.key == "friction" and v.draw.order != "rows"}
+    for k, punch in enumerate(punches):
+        if k in drawn and punch["friction"] != "coulomb":
+            punch.pop("friction_coefficient", None)
+
+
+def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> None:
+    """Give every touch its place: first those that stand fast, then the others where they do not overlap."""
+    punches = tables["punch"]
+    movable = [[v for v in layout.variables if v.table == "punch" and v.touch == k and v.draw.order == "chance"
+                and v.key in ("x_mm", "y_mm", "place")] for k in range(len(punches))]
+    radius = tables.get("body", {}).get("radius_mm", Body().radius_m * 1e3)
+    standing: list[Standing] = []
+    rng: np.random.Generator | None = None
+    for k in sorted(range(len(punches)), key=lambda k: bool(movable[k])):
+        punch, drawn = punches[k], dict(punches[k])
+        for _ in range(_TRIES):
+            circle = _circle(layout, k, drawn, radius)
+            if len(punches) == 1 or not movable[k] or _clear(circle, _apart_mm(layout, k), standing):
+                break
+            rng = rng or np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, 1)))
+            drawn |= {v.key: v.draw.quantile(float(rng.random())) for v in movable[k] if v.draw.quantile}
+        else:
+            raise ValueError(f"touch {k + 1} found no place beside the others in {_TRIES} draws. Ask for fewer or "
+                             "smaller punches, or a smaller apart_mm in place.")
+        punch.pop("place", None)
+        punch["x_mm"], punch["y_mm"] = circle[:2]
+        standing.append((circle, _apart_mm(layout, k)))
+
+
+def _circle(layout: Layout, k: int, punch: dict[str, Any], radius_mm: float) -> Circle:
+    """x, y and diameter of a touch, mm."""
+    places, diameter = layout.places[k], punch.get("diameter_mm", Punch().diameter_m * 1e3)
+    if places is not None and places.draw is None:
+        return (*on_disc(punch["x_mm"], punch["y_mm"], radius_mm, diameter, places), diameter)
+    x, y = punch["place"] if "place" in punch else (punch.get("x_mm", 0.0), punch.get("y_mm", 0.0))
+    return x, y, diameter
+
+
+def _apart_mm(layout: Layout, k: int) -> float:
+    places = layout.places[k]
+    return 0.0 if places is None else places.apart_mm
+
+
+def _clear(circle: Circle, apart_mm: float, others: Sequence[Standing]) -> bool:
+    """Whether a touch keeps the larger of both distances from each that stands."""
+    x, y, d = circle
+    return all(math.hypot(x - a, y - b) - (d + e) / 2 > max(apart_mm, theirs) for (a, b, e), theirs in others)

@@ -1,0 +1,171 @@
+"""What varies between the rows of a design, in a fixed order, and what stays."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from eitsim.scene.drive import MATRICES
+from eitsim.scene.scene import Body, Punch, check_value, is_list, scene_keys
+from eitsim.sweeps.design.distributions import Draw, draw_of, is_number, of_values
+from eitsim.sweeps.design.punch_positions import Places, places_of
+from touchcal.errors import unknown_key
+
+# What decides which readings a row holds, and so cannot vary between rows.
+SENSOR = (("electrodes", "count"), ("drive", "pattern"), ("drive", "reading"), *(("drive", key) for key in MATRICES))
+_UNIT = Draw("chance", lambda u: u, (), (0.0, 1.0), "uniform from 0 to 1")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A key whose value is drawn."""
+
+    # table of a scene file; "" for the number of touches
+    table: str
+    # number of the touch, from 0; 0 in other tables than "punch"
+    touch: int
+    # key of the table, or "place" for both x_mm and y_mm, or "touches"
+    key: str
+    draw: Draw
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The tables of a design, parted."""
+
+    # tables of a scene file with their plain values alone; "punch" a list of as many as a row may have at most
+    plain: Mapping[str, Any]
+    # in the order in which they take their random numbers
+    variables: tuple[Variable, ...]
+    # one a touch: where it stands; None where x_mm or y_mm are given as keys
+    places: tuple[Places | None, ...]
+
+    @property
+    def free(self) -> int:
+        """How many random numbers a row takes."""
+        return sum(v.draw.order == "chance" for v in self.variables)
+
+    @property
+    def combinations(self) -> int | None:
+        """How many combinations the lists have; None without lists."""
+        sizes = [len(v.draw.values) for v in self.variables if v.draw.order == "list"]
+        return math.prod(sizes) if sizes else None
+
+    @property
+    def rows(self) -> int | None:
+        """For how many scenes values are given row by row; None where there are none."""
+        return min((len(v.draw.values) for v in self.variables if v.draw.order == "rows"), default=None)
+
+
+def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
+    """The layout of a design's tables and of its number of touches; ValueError names the key and what it may hold."""
+    number = number_of_touches(touches)
+    plain = {name: value for name, value in copy.deepcopy(dict(tables)).items() if name != "punch"}
+    plain["punch"] = _punches(tables.get("punch", {}), number)
+    variables = [v for name in sorted(plain) if name != "punch" for v in _parted(name, 0, plain[name])]
+    later = [v for v in variables if v.table > "punch"]
+    radius = _end(plain.get("body", {}), variables, "body", "radius_mm", Body().radius_m * 1e3, 0)
+    places: list[Places | None] = []
+    touched: list[Variable] = []
+    for k, punch in enumerate(plain["punch"]):
+        placed = "place" in punch
+        if placed and (both := {"x_mm", "y_mm"} & punch.keys()):
+            raise ValueError(f"[punch] has both place and {min(both)}; give one of them.")
+        place, free = punch.pop("place", {}), placed or not {"x_mm", "y_mm"} & punch.keys()
+        own = list(_parted("punch", k, punch))
+        largest = _end(punch, own, "punch", "diameter_mm", Punch().diameter_m * 1e3, 1)
+        places.append(places_of(place, radius, largest) if free else None)
+        touched += [*own, *_place_variables(k, places[-1])]
+    ordered = [*(v for v in variables if v.table < "punch"), *touched, *later]
+    if isinstance(number, Draw):
+        ordered.append(Variable("", 0, "touches", number))
+    return Layout(plain, tuple(ordered), tuple(places))
+
+
+def number_of_touches(touches: Any) -> int | Draw | None:
+    """The number of touches of a row: fixed, drawn, or None where the tables tell it."""
+    if touches is None:
+        return None
+    raw: Any = {"dist": "integer", "lo": touches[0], "hi": touches[1]} if (
+        isinstance(touches, list) and len(touches) == 2) else touches
+    draw = draw_of("touches", raw)
+    values: Sequence[Any] = [touches] if draw is None else draw.values or draw.ends
+    law = isinstance(raw, Mapping) and raw.get("dist", "integer") != "integer"
+    if law or not all(is_number(v) and v == int(v) and v >= 1 for v in values):
+        raise ValueError("touches must be a whole number from 1, a range of them, {choice = [...]}, {list = [...]} or "
+                         f"{{dist = \"integer\", ...}}, got {touches!r}.")
+    if draw is None:
+        return int(values[0])
+    return of_values(next(iter(raw)), [int(v) for v in draw.values]) if draw.values else draw
+
+
+def _punches(raw: Any, number: int | Draw | None) -> list[dict[str, Any]]:
+    """One table a touch; a single one serves them all."""
+    given = raw if isinstance(raw, list) else [raw]
+    if not given or not all(isinstance(punch, Mapping) for punch in given):
+        raise ValueError(f"[punch] must be a table of keys, or one [[punch]] a touch, got {raw!r:.80}.")
+    most = number if isinstance(number, int) else len(given) if number is None else int(number.ends[1])
+    if len(given) == 1:
+        given = given * most
+    if len(given) != most:
+        raise ValueError(f"touches goes up to {most}, but {len(given)} [[punch]] are given. Give one [punch] for all "
+                         f"of them, or {most}.")
+    return [copy.deepcopy(dict(punch)) for punch in given]
+
+
+def _parted(name: str, touch: int, table: Any) -> Iterator[Variable]:
+    """The drawn keys of a table, taken out of it, by name."""
+    if not isinstance(table, dict):
+        raise ValueError(f"[{name}] must be a table of keys, got {table!r}.")
+    known = scene_keys()[name]
+    for key in sorted(table):
+        where, value = f"{key} in [{name}]", table[key]
+        if key not in known:
+            raise ValueError(unknown_key(key, (*known, "place") if name == "punch" else known, name))
+        if is_list(name, key, value):
+            continue
+        if (name, key) == ("hold", "time_s"):
+            _check_times(value)
+            if isinstance(value, list) and len(value) == 1:
+                value = table[key] = value[0]
+        draw = draw_of(where, value)
+        if draw is None:
+            if name in ("body", "punch"):
+                check_value(name, key, value)
+            continue
+        if (name, key) in SENSOR:
+            raise ValueError(f"{where} is drawn, but the readings of all rows stand in the same columns. Fix it, and "
+                             "make one data set for each of its values.")
+        for each in draw.values or ([draw.quantile(0.5)] if draw.quantile else []):
+            if each is not None:
+                check_value(name, key, each)
+        del table[key]
+        yield Variable(name, touch, key, draw)
+
+
+def _check_times(value: Any) -> None:
+    """A row is one scene at one time."""
+    several = isinstance(value, list) and len(value) > 2
+    if isinstance(value, Mapping):
+        several = any(isinstance(each, list) for form in value.values() if isinstance(form, list) for each in form)
+    if several:
+        raise ValueError(f"time_s in [hold] holds several times, got {value}, and a row is one scene at one time. Give "
+                         "{list = [...]} for a row each, [shortest, longest] for a time by chance, or run the scene by "
+                         "`eitsim run`.")
+
+
+def _place_variables(touch: int, places: Places | None) -> list[Variable]:
+    if places is None:
+        return []
+    if places.draw is not None:
+        return [Variable("punch", touch, "place", places.draw)]
+    return [Variable("punch", touch, key, _UNIT) for key in ("x_mm", "y_mm")]
+
+
+def _end(plain: Mapping[str, Any], variables: list[Variable], table: str, key: str, default: float, end: int) -> float:
+    """The least (end 0) or largest (end 1) value of a key over all rows."""
+    drawn = [v.draw.ends[end] for v in variables if (v.table, v.key) == (table, key)]
+    return drawn[0] if drawn else float(plain.get(key, default))

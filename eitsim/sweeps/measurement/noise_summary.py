@@ -1,0 +1,123 @@
+"""What a measurement means for a data set: its noise against every voltage that an SNR may be given of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from eitsim.scene.drive import voltage_columns
+from eitsim.sweeps.measurement.instrument import Measurement, level_db, noise_of, reference_of
+from touchcal.number_words import counted
+
+Array = NDArray[np.float64]
+
+# Part of the samples from which on clipping is warned of.
+_MUCH_CLIPPED = 0.01
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a measurement means for a data set; rms over the readings of its ok rows, V, unless a comment says more."""
+
+    # ok rows
+    rows: int
+    baseline_rms_V: float
+    # largest absolute reading of an untouched frame
+    baseline_largest_V: float
+    signal_rms_V: float
+    # noise of one frame, and the voltage that an SNR refers to, means over the rows; None where no SNR is given
+    noise_V: float
+    reference_V: float | None
+    # noise of the signal: of both frames, after averaging
+    signal_noise_V: float
+    # everything that the measurement changes of the signals
+    signal_error_V: float
+    # step of the quantisation; 0 without one
+    step_V: float
+    # samples clipped at the full scale, and part of all
+    clipped: int
+    clipped_share: float
+
+
+def volts(rows: pd.DataFrame) -> tuple[Array, Array]:
+    """Touched readings and signals (rows, readings), V."""
+    count = sum(name.startswith("dv_") for name in rows.columns)
+    touched, signal = (rows[voltage_columns(count, prefix)].to_numpy(np.float64, copy=True) for prefix in ("v", "dv"))
+    return touched, signal
+
+
+class Sums:
+    """Sums over the ok rows of parts, one after the other."""
+
+    def __init__(self) -> None:
+        self.all_rows = self.rows = self.readings = self.clipped = 0
+        self.largest = 0.0
+        # squares of baseline, signal, noise of the signal, error of the signal; noise and reference, one a row
+        self.squares, self.means = np.zeros(4), np.zeros(2)
+
+    def add(self, measurement: Measurement, clean: pd.DataFrame, found: pd.DataFrame) -> None:
+        ok = (clean["outcome"] == "ok").to_numpy()
+        touched, signal = volts(clean.loc[ok])
+        baseline, noise = touched - signal, noise_of(measurement, touched - signal)
+        averaged = 0.0 if measurement.clean_baseline else 1 / (measurement.baseline_frames or measurement.frames)
+        carried = noise**2 * (1 / measurement.frames + averaged)
+        error = volts(found.loc[ok])[1] - signal
+        read = np.isfinite(signal)
+        self.squares += [np.nansum(baseline**2), np.nansum(signal**2), carried @ read.sum(axis=1), np.nansum(error**2)]
+        self.means += [noise.sum(), np.nansum(reference_of(measurement, baseline))
+                       if measurement.snr_db is not None else 0.0]
+        self.largest = max(self.largest, float(np.nanmax(np.abs(baseline), initial=0.0)))
+        self.all_rows, self.rows = self.all_rows + len(clean), self.rows + int(ok.sum())
+        self.readings += int(read.sum())
+        self.clipped += int(found["clipped"].to_numpy().sum())
+
+    def told(self, measurement: Measurement) -> Told:
+        baseline, signal, carried, error = np.sqrt(self.squares / max(self.readings, 1)).tolist()
+        noise, reference = (self.means / max(self.rows, 1)).tolist()
+        return Told(self.rows, baseline, self.largest, signal, noise, reference if measurement.snr_db is not None else
+                    None, carried, error, measurement.step_V, self.clipped,
+                    self.clipped / max(self._samples(measurement), 1))
+
+    def _samples(self, measurement: Measurement) -> int:
+        """Readings of all frames, which are alike without noise and then read once."""
+        touched, still = measurement.frames, measurement.baseline_frames or measurement.frames
+        counts = (touched, 0 if measurement.clean_baseline else still)
+        return self.readings * sum(count if self.means[0] > 0 else min(count, 1) for count in counts)
+
+
+
+def in_words(told: Told) -> str:
+    """What a measurement means, its SNR told of every voltage that it may be given of."""
+    lines = [f"untouched readings {told.baseline_rms_V:.4g} V rms, {told.baseline_largest_V:.4g} V at most; signals dV "
+             f"{told.signal_rms_V:.4g} V rms ({told.rows} ok rows)"]
+    if told.noise_V > 0:
+        of = {"the largest untouched reading": told.baseline_largest_V, "the untouched rms": told.baseline_rms_V,
+              "the signals' rms": told.signal_rms_V}
+        stated = "" if told.reference_V is None else f" (stated of {told.reference_V:.4g} V)"
+        lines.append(f"noise of one frame {told.noise_V:.3g} V rms{stated}: " + ", ".join(
+            f"{level_db(told.noise_V, volts):.1f} dB below {name}" for name, volts in of.items() if volts > 0))
+        lines.append(f"noise of dV, both frames after averaging, {told.signal_noise_V:.3g} V rms: "
+                     f"{level_db(told.signal_noise_V, told.signal_rms_V):.1f} dB below the signals' rms")
+    if told.signal_error_V > 0:
+        lines.append(f"all terms change dV by {told.signal_error_V:.3g} V rms: "
+                     f"{level_db(told.signal_error_V, told.signal_rms_V):.1f} dB below the signals' rms")
+    if told.step_V:
+        lines.append(f"steps of {told.step_V:.3g} V; {counted(told.clipped, 'sample')} clipped at the full scale "
+                     f"({100 * told.clipped_share:.3g} % of all)")
+    return "\n".join([*lines, *_cautions(told)])
+
+
+def _cautions(told: Told) -> Iterator[str]:
+    """What is right to ask for and seldom meant."""
+    if told.signal_error_V == 0 and told.rows:
+        yield "caution: every term is off, or changes nothing: these rows are the clean ones"
+    if told.noise_V > told.baseline_largest_V > 0:
+        yield ("caution: the noise of one frame is larger than every untouched reading; is noise_V in V, and snr_db "
+               "above 0?")
+    if told.clipped_share > _MUCH_CLIPPED:
+        yield ("caution: so many clipped samples tell the full scale and not the touch; give a full_scale_V above "
+               f"{told.baseline_largest_V:.3g} V")

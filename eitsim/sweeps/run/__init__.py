@@ -1,0 +1,1 @@
+"""Rows solved into parts of a folder, and what that cost."""

@@ -1,0 +1,199 @@
+"""The account of a data set: outcomes, errors of signals, and what each stage of its making cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from eitsim.scene.scene import Accuracy
+from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.dataset.hdf5_fields import SUFFIX
+from eitsim.sweeps.dataset.outcome_counts import Tally, tally_of
+from eitsim.sweeps.run.omissions import Omission, omissions_of
+from eitsim.sweeps.run.run_log import Run, runs_of
+from touchcal.errors import TestFileError
+from touchcal.number_words import counted
+
+_WANTED = "accuracy_signal"
+_COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, *parquet.COST, *parquet.METHODS]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of making a data set."""
+
+    # what was done, in words
+    name: str
+    # how often: paths, places on the rim, or rows
+    count: int
+    # CPU time, s
+    cpu_s: float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Estimated relative errors of the signals of ok rows."""
+
+    median: float
+    # what 95 % lie below, and the largest
+    p95: float
+    largest: float
+    # part of the rows whose error is above the wanted one
+    share_above: float
+    # the wanted one; None where it differs between rows
+    wanted: float | None
+
+
+@dataclass(frozen=True)
+class Accounted:
+    """What is in a data set, and what it cost."""
+
+    # rows that are there, and scenes of the design
+    rows: int
+    scenes: int
+    # outcome -> number of rows
+    outcomes: Mapping[str, int]
+    # None without rows that are ok
+    errors: Errors | None
+    # in the order of the work; CPU time of all rows, and of tables and of encoding and writing parts as far as runs
+    # are on record
+    stages: tuple[Stage, ...]
+    # on disk, of Parquet parts and of stored fields
+    bytes_per_row: float
+    field_bytes_per_row: float
+    # calls that came to an end, the first one first; empty of sets that were made before these were kept
+    runs: tuple[Run, ...]
+    # the costliest first, with the last run
+    left_out: tuple[Omission, ...]
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time of all stages, s."""
+        return sum(stage.cpu_s for stage in self.stages)
+
+    @property
+    def rows_per_core_hour(self) -> float | None:
+        """Rows over the CPU time of all stages but tables, which are made once; None where rows tell no time."""
+        spent = sum(stage.cpu_s for stage in self.stages if not stage.name.startswith("table"))
+        return 3600 * self.rows / spent if spent else None
+
+
+def account_of(folder: Path) -> Accounted:
+    """The account of a data set, read part by part in the columns that it needs: 8 bytes a row are kept. TestFileError
+    where it is none or holds no rows."""
+    manifest, parts = parquet.read_manifest(folder), parquet.parts(folder)
+    if not parts:
+        raise TestFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
+    tally, stages = Tally(), pd.DataFrame()
+    found, above = [], 0
+    wanted = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
+    wanted = float(wanted) if isinstance(wanted, int | float) else None
+    for path in parts:
+        table = parquet.read_part(path, _COLUMNS).reindex(columns=_COLUMNS)
+        tally, stages = tally + tally_of(table), stages.add(_by_stage(table), fill_value=0.0)
+        ok = table.loc[table["outcome"] == "ok"]
+        errors = ok["signal_error"].to_numpy(dtype=float)
+        above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if wanted is None else wanted)).sum())
+        found.append(errors)
+    runs = tuple(runs_of(manifest))
+    return Accounted(tally.rows, manifest["design"]["scenes"], dict(tally.outcomes),
+                     _errors(np.concatenate(found), above, wanted),
+                     (*_of_tables(runs), *_of_rows(stages), *_of_parts(runs)), _bytes(parts) / tally.rows,
+                     _bytes(path.with_suffix(SUFFIX) for path in parts) / tally.rows, runs,
+                     tuple(omissions_of(manifest)))
+
+
+def _bytes(files: Iterable[Path]) -> int:
+    return sum(path.stat().st_size for path in files if path.exists())
+
+
+def _errors(found: np.ndarray, above: int, wanted: float | None) -> Errors | None:
+    if not found.size:
+        return None
+    median, p95, largest = np.quantile(found, [0.5, 0.95, 1]).tolist()
+    return Errors(median, p95, largest, above / found.size, wanted)
+
+
+def _by_stage(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows and CPU time (count, cpu_s) of one part, by stage."""
+    named = table["electrics_cpu_s"].notna() | (table["outcome"] == "ok")
+    how = table[list(parquet.METHODS)].astype(object).fillna("not told").replace("", "not told")
+    parts = [("touches: " + how["mechanics_method"], table["mechanics_cpu_s"]),
+             ("readings: " + how["electrics_method"], table["electrics_cpu_s"]),
+             ("fields on the skin", table["fields_cpu_s"]),
+             ("planning and the rest of rows", table["cpu_s"] - table[list(parquet.COST[1:])].fillna(0.0).sum(axis=1))]
+    parts = [(name, cost.where(named)) for name, cost in parts]
+    parts.append(("rows that were not solved", table["cpu_s"].where(~named)))
+    told = pd.concat([pd.DataFrame({"stage": name, "count": 1.0, "cpu_s": cost}) for name, cost in parts])
+    return told.loc[told["cpu_s"].notna()].groupby("stage", sort=False).sum()
+
+
+def _of_tables(runs: tuple[Run, ...]) -> list[Stage]:
+    last = next((run for run in reversed(runs) if run.paths), None)
+    if last is None:
+        return []
+    return [Stage("table: load paths", last.paths, last.paths_cpu_s)] + (
+        [Stage("table: what the rim changes", last.rim, last.rim_cpu_s)] if last.rim else [])
+
+
+def _of_rows(stages: pd.DataFrame) -> list[Stage]:
+    order = ("touches", "readings", "fields", "planning", "rows")
+    names = sorted(stages.index, key=lambda name: (next(i for i, o in enumerate(order) if name.startswith(o)), name))
+    return [Stage(name, int(stages.at[name, "count"]), float(stages.at[name, "cpu_s"])) for name in names]
+
+
+def _of_parts(runs: tuple[Run, ...]) -> list[Stage]:
+    if not runs:
+        return []
+    rows = sum(run.rows for run in runs)
+    return [Stage("encoding parts", rows, sum(run.encoding_cpu_s for run in runs)),
+            Stage("writing parts", rows, sum(run.writing_cpu_s for run in runs))]
+
+
+def document(account: Accounted) -> dict[str, Any]:
+    """An account as JSON holds it."""
+    return asdict(account) | {
+        "cpu_s": account.cpu_s, "rows_per_core_hour": account.rows_per_core_hour,
+        "runs": [asdict(run) | {"efficiency": run.efficiency} for run in account.runs]}
+
+
+def lines(account: Accounted) -> list[str]:
+    """An account as it is printed."""
+    out = [] if account.errors is None else _error_lines(account.errors, account.left_out)
+    whole = account.cpu_s or 1.0
+    out.append(f"{'stage':42}{'count':>9}{'CPU s':>11}{'share':>9}")
+    out += [f"{stage.name:42}{stage.count:9d}{stage.cpu_s:11.3g}{100 * stage.cpu_s / whole:7.1f} %"
+            for stage in account.stages]
+    if (rate := account.rows_per_core_hour) is not None:
+        out.append(f"{rate:.3g} rows per core-hour beside tables; {account.bytes_per_row:.0f} bytes a row"
+                   + (f" and {account.field_bytes_per_row:.0f} of fields" if account.field_bytes_per_row else ""))
+    return out + [in_words(run) for run in account.runs[-1:]]
+
+
+def _error_lines(errors: Errors, left_out: Iterable[Omission]) -> list[str]:
+    """Estimated errors in per cent and, where rows miss the wanted one, what the plans count most for."""
+    wanted = "wanted one" if errors.wanted is None else f"wanted {_percent(errors.wanted)}"
+    told = [f"signal error {_percent(errors.median)} in the median, 95 % below {_percent(errors.p95)}, at most "
+            f"{_percent(errors.largest)}; {_percent(errors.share_above)} of ok rows above the {wanted}"]
+    if errors.share_above and (worst := next((one for one in left_out if one.error_bound > 0), None)):
+        told.append(f"what the plans count most for: {worst.decision}, at most {_percent(worst.error_bound)} "
+                    f"({counted(worst.rows, 'row')} of the {worst.of} looked at)")
+    return told
+
+
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.3g} %"
+
+
+def in_words(run: Run) -> str:
+    """Wall time of a run, and how busy its workers were; times below 0.1 s are left out."""
+    by = "lent workers" if run.workers is None else counted(run.workers, "worker")
+    told = [f"last run: {counted(run.rows, 'row')} in {run.rows_wall_s:.1f} s on {by}"]
+    told += [] if run.efficiency is None else [f"busy with rows for {_percent(run.efficiency)}"]
+    told += [f"{run.writing_wall_s:.1f} s of it spent on writing"] if run.writing_wall_s >= 0.05 else []
+    return ", ".join(told) + (f"; {run.table_wall_s:.1f} s for the table before" if run.table_wall_s >= 0.05 else "")

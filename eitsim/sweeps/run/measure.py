@@ -1,0 +1,176 @@
+"""A clean data set measured: the same rows with readings as an instrument gives them, part by part, in a new folder."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from eitsim.electrics.forward.untouched import TABLES, by_contact, conductance_of, sensor_of
+from eitsim.scene.drive import voltage_columns
+from eitsim.scene.scene import Scene
+from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.design.design import design_from, example
+from eitsim.sweeps.measurement.instrument import Indices, Measured, Measurement, channels_of, measured
+from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurement_from
+from eitsim.sweeps.measurement.noise_summary import Sums, Told, volts
+from eitsim.sweeps.run.folder import begun, sole_writer
+from touchcal.cache import key_of
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+
+# Rows whose sheet conductances agree to this, relative, share their derivatives by the contact impedances.
+_SHEETS = 0.01
+
+
+@dataclass(frozen=True)
+class _Skin:
+    """One sensor, and where its rows' sheet conductances are told from."""
+
+    sensor: Scene
+    # (readings,) untouched readings of the first ok row, V
+    baseline_V: Array
+    # the sheet conductance that they tell, S
+    conductance_S: float
+
+
+@dataclass(frozen=True)
+class Lab:
+    """A measurement of one data set: all that is the same for every row."""
+
+    measurement: Measurement
+    channels: Indices
+    # what the derivatives by contact impedances are taken on; None where no term asks for it
+    skin: _Skin | None
+
+
+def measure(clean: Path, folder: Path, measurement: Measurement | None = None) -> Iterator[int | Told]:
+    """Write the data set of `clean` as measured to `folder`; yields the rows done after each part, then what it means.
+
+    measurement: by default that of the design. Parts map one to one; those that stand in the folder are kept. A column
+    `clipped` counts samples at the full scale. TestFileError where `clean` is no data set, damaged or measured already,
+    ValueError where the folder lies in it or holds another measurement, that of another set, or one by other code.
+    """
+    if folder.resolve() == clean.resolve():
+        raise ValueError(f"{folder} is the clean data set itself; give another folder.")
+    if clean.resolve() in folder.resolve().parents:
+        raise ValueError(f"{folder} lies inside the clean data set {clean}; give a folder beside it.")
+    manifest, parts = parquet.read_manifest(clean), parquet.parts(clean)
+    lab = lab_of(clean, manifest, measurement)
+    for path in parts:
+        parquet.read_part(path)  # before anything is written: a part that is mended later makes it another set
+    folder.mkdir(parents=True, exist_ok=True)
+    with sole_writer(folder):
+        told = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}, (__name__,)), "clean": {
+            "folder": clean.resolve().name, "sha256": _content(parts)}}
+        _start_or_continue(folder, told)
+        sums = Sums()
+        for path in parts:
+            before = parquet.read_part(path)
+            after = _part(folder / path.name, before, lab)
+            sums.add(lab.measurement, before, after)
+            yield sums.all_rows
+        found = sums.told(lab.measurement)
+        parquet.write_manifest(folder, told | {"measured": vars(found)})
+    yield found
+
+
+def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | None) -> Lab:
+    """The measurement, by default that of the design, made ready for the rows of a clean data set; TestFileError where
+    there is none, or the rows are measured already."""
+    if "clean" in manifest:
+        raise TestFileError(clean, "its rows are measured already. Give the clean set that they were made from.")
+    if measurement is None:
+        if not (given := manifest["design"].get(TABLE)):
+            raise TestFileError(clean, f"its design has no [{TABLE}]. Give one with --model measurement.toml.")
+        measurement = measurement_from(given)
+    tables = manifest["design"]["tables"]
+    try:
+        first = example(design_from({"scenes": 1} | {name: tables[name] for name in TABLES if name in tables}))
+        return Lab(measurement, channels_of(measurement, first.drive, first.electrodes.count),
+                   _skin(clean, tables) if measurement.contact_impedance else None)
+    except ValueError as error:
+        raise TestFileError(clean, str(error)) from None
+
+
+def read(lab: Lab, touched_V: Array, signal_V: Array, scenes: Indices) -> Measured:
+    """Clean readings and signals (rows, readings), V, of these scene numbers (rows,), as the instrument gives them."""
+    slopes = None if lab.skin is None else _slopes(lab.skin, touched_V - signal_V)
+    return measured(lab.measurement, touched_V, touched_V - signal_V, scenes, by_contact_V=slopes,
+                    channels=lab.channels)
+
+
+def _skin(clean: Path, tables: Mapping[str, Any]) -> _Skin:
+    sensor, baseline = sensor_of(tables), _first_baseline(clean)
+    return _Skin(sensor, baseline, conductance_of(sensor, baseline))
+
+
+def _first_baseline(clean: Path) -> Array:
+    for path in parquet.parts(clean):
+        table = parquet.read_part(path)
+        touched, signal = volts(table.loc[table["outcome"] == "ok"])
+        if len(touched):
+            return (touched - signal)[0]
+    raise ValueError("none of its rows is ok; there is nothing to measure. Mend the design and sweep again.")
+
+
+def _content(parts: Sequence[Path]) -> str:
+    """sha256 of parts, in their order."""
+    whole = hashlib.sha256()
+    for path in parts:
+        whole.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+    return whole.hexdigest()
+
+
+def _start_or_continue(folder: Path, wanted: Mapping[str, Any]) -> None:
+    if (old := begun(folder, wanted)) is None:
+        return
+    if "clean" not in old:
+        raise ValueError(f"{folder} holds a sweep's own rows. Choose another folder for measured ones.")
+    if old["clean"]["sha256"] != wanted["clean"]["sha256"]:
+        raise ValueError(f"{folder} was measured from other rows ({old['clean']['sha256'][:12]}, here "
+                         f"{wanted['clean']['sha256'][:12]}); the clean set has grown or is another. Choose another "
+                         "folder.")
+    if old[TABLE] != wanted[TABLE]:
+        raise ValueError(f"{folder} was measured with {old[TABLE]}, here {wanted[TABLE]}. Choose another folder.")
+    if old.get("measured_by") != wanted["measured_by"]:
+        raise ValueError(f"{folder} was measured by other code or libraries than these, whose rows may differ. Choose "
+                         "another folder; measuring takes little.")
+
+
+def _part(path: Path, clean: pd.DataFrame, lab: Lab) -> pd.DataFrame:
+    """The measured table of one part, written where it is missing."""
+    if path.exists():
+        return parquet.read_part(path)
+    ok = (clean["outcome"] == "ok").to_numpy()
+    (touched, signal), clipped = volts(clean), np.zeros(len(clean), dtype=np.int64)
+    if ok.any() and as_table(replace(lab.measurement, seed=0)):
+        found = read(lab, touched[ok], signal[ok], clean["scene"].to_numpy()[ok])
+        touched[ok], signal[ok], clipped[ok] = found.touched_V, found.signal_V, found.clipped
+    names = [*voltage_columns(touched.shape[1]), *voltage_columns(signal.shape[1], "dv")]
+    readings = pd.DataFrame(np.hstack([touched, signal]), columns=names, index=clean.index)
+    table = pd.concat([clean.drop(columns=names), readings], axis=1)[list(clean.columns)].assign(clipped=clipped)
+    parquet.write_table(path, table)
+    return table
+
+
+def _slopes(skin: _Skin, baseline: Array) -> Array:
+    """Derivatives (rows, readings, electrodes), V, by the logarithms of the contact impedances, for the sheet
+    conductances that the rows' untouched readings tell, which are nearly reciprocal to them."""
+    read = np.isfinite(skin.baseline_V)
+    first = skin.baseline_V[read]
+    sheets = skin.conductance_S * (first @ first) / (baseline[:, read] @ first)
+    return np.stack([_slope(skin.sensor, round(step)) for step in np.log(sheets) / _SHEETS])
+
+
+@lru_cache(maxsize=256)
+def _slope(sensor: Scene, step: int) -> Array:
+    return by_contact(sensor.body, sensor.electrodes, sensor.drive, float(np.exp(step * _SHEETS)))

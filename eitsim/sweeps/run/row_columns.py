@@ -1,0 +1,73 @@
+"""What a row of a data set tells of its scene: the names of its columns and their values."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from eitsim.scene.scene import Punch
+from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.design.design import Design, most_touches, varied
+
+# key of [punch] -> its column
+OWN = {"x_mm": "x_mm", "y_mm": "y_mm", "diameter_mm": "d_mm", "force_N": "F_N"}
+# columns that every touch of a row has
+EACH_TOUCH = (*parquet.TOUCH, *parquet.OUTPUTS, "wall_contact_mm2")
+
+
+def numbered(column: str, touch: int) -> str:
+    """The column of a touch, counted from 0: x_mm of the first one, x_2_mm of the next."""
+    name, unit = column.rsplit("_", 1)
+    return column if touch == 0 else f"{name}_{touch + 1}_{unit}"
+
+
+def key_column(table: str, key: str, touch: int = 0) -> str:
+    """The column of a key that has none of its own: skin_thickness_um, punch_profile, of the next touch
+    punch_2_profile."""
+    return f"{table}_{key}" if touch == 0 else f"{table}_{touch + 1}_{key}"
+
+
+def blank_keys(design: Design) -> dict[str, Any]:
+    """Every column that tells of a scene or its touches, empty: NaN of numbers, "" of words, no touches."""
+    columns = {numbered(name, k): math.nan for k in range(most_touches(design)) for name in EACH_TOUCH}
+    told = {key_column(table, key, k): "" if words else math.nan for (table, k, key), words in _told(design).items()}
+    return {"touches": 0, **columns, **told}
+
+
+def keys_of(design: Design, tables: Mapping[str, Any]) -> dict[str, Any]:
+    """What stands in these columns for the scene of these tables (design.tables_at), as drawn."""
+    punches = tables["punch"]
+    row: dict[str, Any] = {"touches": len(punches)}
+    for k, punch in enumerate(punches):
+        force = math.nan if "depth_mm" in punch else Punch().force_N
+        defaults = {"x_mm": 0.0, "y_mm": 0.0, "diameter_mm": Punch().diameter_m * 1e3, "force_N": force}
+        row |= {numbered(column, k): float(punch.get(key, defaults[key])) for key, column in OWN.items()}
+    for (table, k, key), words in _told(design).items():
+        if table != "punch" or k < len(punches):
+            held = punches[k] if table == "punch" else tables[table]
+            if key in held:
+                row[key_column(table, key, k)] = _cell(held[key], words)
+    return row
+
+
+def _told(design: Design) -> dict[tuple[str, int, str], bool]:
+    """(table, touch, key) of every key that is drawn and has no column of its own, and whether it holds words.
+
+    The time of a hold is told though it be fixed, and beside it a force that is drawn: F_N is then the force at that
+    time.
+    """
+    told = {(v.table, v.touch, v.key): any(isinstance(value, str | list) for value in v.draw.values)
+            for v in varied(design)}
+    held = "time_s" in design.tables.get("hold", {})
+    if held:
+        told["hold", 0, "time_s"] = False
+    own = {"touches", "place", *OWN} - ({"force_N"} if held else set())
+    return {where: words for where, words in told.items() if where[0] not in ("", "punch") or where[2] not in own}
+
+
+def _cell(value: Any, words: bool) -> Any:
+    if not words:
+        return float(value)
+    return value if isinstance(value, str) else json.dumps(value)

@@ -1,0 +1,99 @@
+"""Rows of a data set: the scenes of a design solved, one row each, whatever their outcome."""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from eitsim.electrics.forward.gridded_fields import values
+from eitsim.mechanics.load_paths.law_family import Family
+from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.drive import protocol, voltage_columns
+from eitsim.scene.results import Result, Touch
+from eitsim.scene.scene import scene_from
+from eitsim.simulation.plan import law_of
+from eitsim.simulation.result_json import mechanical
+from eitsim.simulation.simulate import simulate
+from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.design.card_draws import Cards, card_at, columns, recorded
+from eitsim.sweeps.design.design import Design, card_number, example, tables_at
+from eitsim.sweeps.run.row_columns import blank_keys, keys_of, numbered
+from matcal.card import require
+
+
+def solve_rows(design: Design, cards: Cards, indices: list[int], *, exact: bool = False,
+               table: Table | Family | None = None) -> list[dict[str, Any]]:
+    """Rows of these scenes, solved as by `simulate`; one that cannot be made is "refused", what `simulate` raises is
+    raised. Where the design asks for fields, those of a solved scene are its row's "fields"."""
+    blank = blank_row(design, cards)
+    return [blank | {"scene": index} | _row(design, cards, index, exact, table) for index in indices]
+
+
+def crashed_row(design: Design, cards: Cards, index: int, reason: str) -> dict[str, Any]:
+    """The row of a scene whose solution raised what it should not, or took its process with it."""
+    keys = recorded(cards, card_number(design, index))
+    with suppress(ValueError):  # a scene that cannot be made has no places to tell
+        keys |= keys_of(design, tables_at(design, index))
+    return blank_row(design, cards) | {"scene": index} | keys | {"outcome": "crashed", "message": reason}
+
+
+def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | Family | None) -> dict[str, Any]:
+    number = card_number(design, index)
+    keys: dict[str, Any] = recorded(cards, number)
+    try:
+        tables = tables_at(design, index)
+        keys |= keys_of(design, tables)
+        scene, card = scene_from(tables), card_at(cards, number)
+        law_of(scene, card)
+    except np.linalg.LinAlgError:  # a ValueError, and no refusal
+        raise
+    except ValueError as error:
+        return keys | {"outcome": "refused", "message": str(error)}
+    result = simulate(scene, card, exact=exact, table=table)
+    row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
+    if design.fields is not None and result.readings is not None:
+        begun = time.process_time()
+        row["fields"] = values(design.fields, scene, result.touches, require(card, "conductivity", "the skin"))
+        row["fields_cpu_s"] = time.process_time() - begun
+        row["cpu_s"] += row["fields_cpu_s"]
+    return row
+
+
+def blank_row(design: Design, cards: Cards) -> dict[str, Any]:
+    """A row without numbers, so that every part has the same columns and types."""
+    first = example(design)
+    readings = math.prod(protocol(first.drive, first.electrodes.count).shape)
+    names = ("signal_error", "depth_error", *parquet.COST, "skin_fraction_extrapolated", "fraction_non_elliptic",
+             *columns(cards), *voltage_columns(readings), *voltage_columns(readings, "dv"))
+    words = dict.fromkeys(("outcome", "message", *parquet.METHODS), "")
+    return {"scene": -1, **words, "card_sample": -1} | blank_keys(design) | dict.fromkeys(names, np.nan)
+
+
+def _values(result: Result) -> dict[str, Any]:
+    if result.readings is None:
+        return {"cpu_s": result.cost["cpu_s"]}
+    row = {"mechanics_method": ", ".join(dict.fromkeys(_method(touch) for touch in result.touches)),
+           "electrics_method": result.readings.method, "signal_error": result.error_estimate["signal"],
+           "depth_error": result.error_estimate["depth"], "cpu_s": result.cost["cpu_s"],
+           "mechanics_cpu_s": sum(touch.cpu_s for touch in result.touches), "electrics_cpu_s": sum(
+               {id(r): r.cpu_s for r in (result.readings, *(m.readings for m in result.moments))}.values()),
+           "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
+           "fraction_non_elliptic": max(touch.fraction_non_elliptic for touch in result.touches)}
+    for k, touch in enumerate(result.touches):
+        block = mechanical(touch)
+        row |= {numbered(name, k): value for name, value in {"F_N": block.pop("force_N"), **block}.items()}
+    touched, signal = result.readings.touched_V.ravel(), result.readings.signal_V.ravel()
+    row |= dict(zip(voltage_columns(touched.size), touched.tolist(), strict=True))
+    return row | dict(zip(voltage_columns(signal.size, "dv"), signal.tolist(), strict=True))
+
+
+def _method(touch: Touch) -> str:
+    """How a touch was solved: a stored one took no iterations."""
+    how = "table" if touch.iterations == 0 else "afresh"
+    if touch.rim is None:
+        return how
+    return f"{how} near the rim" if touch.rim.towards is None else f"{how} with a neighbour"

@@ -1,0 +1,207 @@
+"""A CSV table of scenes as a design: one row a scene, a column a key, the other keys from a scene file."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from eitsim.scene.drive import MATRICES, with_matrices
+from eitsim.scene.scene import check_value, scene_from, scene_keys
+from eitsim.sweeps.design.design import Design, design_from
+from eitsim.sweeps.design.sampling import row_tables
+from eitsim.sweeps.design.variables import SENSOR, layout_of
+from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
+from touchcal.errors import TestFileError
+from touchcal.toml_file import read_toml
+
+# Touches that a table may have columns for.
+MOST_TOUCHES = 20
+# Keys that hold lists, which no cell can.
+_LISTS = (*MATRICES, "angles_deg", "missing")
+# What a scene file may hold for the sake of a design.
+_BESIDE = ("seed", "material", "measurement", "fields")
+_RIVALS = {"force_N": "depth_mm", "depth_mm": "force_N"}
+
+# table, touch from 0, key
+Where = tuple[str, int, str]
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """A table's cells."""
+
+    # column -> where its values belong
+    columns: Mapping[str, Where]
+    # one a scene: where -> value; empty cells are not there
+    rows: tuple[Mapping[Where, Any], ...]
+    # line of each row in the file, from 1
+    lines: tuple[int, ...]
+
+
+def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: int | None = None) -> Design:
+    """The design whose scene i is row i of a CSV.
+
+    Columns are x_mm, y_mm, d_mm, F_N, any key of [punch], or table.key; of further touches x_2_mm or punch_2_profile.
+    Also as data sets call them (skin_thickness_um). An empty cell is what the scene file `base`, or else its default,
+    says; a row without any cell of a further touch has fewer touches. `base` may also hold seed, [material],
+    [measurement] and [fields] as designs do. `scenes`: only so many rows. TestFileError names line and column.
+    """
+    path = Path(path)
+    given, beside = _base(Path(base)) if base is not None else ({}, {})
+    cells = _read(path)
+    punches = given.pop("punch", {})
+    punches = punches if isinstance(punches, list) else [punches]
+    counts = [_touches(path, row, line, len(punches)) for row, line in zip(cells.rows, cells.lines, strict=True)]
+    most = max(counts)
+    named = given.keys() | {table for table, _, _ in cells.columns.values()}
+    tables: dict[str, Any] = {name: dict(given.get(name, {})) for name in sorted(named)}
+    tables["punch"] = [{"x_mm": 0.0, "y_mm": 0.0, **punches[min(k, len(punches) - 1)]} for k in range(most)]
+    for where in _with_rivals(cells, tables):
+        table, k, key = where
+        if k < most:
+            held = tables["punch"][k] if table == "punch" else tables[table]
+            usual = held.get(key)
+            held[key] = {"rows": [_value(row, where, usual) for row in cells.rows]}
+    count = len(cells.rows) if scenes is None else scenes
+    if not 0 < count <= len(cells.rows):
+        raise TestFileError(path, f"it holds {len(cells.rows)} scenes; {count} are asked for.")
+    raw = {**tables, **beside, **({"touches": {"rows": counts}} if most > 1 else {})}
+    return _checked(path, raw, count, cells.lines)
+
+
+def _base(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The tables of a scene file, and what it holds beside them for a design."""
+    raw = with_matrices(read_toml(path), path.parent)
+    tables = {name: value for name, value in raw.items() if name not in (*_BESIDE, "card")}
+    beside = {name: value for name, value in raw.items() if name in _BESIDE}
+    try:
+        if len(scene_from(tables).hold.time_s) > 1:
+            raise ValueError("time_s in [hold] holds several times, and a row of a table is one scene at one time. "
+                             "Give one, or a column hold.time_s.")
+        design_from({"scenes": 1, **tables, **beside})
+    except ValueError as error:
+        raise TestFileError(path, str(error)) from None
+    return tables, beside
+
+
+def _read(path: Path) -> _Cells:
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+    except FileNotFoundError:
+        raise TestFileError(path, "no such file. Check the name and the folder.") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise TestFileError(path, f"not a text file ({error}). Expected a CSV of scenes.") from None
+    found = [(line, row) for line, row in found if any(row)]
+    if len(found) < 2:
+        raise TestFileError(path, "it holds no scenes. Expected a header such as x_mm,y_mm,d_mm,F_N and one row a "
+                                  "scene.")
+    (line, header), *rows = found
+    if any(";" in cell or "\t" in cell for cell in header):
+        raise TestFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and points "
+                                  "in numbers.", line=line)
+    columns = _columns(path, header, line)
+    return _Cells(columns, tuple(_row(path, columns, row, line) for line, row in rows), tuple(n for n, _ in rows))
+
+
+def _columns(path: Path, header: list[str], line: int) -> dict[str, Where]:
+    known, columns = _known_columns(), {}
+    for name in header:
+        if name not in known:
+            raise TestFileError(path, f"the column '{name}' is unknown; known: {', '.join(OWN.values())}, a key of "
+                                f"[punch] ({', '.join(scene_keys()['punch'])}), table.key as in skin.thickness_um, and "
+                                "of further touches x_2_mm or punch_2_profile.", line=line)
+        table, _, key = known[name]
+        if (table, key) in SENSOR:
+            raise TestFileError(path, f"the column '{name}' decides which readings a row holds, and those of all rows "
+                                "stand in the same columns. Give it in a scene file (--scene).", line=line)
+        if known[name] in columns.values():
+            raise TestFileError(path, f"the column '{name}' says again what another one says. Leave one out.",
+                                line=line)
+        columns[name] = known[name]
+    return columns
+
+
+def _known_columns() -> dict[str, Where]:
+    known: dict[str, Where] = {}
+    for table, keys in scene_keys().items():
+        for key in keys:
+            if key not in _LISTS:
+                known[f"{table}.{key}"] = known[key_column(table, key)] = table, 0, key
+    for key in scene_keys()["punch"]:
+        known[key] = "punch", 0, key
+        for k in range(1, MOST_TOUCHES):
+            known[key_column("punch", key, k)] = "punch", k, key
+    for key, column in {**OWN, "depth_mm": "depth_mm"}.items():
+        known |= {numbered(column, k): ("punch", k, key) for k in range(MOST_TOUCHES)}
+    return known
+
+
+def _row(path: Path, columns: Mapping[str, Where], row: list[str], line: int) -> dict[Where, Any]:
+    if len(row) != len(columns):
+        commas = " A decimal comma parts a cell in two: use points in numbers." if len(row) > len(columns) else ""
+        raise TestFileError(path, f"{len(row)} cells, expected {len(columns)} as in the header.{commas}", line=line)
+    values = {}
+    for (name, where), cell in zip(columns.items(), row, strict=True):
+        if cell:
+            values[where] = _parsed(cell)
+            try:
+                check_value(where[0], where[2], values[where])
+            except ValueError as error:
+                raise TestFileError(path, f"column {name}: {error}", line=line) from None
+    return values
+
+
+def _parsed(cell: str) -> Any:
+    if cell.lower() in ("true", "false"):
+        return cell.lower() == "true"
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
+
+
+def _touches(path: Path, row: Mapping[Where, Any], line: int, least: int) -> int:
+    """The number of touches of a row: those of the scene file, and further ones that have a cell."""
+    own = {k for table, k, _ in row if table == "punch" and k >= least}
+    if own and (gap := set(range(least, max(own))) - own):
+        raise TestFileError(path, f"touch {max(own) + 1} is given and touch {min(gap) + 1} is not. Number the touches "
+                                  "of a row without gaps.", line=line)
+    return max(own, default=least - 1) + 1
+
+
+def _with_rivals(cells: _Cells, tables: Mapping[str, Any]) -> list[Where]:
+    """Where values vary by row: the columns, and a force or depth of the scene file that some row's cell replaces."""
+    found = list(cells.columns.values())
+    for table, k, key in cells.columns.values():
+        if key in _RIVALS and k < len(tables["punch"]) and _RIVALS[key] in tables["punch"][k]:
+            found.append((table, k, _RIVALS[key]))
+    return list(dict.fromkeys(found))
+
+
+def _value(row: Mapping[Where, Any], where: Where, usual: Any) -> Any:
+    """The value of a row: its cell, else what the scene file says unless the row gives the depth instead of the force
+    or the other way round."""
+    table, k, key = where
+    rival = key in _RIVALS and (table, k, _RIVALS[key]) in row
+    return row.get(where, None if rival else usual)
+
+
+def _checked(path: Path, raw: Mapping[str, Any], count: int, lines: tuple[int, ...]) -> Design:
+    """The design of a table whose rows are all scenes."""
+    layout = layout_of({name: raw[name] for name in scene_keys() if name in raw}, raw.get("touches"))
+    for index in range(count):
+        try:
+            scene_from(row_tables(layout, "random", count, 0, index))
+        except ValueError as error:
+            raise TestFileError(path, str(error), line=lines[index]) from None
+    source = {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+    try:
+        return replace(design_from(raw, count), source=source)
+    except ValueError as error:
+        raise TestFileError(path, str(error)) from None

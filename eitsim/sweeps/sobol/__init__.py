@@ -1,0 +1,1 @@
+"""Variance-based sensitivity (Sobol indices)."""

@@ -1,0 +1,236 @@
+"""Command line of `matcal`: inspect, fit, predict, check, export, report."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from touchcal.errors import NotConverged
+from touchcal.terminal import JsonOption, application, check_apart, check_out, counter, print_json, run
+
+if TYPE_CHECKING:
+    from matcal.fitting.calibrate import Calibration, Choices
+    from matcal.posterior.sample import Posterior
+
+app = application("Calibrate a foam and its conductive skin from test files into a material card.")
+
+CardFile = Annotated[Path, typer.Argument(metavar="CARD", help="Material card (JSON).")]
+ColumnsOption = Annotated[list[str] | None, typer.Option(metavar="[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...", help=(
+    "Which columns mean what, where a file does not say: COLUMN is a name or a number from 1; sheet=NAME chooses a "
+    "sheet, block=N a block of an MTS 793 file. Repeat it for further files."))]
+# endings of the files that a fit leaves in the folder beside its card
+WRITTEN = (".parquet", ".json", ".nc")
+
+
+@app.command()
+def inspect(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Machine files or tables.")],
+            columns: ColumnsOption = None, as_json: JsonOption = False) -> None:
+    """Say what each file holds: its layout, columns, units, range and the kind of test it was taken for.
+
+    Example: matcal inspect data_raw/mts_uniaxial.txt
+    """
+    from matcal.cli.arguments import input_of
+    from matcal.readers.column_options import parse_selection, selections_of
+    from matcal.reduction.inspect import describe, print_description
+
+    inputs = [input_of(text) for text in files]
+    chosen = selections_of(inputs, [parse_selection(text) for text in columns or []])
+    described = {str(path): describe(path, choice.get(path), kind)
+                 for (kind, paths), choice in zip(inputs, chosen, strict=True) for path in paths}
+    if as_json:
+        print_json(described)
+        return
+    for path, found in described.items():
+        print_description(path, found)
+
+
+@app.command()
+def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Test files; conductivity takes "
+                                                   "FRAME_FILE,POTENTIOSTAT_FILE.")],
+        specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens (TOML).")] = None,
+        columns: ColumnsOption = None,
+        branch: Annotated[str, typer.Option(help="Loading of a cyclic test that is used: last (preconditioned) or "
+                                            "first.")] = "last",
+        order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
+        poisson: Annotated[str, typer.Option(help="Poisson-like nu: a value for all terms, or A,B,... one a term (by "
+                                             "increasing alpha); fit: one for all terms from lateral strain, a "
+                                             "volumetric test, or two modes at least (from stress alone, less sure); "
+                                             "fit-each: one a term, from lateral strain or a volumetric test.")] = "0",
+        stable: Annotated[str | None, typer.Option(help="Hold the law drucker or elliptic stable.")] = None,
+        stable_range: Annotated[str | None, typer.Option(metavar="LO,HI", help="Principal stretches between which it "
+                                                         "is held; by default those that the tests drive.")] = None,
+        predicted: Annotated[list[str] | None, typer.Option("--predict", metavar="[KIND=]FILE",
+                                                            help="A test to compare with, not to fit.")] = None,
+        residual: Annotated[str, typer.Option(help="relative (to each curve's rms), absolute, or deviation (point by "
+                                              "point).")] = "relative",
+        weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of a kind.")] = None,
+        prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
+        posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior with emcee.")] = False,
+        seed: Annotated[int, typer.Option(help="Seed of the sampler.")] = 0,
+        out: Annotated[Path, typer.Option(help="Card to write; its data go beside it.")] = Path("card.json"),
+        report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
+        as_json: JsonOption = False) -> None:
+    """Fit everything the files allow and write the material card.
+
+    Example: matcal fit data_raw/uniaxial.csv data_raw/shear.csv --out card.json
+    """
+    from matcal.card import as_json as card_json
+    from matcal.cli.arguments import check_used, choices, input_of
+    from matcal.cli.summary import print_fit
+    from matcal.fitting.calibrate import calibrate
+    from matcal.readers.column_options import parse_selection, selections_of
+    from matcal.readers.detect import files_of
+    from matcal.record.write import make_card, write_record
+    from matcal.reduction.reduce import read_and_reduce
+
+    _check_places(out, report)
+    inputs, others = [input_of(text) for text in files], [input_of(text) for text in predicted or []]
+    chosen = choices(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
+    selected = selections_of([*inputs, *others], [parse_selection(text) for text in columns or []])
+    reduced = read_and_reduce(inputs, specimen, selected[:len(inputs)], branch)
+    check_used(chosen, reduced.experiments)
+    compared = read_and_reduce(others, specimen, selected[len(inputs):], branch)
+    found = calibrate(reduced.experiments, chosen, compared.experiments)
+    draws, unfinished = _sampled(found, chosen, seed) if posterior else (None, None)
+    used = [p for _, paths in [*inputs, *others] for path in paths for p in files_of(path)]
+    used = list(dict.fromkeys([*used, *reduced.beside, *compared.beside]))
+    card = make_card(found, out, used, seed, draws)
+    write_record(card, found, out, draws)
+    if as_json:
+        print_json(card_json(card) | {"card": str(out)})
+    else:
+        print_fit(card, out)
+    if unfinished is not None:
+        raise unfinished
+    if report is not None:
+        _write_report(out, report, quiet=as_json)
+
+
+def _sampled(found: Calibration, choices: Choices, seed: int) -> tuple[Posterior, NotConverged | None]:
+    """The posterior, and the error to raise once it has been saved where it did not converge."""
+    from matcal.fitting.hyperfoam.poisson import FITTED
+    from matcal.posterior.sample import MOST_STEPS, sample
+
+    with counter(MOST_STEPS, "posterior") as advance:
+        try:
+            return sample(found.fit, found.uncertainty, found.prony, found.conductivity, seed, advance,
+                          choices.poisson in FITTED), None
+        except NotConverged as error:
+            return error.estimate, error
+
+
+@app.command()
+def predict(card: CardFile,
+            mode: Annotated[str, typer.Argument(metavar="MODE", help="uniaxial, biaxial, planar, shear, volumetric, "
+                                                "relaxation or conductivity.")],
+            strain: Annotated[str | None, typer.Option(help="Nominal strains A,B,... (gamma in shear, J in "
+                                                       "volumetric).")] = None,
+            time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation.")] = None,
+            as_json: JsonOption = False) -> None:
+    """Print what the card predicts, with its 95 % band where it has a posterior.
+
+    Example: matcal predict card.json uniaxial --strain=-0.1,-0.5,-0.8 --json
+    """
+    from matcal.card import read_card
+    from matcal.cli.arguments import points
+    from matcal.cli.summary import print_columns
+    from matcal.record.predict import PREDICTED, prediction
+
+    if mode not in PREDICTED:
+        raise ValueError(f"mode '{mode}' is unknown; known: {', '.join(PREDICTED)}.")
+    values = points(mode, strain, time)
+    columns = prediction(read_card(card), card, mode, values)
+    if as_json:
+        print_json({"mode": mode, **columns})
+    else:
+        print_columns(columns, f"{mode}, {card.name}")
+
+
+@app.command()
+def check(card: CardFile, as_json: JsonOption = False) -> None:
+    """Print where along each mode the card's law is not Drucker stable or loses ellipticity.
+
+    Example: matcal check card.json
+    """
+    from matcal.card import read_card, require
+    from matcal.cli.summary import print_stability
+    from matcal.fitting.hyperfoam.record_stability import as_lines
+    from matcal.laws.stability import stability
+
+    read = read_card(card)
+    found = stability(require(read, "hyperfoam", "a stability check"))
+    data = read.fit.get("data_stability", [])
+    if as_json:
+        print_json(found | ({"data": data} if data else {}))
+    else:
+        print_stability(found)
+        for line in as_lines(data):
+            print(line)
+
+
+@app.command()
+def export(card: CardFile,
+           to: Annotated[str, typer.Option("--to", help="abaqus, calculix, febio, lsdyna or ansys.")],
+           moduli: Annotated[str | None, typer.Option(help="instantaneous or longterm; without it as the card holds "
+                                                      "them.")] = None,
+           units: Annotated[str, typer.Option(help="SI (Pa), mm-t-s (MPa) or mm-kg-ms (GPa).")] = "SI",
+           density: Annotated[float | None, typer.Option(help="Mass density, kg/m3; the card holds none.")] = None,
+           out: Annotated[Path | None, typer.Option(help="File to write; without it the text is printed.")] = None
+           ) -> None:
+    """Write the card as material input of a finite-element program; what the program does otherwise is warned of.
+
+    Example: matcal export card.json --to calculix --moduli longterm --units mm-t-s --out foam.inp
+    """
+    from matcal.card import read_card
+    from matcal.record.exporters.deck import export as exported
+
+    if out is not None:
+        check_out(out)
+        check_apart({"--out": out}, [card])
+    deck = exported(read_card(card), to, moduli, units, density)
+    for warning in deck.warnings:
+        print(f"matcal: warning: {warning}", file=sys.stderr)
+    if out is None:
+        print(deck.text, end="")
+    else:
+        out.write_text(deck.text, encoding="utf-8")
+
+
+@app.command()
+def report(card: CardFile, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
+    """Write the calibration report of a card and its data folder.
+
+    Example: matcal report card.json --out report.pdf
+    """
+    check_out(out)
+    _write_report(card, out)
+
+
+def _check_places(out: Path, report: Path | None) -> None:
+    """Before the work begins: card, its folder and report can be written, and nothing but an earlier fit goes."""
+    from matcal.record.write import folder_of
+
+    check_out(out)
+    folder = folder_of(out)
+    check_out(folder, folder=True)
+    if folder.is_dir() and (strange := sorted(p.name for p in folder.iterdir() if p.suffix not in WRITTEN)):
+        raise ValueError(f"--out {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
+                         "earlier fit. Choose another name.")
+    if report is not None:
+        check_out(report, "--report")
+
+
+def _write_report(card: Path, out: Path, quiet: bool = False) -> None:
+    from reports.calibration.calibration_report import write
+
+    write(card, out)
+    if not quiet:
+        print(f"report: {out}")
+
+
+def main() -> None:
+    """Entry point."""
+    run(app, "matcal")

@@ -1,0 +1,181 @@
+"""What the command line prints of a calibration: results first, what to mind, errors, and at last what was decided."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from matcal.card import MaterialCard, grouped
+from matcal.fitting.hyperfoam.record_stability import as_lines
+from matcal.laws.deformation_modes import MODES
+from matcal.record import result_tables as tables
+from matcal.record.cautions import cautions, tests
+
+# columns of a table in a pipe, where nothing says how wide the reader's page is
+_PIPE = 120
+
+
+def print_columns(columns: dict[str, Any], title: str) -> None:
+    """Print columns of one length as a table, and words below it."""
+    shown = {name: values for name, values in columns.items() if not isinstance(values, str)}
+    rows = [[f"{value:.6g}" for value in row] for row in zip(*shown.values(), strict=True)]
+    console = _console()
+    _print_table(console, tables.Printed(title, [*shown], rows, ">" * len(shown)))
+    for name, value in columns.items():
+        if isinstance(value, str):
+            _say(console, f"{name}: {value}")
+
+
+def print_stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
+    """Print the ranges that `matcal.laws.stability.stability` found."""
+    _print_table(_console(), tables.stability(found))
+
+
+def print_fit(card: MaterialCard, out: Path) -> None:
+    """Print what a calibration found, from its card, what was decided, and what may be done with it next."""
+    console = _console()
+    _say(console, _title(card))
+    for table in _results(card):
+        _print_table(console, table)
+    if warned := cautions(card):
+        _heading(console, "Mind")
+        for sentence in warned:
+            _item(console, "!", sentence)
+    for table in _quality(card):
+        _print_table(console, table)
+    if card.posterior:
+        _heading(console, "Posterior")
+        _say(console, _posterior(card))
+    _heading(console, "Decisions")
+    _decisions(console, card)
+    _heading(console, "Next")
+    for command, purpose in _next(card, out):
+        _say(console, f"  {command}\n      {purpose}")
+    spent = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in card.provenance["cpu_s"].items())
+    _say(console, f"\nCPU: {spent}.")
+    _say(console, f"card: {out} (file sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]}), "
+                  f"data: {out.with_suffix('.d')}")
+
+
+def _results(card: MaterialCard) -> Iterator[tables.Printed]:
+    if "derived" in card.fit or card.posterior.get("derived"):
+        yield tables.derived(card)
+    if card.hyperfoam is not None and "parameters" in card.fit:
+        yield tables.law(card)
+    if card.prony is not None:
+        yield tables.series(card)
+    if card.conductivity is not None:
+        yield tables.skin(card)
+
+
+def _quality(card: MaterialCard) -> Iterator[tables.Printed]:
+    fitted = tests(card)
+    if fitted:
+        yield tables.errors(card)
+    if any("stiffness_factor" in row for row in fitted.values()):
+        yield tables.replicates(card)
+    if card.fit.get("cross_prediction"):
+        yield tables.cross(card)
+        if len({row["kind"] for row in fitted.values()}) < len(fitted):
+            yield tables.by_test(card)
+    if card.fit.get("predicted"):
+        yield tables.predicted(card)
+    if "without_stability" in card.fit:
+        yield tables.stability_cost(card)
+    if card.stability:
+        found = tables.stability(card.stability)
+        yield replace(found, notes=(*found.notes, *as_lines(card.fit.get("data_stability", ()))))
+    if len(card.fit.get("orders", ())) > 1:
+        yield tables.orders(card)
+    if len(card.fit.get("prony", {}).get("orders", ())) > 1:
+        yield tables.series_orders(card)
+
+
+def _title(card: MaterialCard) -> str:
+    files, fitted = len(card.provenance.get("files", ())), len(tests(card))
+    parts = [name for part, name in (("hyperfoam", "foam"), ("prony", "relaxation"), ("conductivity", "skin"))
+             if getattr(card, part) is not None]
+    of = " of synthetic data" if card.provenance.get("synthetic") else ""
+    return (f"{card.name}: {', '.join(parts) or 'nothing'}, from {fitted} test{'s' * (fitted != 1)} in {files} "
+            f"file{'s' * (files != 1)}{of}")
+
+
+def _posterior(card: MaterialCard) -> str:
+    checks = card.posterior["checks"]
+    state = "converged" if checks.get("converged", True) else "did NOT converge"
+    return (f"{card.posterior['n']} draws, {state}: R-hat {checks['rhat']:.3f}, effective sample size "
+            f"{checks['ess']:.0f}, autocorrelation time {checks['autocorrelation_steps']:.0f} of "
+            f"{checks['steps_kept']:.0f} steps. Prior: {card.posterior['prior']}")
+
+
+def _decisions(console: Console, card: MaterialCard) -> None:
+    for title, sentences in grouped(card):
+        console.print(Text(title, style="bold"), soft_wrap=True)
+        for sentence in sentences:
+            _item(console, "-", sentence)
+
+
+def _next(card: MaterialCard, out: Path) -> list[tuple[str, str]]:
+    said = [(f"matcal report {out} --out {out.with_suffix('.pdf')}", "figures, tables and provenance as PDF")]
+    if card.hyperfoam is not None:
+        mode = next((m for m in MODES if m in card.hyperfoam.strain_range), "uniaxial")
+        at = card.hyperfoam.strain_range.get(mode, (-0.5, 0.0))
+        strain = 0.5 * (at[0] if abs(at[0]) > abs(at[1]) else at[1])
+        said += [(f"matcal check {out}", "where the law is stable"),
+                 (f"matcal predict {out} {mode} --strain={strain:.2g}", "stress, with its band"),
+                 (f"matcal export {out} --to abaqus", "or calculix, febio, lsdyna, ansys")]
+    elif card.prony is not None:
+        said.append((f"matcal predict {out} relaxation --time=1,10,100", "normalised stress"))
+    elif card.conductivity is not None:
+        said.append((f"matcal predict {out} conductivity --strain=-0.2,0.2", "conductivity, with its band"))
+    return said
+
+
+def _console() -> Console:
+    """The terminal as it is, or COLUMNS wide; in a pipe wide enough that no table is folded."""
+    console = Console()
+    return console if console.is_terminal or "COLUMNS" in os.environ else Console(width=_PIPE)
+
+
+def _print_table(console: Console, printed: tables.Printed) -> None:
+    _heading(console, printed.title)
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1), header_style="")
+    for head, align in zip(printed.head, printed.align, strict=True):
+        table.add_column(head, justify="right" if align == ">" else "left", no_wrap=align != "w", overflow="fold")
+    for row in printed.rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console.print(table)
+    for note in printed.notes:
+        _say(console, f" {note}")
+
+
+def _heading(console: Console, words: str) -> None:
+    console.print()
+    console.print(Text(words, style="bold"))
+
+
+def _item(console: Console, mark: str, sentence: str) -> None:
+    """A sentence behind its mark: wrapped with a hanging indent on a terminal, one line in a pipe."""
+    if not console.is_terminal:
+        _say(console, f"  {mark} {sentence}")
+        return
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row(mark, Text(sentence))
+    console.print(Padding(grid, (0, 0, 0, 2)))
+
+
+def _say(console: Console, words: str) -> None:
+    """Plain words; a pipe gets them in one line."""
+    console.print(Text(words), soft_wrap=not console.is_terminal)
+
+

@@ -1,0 +1,1 @@
+"""Identification of the laws: hyperfoam, Prony series and conductivity."""

@@ -1,0 +1,264 @@
+"""The whole calibration: Prony series and hyperfoam law by turns, contact points refined, conductivity beside them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from matcal.fitting.conductivity_fit import ConductivityFit, fit_conductivity
+from matcal.fitting.hyperfoam.cross_prediction import Predicted, predictions, unstable_within
+from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
+from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, fit, quick_law
+from matcal.fitting.hyperfoam.poisson import FITTED, Poisson
+from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
+from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
+from matcal.fitting.relaxation.record_thinning import thinned
+from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
+from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
+from matcal.fitting.uncertainty.nuisance import refined_records, surprise, with_drift
+from matcal.laws.deformation_modes import MODES
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+from matcal.reduction.experiment import Experiment
+from touchcal.number_words import percent
+
+# turns of (series, law) at most, and the change of g below which they have settled
+_TURNS, _SETTLED = 6, 1e-5
+# starts of the fit that only refines the records
+_FEW = 3
+# fits that find the factors of specimens
+_FACTOR_TURNS = 2
+# times the residual of the chosen order up to which a lower one may refine the records as well
+_NEAR = 1.5
+CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the user may choose about a calibration."""
+
+    # terms of the law: 1 to 6, or "auto"
+    order: int | str = "auto"
+    # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
+    poisson: Poisson = 0.0
+    # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
+    stable: str | None = None
+    # least and largest principal stretch between which it must; None: those that the curves drive
+    stable_range: tuple[float, float] | None = None
+    # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
+    residual: str = "relative"
+    # kind -> weight
+    weights: Mapping[str, float] = field(default_factory=dict)
+    # terms of the Prony series: 1 to 6, or "auto"
+    prony_terms: int | str = "auto"
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Everything that one calibration found."""
+
+    # reduced tests, in the order given
+    experiments: tuple[Experiment, ...]
+    # long-term law; None without a stress-strain curve
+    fit: Fit | None
+    # its linearised intervals
+    uncertainty: Uncertainty | None
+    # relaxation; None without a relaxation test
+    prony: PronyFit | None
+    # skin; None without a conductivity test
+    conductivity: ConductivityFit | None
+    # stage -> what was decided there, one sentence each, in order
+    stages: Mapping[str, tuple[str, ...]]
+    # stage -> CPU seconds
+    cpu_s: Mapping[str, float]
+    # tests kept out of the fit, and the errors with which its laws predict them
+    predicted: tuple[Predicted, ...] = ()
+    # what the records themselves say about stability
+    data_checks: tuple[DataCheck, ...] = ()
+
+    @property
+    def decisions(self) -> tuple[str, ...]:
+        """The sentences of all stages."""
+        return tuple(sentence for said in self.stages.values() for sentence in said)
+
+
+def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None,
+              predicted: Sequence[Experiment] = ()) -> Calibration:
+    """Fit everything that the experiments allow; `predicted` are stress-strain tests that are compared, not fitted.
+
+    Raises ValueError for an unknown choice or for tests that cannot be fitted or compared.
+    """
+    choices = choices or Choices()
+    started = time.process_time()
+    experiments, said = with_drift([thinned(e) for e in experiments])
+    relaxing = [e for e in experiments if e.kind == "relaxation"]
+    curves = weigh(experiments, choices.residual, choices.weights)
+    prony = _prony(relaxing, curves, choices) if relaxing else None
+    series_s = time.process_time() - started
+    law, uncertainty, how = None, None, ()
+    if curves:
+        law, how = _law(curves, prony, choices)
+        uncertainty = linearised(law, prony)
+        how = (*how, *uncertainty.decisions)
+    kept_out = _predicted(predicted, law, prony)
+    law_s = time.process_time() - started - series_s
+    stretched = [e for e in experiments if e.kind == "conductivity"]
+    skin = fit_conductivity(stretched) if stretched else None
+    total = time.process_time() - started
+    data = check_data(law.curves, not np.any(law.law.nu)) if law else ()
+    checks = (*_stiffness_sentences(prony), *_stability_sentences(law, data), *_predicted_sentences(kept_out)
+              ) if law else ()
+    stages = {"records": said, "relaxation": prony.decisions if prony else (), "law": how, "checks": checks,
+              "skin": skin.decisions if skin else ()}
+    spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
+    return Calibration(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data)
+
+
+def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], choices: Choices) -> PronyFit:
+    """Series through the shape of the law, which is fitted again with each series until they agree."""
+    if not curves:
+        return fit_prony(relaxing, None, choices.prony_terms)
+    nu = 0.0 if isinstance(choices.poisson, str) else float(np.mean(choices.poisson))
+    law: Hyperfoam = quick_law(curves, choices.order, nu)
+    first = fit_prony(relaxing, law, choices.prony_terms)
+    law = _corrected(curves, first, choices.order, nu)
+    found = chosen = fit_prony(relaxing, law, choices.prony_terms)  # chosen again, through a law that knows its rate
+    terms, left = chosen.prony.g.size, np.inf
+    for turn in range(3, _TURNS + 1):
+        law = _corrected(curves, found, choices.order, nu)
+        before, found = found.prony, fit_prony(relaxing, law, terms)
+        left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
+        if left < _SETTLED:
+            return _told(found, chosen, choices, _turn_sentences(turn, relaxing, law))
+    return _told(found, chosen, choices, [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
+
+
+def _corrected(curves: Sequence[Curve], found: PronyFit, order: int | str, nu: float) -> Hyperfoam:
+    return quick_law([with_history(c, found.prony) for c in curves], order, nu)
+
+
+def _told(found: PronyFit, chosen: PronyFit, choices: Choices, more: Sequence[str]) -> PronyFit:
+    """The last turn with the numbers of terms tried when their number was chosen."""
+    tried = order_sentences(choices.prony_terms, chosen.orders, chosen.prony.g.size)
+    return replace(found, orders=chosen.orders, decisions=(*tried, *found.decisions, *more))
+
+
+def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) -> list[str]:
+    out = [f"Series and law were fitted by turns until they agreed, {turns} turns."]
+    deepest = min(float(e.strain.min()) for e in relaxing)
+    if deepest < law.strain_range.get("uniaxial", (0.0, 0.0))[0] - 0.02:
+        out.append(f"The relaxation test reaches a strain of {deepest:.2f}, beyond the compression curve in hand: the "
+                   "shape of its ramp is an extrapolation.")
+    return out
+
+
+def _law(curves: tuple[Curve, ...], prony: PronyFit | None, choices: Choices) -> tuple[Fit, tuple[str, ...]]:
+    curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
+    curves = _with_factors(curves, choices)
+    curves, moved = _refined(curves, choices)
+    found = fit(curves, choices.order, choices.poisson, stable=choices.stable, stable_range=choices.stable_range)
+    return found, (_moduli_sentence(curves, prony.prony if prony else None), *factor_sentences(curves), *moved,
+                   *found.decisions)
+
+
+def _with_factors(curves: tuple[Curve, ...], choices: Choices) -> tuple[Curve, ...]:
+    """Replicates with the factors of their specimens, from laws that are fitted without and then with them."""
+    for _ in range(_FACTOR_TURNS if replicated(curves) else 0):
+        curves = with_factors(curves, fit(curves, *_with_one_nu(choices), starts=_FEW, thorough=False).law)
+    return curves
+
+
+def _refined(curves: tuple[Curve, ...], choices: Choices) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
+    """The curves with contact, load zero and drift refined, by the order that needs least to explain them.
+
+    A term too many takes up what is an error of the record: each lower order of nearly the same residual refines the
+    records its own way, and the criterion of orders decides, the corrections' own prior counted.
+    """
+    order, nu = _with_one_nu(choices)
+    first = fit(curves, order, nu, starts=_FEW, thorough=False)
+    best = refined_records(first)
+    if not best[1] or order != "auto":
+        return best
+    chosen = next(row for row in first.orders if row.order == first.law.alpha.size)
+    near = [row.order for row in first.orders if row.order < chosen.order and row.rms < _NEAR * chosen.rms]
+    if not near:
+        return best
+    tried = {n: refined_records(fit(curves, n, nu, starts=_FEW, thorough=False)) for n in near} | {chosen.order: best}
+    return min(tried.values(), key=lambda refined: min(
+        row.bic for row in fit(refined[0], order, nu, starts=_FEW, thorough=False).orders) + surprise(refined[0]))
+
+
+def _with_one_nu(choices: Choices) -> tuple[int | str, float | str]:
+    """Order and nu of the fit that refines the records: one nu for all terms."""
+    if isinstance(choices.poisson, str):
+        return choices.order, "fit" if choices.poisson in FITTED else choices.poisson
+    values = np.atleast_1d(choices.poisson)
+    return choices.order if values.size == 1 else values.size, float(values.mean())
+
+
+def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:
+    if prony is None:
+        return ("Moduli are labelled long-term: no relaxation file was given, so the stress that has not relaxed yet "
+                "at the rate of these tests is not corrected for and counts as long-term.")
+    without = [c.label for c in curves if c.kernel is None]
+    said = (f"Moduli are long-term, corrected for rate: each test's own history is convolved with the Prony series on "
+            f"its second Piola-Kirchhoff stress, then mu_longterm = {prony.g_infinity:.4f} mu_instantaneous.")
+    return said + (f" No time column, taken as long-term: {', '.join(without)}." if without else "")
+
+
+def _stiffness_sentences(prony: PronyFit | None) -> list[str]:
+    if prony is None:
+        return []
+    ratios = ", ".join(f"{a * prony.prony.g_infinity:.3f}" for a in prony.amplitude)
+    return [f"Held stress over what the law gives there: {ratios}; only the shape of the hold was fitted, so this "
+            "compares one specimen with another."]
+
+
+def _stability_sentences(found: Fit, data: Sequence[DataCheck]) -> list[str]:
+    """Where the law loses stability within the tests, and whether the records themselves do."""
+    lost = unstable_within(found.law, found.curves)
+    said = [f"The law is not {CRITERION_NAMES[criterion]} in {mode} for strains {lo:.3f} to {hi:.3f}, within the tests."
+            for criterion, modes in lost.items() for mode, ranges in modes.items() for lo, hi in ranges]
+    fitted = ", ".join(f"{mode} {lo:.3g} to {hi:.3g}" for mode, (lo, hi) in found.law.strain_range.items())
+    if not said:
+        said.append(f"The law is Drucker stable and strongly elliptic along all fitted tests: {fitted}.")
+    return [*said, *check_sentences(data, not np.any(found.law.nu))]
+
+
+def _predicted(experiments: Sequence[Experiment], found: Fit | None, prony: PronyFit | None) -> tuple[Predicted, ...]:
+    if not experiments:
+        return ()
+    if found is None:
+        raise ValueError("a test can only be predicted by a fitted law: give a uniaxial or shear file to fit as well.")
+    if strange := [e for e in experiments if not is_curve(e)]:
+        raise ValueError(f"{', '.join(strange[0].source)}: a {strange[0].kind} test cannot be predicted and compared; "
+                         f"known: {', '.join(MODES)}.")
+    curves = weigh([thinned(e) for e in experiments])
+    curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
+    laws = {"combined": found.law} | {f"{mode} alone": alone.law for mode, alone in found.alone.items()}
+    return predictions(laws | ({"free": found.free} if found.free else {}), curves)
+
+
+def _predicted_sentences(predicted: Sequence[Predicted]) -> list[str]:
+    return [f"Not fitted but predicted, {', '.join(p.curve.experiment.source)} ({p.curve.experiment.kind} "
+            f"{p.curve.experiment.strain.min():.3g} to {p.curve.experiment.strain.max():.3g}): relative RMS "
+            + ", ".join(f"{percent(share)} by the {name} law" for name, share in p.relative_rms.items()) + "."
+            for p in predicted]
+
+
+def labels(experiments: Sequence[Experiment]) -> list[str]:
+    """KIND_i of each experiment, in order; the same names as the curves of a fit."""
+    seen: dict[str, int] = {}
+    out = []
+    for experiment in experiments:
+        seen[experiment.kind] = seen.get(experiment.kind, 0) + 1
+        out.append(f"{experiment.kind}_{seen[experiment.kind]}")
+    return out
+
+
+def is_curve(experiment: Experiment) -> bool:
+    """Whether an experiment is a stress-strain curve."""
+    return experiment.kind in MODES

@@ -1,0 +1,1 @@
+"""Variable projection of the hyperfoam law: exponents are searched, moduli solved for."""

@@ -1,0 +1,107 @@
+"""The law when terms differ in nu: moduli, exponents and ratios at once by nonlinear least squares.
+
+The lateral stretch then follows from the balance of all terms, so stress is no longer linear in the moduli and variable
+projection does not apply. The search starts from laws with one nu, found by variable projection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from matcal.fitting.hyperfoam.constrained_moduli import bound_rows, least
+from matcal.fitting.hyperfoam.curves import Curve, weighted_model, weighted_stress
+from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, lateral_residual
+from matcal.fitting.hyperfoam.variable_projection import Exponents, exponents
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+# residual for a law that is no material or whose free faces find no rest, and per mu_0 that an inequality falls short
+_REJECTED, _PENALTY = 10.0, 30.0
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A law with unequal nu."""
+
+    # fitted law
+    law: Hyperfoam
+    # sum of squared weighted stress residuals
+    cost: float
+    # evaluations of the model
+    evaluations: int
+
+
+def refine(curves: Sequence[Curve], starts: Sequence[Hyperfoam], allowed: Exponents, fit_nu: bool,
+           rows: Callable[[Array, Array], Array] | None = None) -> Refined:
+    """Least squares of stress and lateral strain over (mu, alpha), and nu where `fit_nu`, from the best of `starts`.
+
+    `rows`(alpha, nu) (m, N): inequalities rows @ mu > 0 held by a penalty (to be checked afterwards). Raises
+    NotConverged where no start gives a law whose free faces find a stress-free stretch.
+    """
+    target, calls = weighted_stress(curves), 0
+    lateral = sum(c.experiment.strain.size for c in curves if c.experiment.lateral is not None)
+    worst = np.full(target.size + lateral, _REJECTED)
+
+    def residual(point: Array, start: Hyperfoam) -> Array:
+        nonlocal calls
+        calls += 1
+        mu, alpha, nu = _parameters(point, start, allowed, fit_nu)
+        short = _shortfall(mu, alpha, nu, rows)
+        try:
+            law = Hyperfoam(start.mu_0_Pa * mu, alpha, nu)
+            return np.r_[weighted_model(curves, law) - target, lateral_residual(curves, law), short]
+        except (ValueError, NotConverged):
+            return np.r_[worst, short]
+
+    found: list[tuple[float, Hyperfoam]] = []
+    for start in starts:
+        out = least_squares(residual, _point(start, allowed, fit_nu), args=(start,), jac="3-point",
+                            bounds=_bounds(start.alpha.size, allowed, fit_nu), x_scale="jac", xtol=1e-10, ftol=1e-10,
+                            gtol=1e-14, max_nfev=100)
+        if np.any(out.fun[:worst.size] != _REJECTED):
+            mu, alpha, nu = _parameters(out.x, start, allowed, fit_nu)
+            found.append((float(out.cost), Hyperfoam(start.mu_0_Pa * mu, alpha, nu)))
+    if not found:
+        raise NotConverged("nu term by term: from no start do the free faces find a stretch without stress. Give one "
+                           "nu for all terms, or a lower order.")
+    law = min(found, key=lambda pair: pair[0])[1]
+    return Refined(law, float(np.sum((weighted_model(curves, law) - target) ** 2)), calls)
+
+
+def with_nu(law: Hyperfoam, nu: ArrayLike) -> Hyperfoam:
+    """The law with other nu."""
+    return replace(law, nu=np.asarray(nu, dtype=float))
+
+
+def _shortfall(mu: Array, alpha: Array, nu: Array, rows: Callable[[Array, Array], Array] | None) -> Array:
+    """What mu, in units of mu_0, lack of the inequalities, weighed."""
+    held = bound_rows(alpha) @ mu
+    if rows is not None:
+        stable = rows(alpha, nu)
+        held = np.r_[held, stable @ mu - least(stable)]
+    return _PENALTY * np.maximum(-held, 0.0)
+
+
+def _point(law: Hyperfoam, allowed: Exponents, fit_nu: bool) -> Array:
+    low, high = _bounds(law.alpha.size, allowed, fit_nu)
+    point = np.r_[law.mu_Pa / law.mu_0_Pa, np.diff(law.alpha, prepend=0.0), law.nu if fit_nu else []]
+    return np.clip(point, low + 1e-6, high - 1e-6)
+
+
+def _bounds(n: int, allowed: Exponents, fit_nu: bool) -> tuple[Array, Array]:
+    nu = np.ones(n if fit_nu else 0)
+    return (np.r_[np.full(n, -np.inf), allowed.low, np.full(n - 1, allowed.gap), NU_BOUNDS[0] * nu],
+            np.r_[np.full(n, np.inf), allowed.high, np.full(n - 1, allowed.high - allowed.low), NU_BOUNDS[1] * nu])
+
+
+def _parameters(point: Array, start: Hyperfoam, allowed: Exponents, fit_nu: bool) -> tuple[Array, Array, Array]:
+    """(mu in units of the start's mu_0, alpha, nu), (N,) each."""
+    n = start.alpha.size
+    return point[:n], exponents(point[n:2 * n], allowed), point[2 * n:] if fit_nu else start.nu

@@ -1,0 +1,1 @@
+"""The Prony series from holds, with the ramp before each."""

@@ -1,0 +1,164 @@
+"""Relaxation tests as a fit of a series sees them: the hold through the law's own curve, tabulated in the time.
+
+With instantaneous second Piola-Kirchhoff histories S_0k (`matcal.fitting.relaxation.instantaneous_curve`) the nominal
+stress of a series is sum_k A_k w (g_inf S_0k + sum g_i D_k(tau_i)), D_k(tau) = int exp(-(t - s)/tau) dS_0k. D is smooth
+in ln tau: a spline of it on the few directions that all D span costs microseconds a point, whatever the number of
+measurements and decades.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from matcal.fitting.relaxation.instantaneous_curve import of_law, of_ramp
+from matcal.laws.deformation_modes import push_forward
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony, decaying
+from matcal.reduction.experiment import Experiment
+
+Array = NDArray[np.float64]
+
+# the hold begins where the strain first reaches this share of its largest value, unless the experiment marks it
+_HELD = 0.999
+# longest step of the strain over its largest
+_FAR = 0.02
+# tabulated times in each decade, of which every second spans the basis (the others lie in it to 1e-8); directions
+# smaller than this share of the largest are left out
+_PER_DECADE, _SPANNING, _KEPT = 40, 2, 1e-11
+
+
+@dataclass(frozen=True)
+class Hold:
+    """One test, ready to be compared."""
+
+    # (n,) times, s, from rest
+    time_s: Array
+    # (m,) times, s, with some between samples where the strain moves far, and (n,) where the samples are among them
+    fine_s: Array
+    at: NDArray[np.intp]
+    # (m, K) columns of the instantaneous second Piola-Kirchhoff stress there, the strain linear between samples
+    instantaneous: Array
+    # (n,) push-forward to nominal stress
+    push: Array
+    # (n,) measured nominal stress, Pa
+    stress_Pa: Array
+    # (n,) one over the standard deviation of the noise, 0 where nothing is compared
+    precision: Array
+    # (n,) whether the strain is held
+    held: NDArray[np.bool_]
+    # where the columns come from: "law", "ramp" or "straight"
+    shape: str
+
+    @property
+    def ramp_s(self) -> float:
+        """Time at which the (first) hold begins."""
+        return float(self.time_s[np.argmax(self.held)])
+
+    @property
+    def hold_s(self) -> float:
+        """Length of the record from there on, s."""
+        return float(self.time_s[-1]) - self.ramp_s
+
+
+@dataclass(frozen=True)
+class HoldTable:
+    """One test on a short basis; inner products are those of the full weighted hold."""
+
+    # (n_seen, r) orthonormal directions
+    basis: Array
+    # (r, K) weighted columns without relaxation
+    rest: Array
+    # ln tau -> (r, K) weighted D(tau)
+    slow: CubicSpline
+    # (r,) weighted measured stress
+    target: Array
+    # (r, J) further weighted vectors that were given
+    more: Array
+
+    def unit(self, ln_tau: Array, share: Array) -> Array:
+        """(W, r, K) weighted columns for (W, M) ln tau and g/g_inf, over their own long-term scale."""
+        return self.rest + np.einsum("wm,wmrk->wrk", share, self.slow(ln_tau))
+
+
+def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int,
+            held: NDArray[np.bool_] | None = None) -> Hold:
+    """The test through the law's curve, or through that of its own ramp, which is then compared too; `held` (n,) marks
+    the hold where it is known already.
+
+    Raises ValueError for a test without clock or ramp, and for fewer points in the hold than `terms` need.
+    """
+    where = f"relaxation ({', '.join(experiment.source) or 'no file'})"
+    e, t = experiment.strain, experiment.time_s
+    if t is None:
+        raise ValueError(f"{where}: a relaxation test needs a time column.")
+    if held is None:
+        held = (experiment.held > 0 if experiment.held is not None else
+                np.asarray(np.maximum.accumulate(np.abs(e)) >= _HELD * np.abs(e).max()))
+    if np.count_nonzero(held) < 2 * terms + 3 or not np.any(e):
+        raise ValueError(f"{where}: {np.count_nonzero(held)} points lie in the hold; {terms} terms need "
+                         f"{2 * terms + 3}.")
+    count = np.ones(t.size) if experiment.samples is None else experiment.samples
+    noise = experiment.noise or 1e-3 * float(np.abs(experiment.value).max()) or 1.0
+    fine_s, at = _refined(t, e)
+    fine = np.interp(fine_s, t, e)
+    still = np.zeros(fine_s.size, dtype=bool)
+    still[at] = held
+    columns, shape = (of_law(law, fine, still), "law") if law is not None else _own_shape(fine, still, at)
+    precision = np.where(held | ((shape == "ramp") & (e != 0)), np.sqrt(count) / noise, 0.0)
+    return Hold(t, fine_s, at, columns, push_forward("uniaxial", e)[:, 0], experiment.value, precision, held, shape)
+
+
+def _refined(time_s: Array, strain: Array) -> tuple[Array, NDArray[np.intp]]:
+    """(m,) times with some between samples where the strain moves far, and (n,) where the samples are among them."""
+    step = np.abs(np.diff(strain)) / (_FAR * np.abs(strain).max())
+    more = np.where(np.diff(time_s) > 0, np.clip(np.ceil(step), 1, None), 1).astype(int)
+    parts = [a + (b - a) * np.arange(k) / k for a, b, k in zip(time_s[:-1], time_s[1:], more, strict=True)]
+    return np.concatenate([*parts, time_s[-1:]]), np.r_[0, np.cumsum(more)]
+
+
+def _own_shape(fine: Array, still: NDArray[np.bool_], at: NDArray[np.intp]) -> tuple[Array, str]:
+    columns, shaped = of_ramp(fine, still, at)
+    return columns, "ramp" if shaped else "straight"
+
+
+def tabulate_hold(hold: Hold, bounds_s: tuple[float, float], more: Array | None = None) -> HoldTable:
+    """Table for times within `bounds_s`; `more` (n_seen, J) are further vectors that the basis must hold."""
+    seen = hold.precision > 0
+    more = np.zeros((np.count_nonzero(seen), 0)) if more is None else more
+    low, high = np.log(bounds_s)
+    times = np.linspace(low, high, int(np.ceil((high - low) / np.log(10) * _PER_DECADE)) + 4)
+    slow = decaying(Prony(np.zeros(times.size), np.exp(times)), hold.fine_s, hold.instantaneous)[:, hold.at[seen]]
+    weight = (hold.precision * hold.push)[seen]
+    rest, columns = weight[:, None] * hold.instantaneous[hold.at[seen]], weight[:, None] * slow
+    target = (hold.precision * hold.stress_Pa)[seen]
+    flat = columns[::_SPANNING].transpose(1, 0, 2).reshape(seen.sum(), -1)
+    basis = _spanning(np.column_stack([flat, rest, target, more]))
+    return HoldTable(basis, basis.T @ rest, CubicSpline(times, np.einsum("nr,tnk->trk", basis, columns)),
+                     basis.T @ target, basis.T @ more)
+
+
+def doubted(experiment: Experiment) -> list[Experiment]:
+    """The experiment with its contact point, and with its load drift, one standard deviation elsewhere."""
+    facts, out = experiment.facts, []
+    if shift := facts.get("strain_zero_sd", 0.0):
+        out.append(replace(experiment, strain=np.where(experiment.strain == 0, 0.0, experiment.strain + shift)))
+    if (drift := facts.get("drift_sd_N_per_s", 0.0)) and experiment.time_s is not None:
+        out.append(replace(experiment, value=experiment.value + drift / (facts["area_mm2"] * 1e-6) * experiment.time_s))
+    return out
+
+
+def _spanning(columns: Array) -> Array:
+    """(n, r) orthonormal directions that columns (n, m) span, each column counted alike."""
+    q, r = np.linalg.qr(_unit(columns))
+    left, size, _ = np.linalg.svd(r, full_matrices=False)
+    return np.asarray(q @ left[:, size > _KEPT * size[0]])
+
+
+def _unit(columns: Array) -> Array:
+    """Columns of unit length, those of nothing left as they are."""
+    size = np.linalg.norm(columns, axis=0)
+    return columns / np.where(size > 0, size, 1.0)

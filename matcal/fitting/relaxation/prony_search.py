@@ -1,0 +1,99 @@
+"""Search for the series that fits tabulated holds best: ordered times, non-negative shares, amplitudes solved for.
+
+A series is searched as (ln tau_1, ln of the ratios of neighbouring times, g_i/g_inf), which is ordered by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, nnls
+
+from matcal.fitting.relaxation.hold_table import HoldTable
+from matcal.laws.prony import Prony
+
+Array = NDArray[np.float64]
+
+# ratio that neighbouring times keep
+LEAST_RATIO = 2.0
+# times from which starts are combined, at least in all and in each decade
+_GRID, _PER_DECADE = 9, 2
+# combinations that are kept while they grow
+_BEAM = 6
+
+
+def series_at(vector: Array) -> Prony:
+    """(ln tau_1, ln of ratios, g_i/g_inf) -> series."""
+    terms = vector.size // 2
+    q = np.maximum(vector[terms:], 0.0)
+    return Prony(q / (1 + q.sum()), np.exp(np.cumsum(vector[:terms])))
+
+
+def vector_of(prony: Prony) -> Array:
+    """Series -> (ln tau_1, ln of ratios, g_i/g_inf)."""
+    return np.r_[np.diff(np.log(prony.tau_s), prepend=0.0), prony.g / prony.g_infinity]
+
+
+def residual(tables: Sequence[HoldTable], vector: Array) -> Array:
+    """Weighted residual on the bases of all tests at (ln tau_1, ln of ratios, g_i/g_inf), sizes of columns solved for.
+    """
+    terms = vector.size // 2
+    ln_tau, share = np.cumsum(vector[:terms])[None], np.maximum(vector[terms:], 0.0)[None]
+    out = []
+    for table in tables:
+        q = np.linalg.qr(table.unit(ln_tau, share)[0])[0]
+        out.append(q @ (q.T @ table.target) - table.target)
+    return np.concatenate(out)
+
+
+def slopes(function: Callable[[Array], Array], vector: Array) -> Array:
+    """(n, K) central differences of a function of (K,)."""
+    steps = 1e-5 * np.eye(vector.size)
+    return np.stack([(function(vector + s) - function(vector - s)) / 2e-5 for s in steps], axis=-1)
+
+
+def search_series(tables: Sequence[HoldTable], first: Array, bounds_s: tuple[float, float],
+                  last: float | None = None) -> tuple[float, Array]:
+    """Sum of squares and vector of the best series near `first`; ln of the longest time kept at `last` if given."""
+    terms = first.size // 2
+    least, most = np.log(bounds_s)
+    low = np.r_[least, np.full(terms - 1, np.log(LEAST_RATIO)), np.zeros(terms)]
+    high = np.r_[most, np.full(terms - 1, most - least), np.full(terms, 50.0)]
+
+    def penalised(vector: Array) -> Array:
+        end = float(np.sum(vector[:terms]))
+        inside = np.r_[np.minimum(np.cumsum(vector[:terms]), most), vector[terms:]]
+        held = np.r_[np.diff(inside[:terms], prepend=0.0), inside[terms:]]
+        over = 1e3 * (end - last) if last is not None else 1e3 * max(end - most, 0.0)
+        return np.r_[residual(tables, held), over]
+
+    out = least_squares(penalised, np.clip(first, low + 1e-6, high - 1e-6), bounds=(low, high),
+                        x_scale=np.r_[np.ones(terms), np.full(terms, 0.2)], xtol=1e-9, ftol=1e-11, max_nfev=100)
+    found = np.r_[np.diff(np.minimum(np.cumsum(out.x[:terms]), most), prepend=0.0), out.x[terms:]]
+    return float(np.sum(residual(tables, found) ** 2)), found
+
+
+def best_series(tables: Sequence[HoldTable], terms: int, bounds_s: tuple[float, float], hold_s: float) -> Array:
+    """Vector of the best series of `terms` from the best combinations of times on a grid."""
+    found = [search_series(tables, first, bounds_s) for first in _starts(tables[0], terms, bounds_s, hold_s)]
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _starts(table: HoldTable, terms: int, bounds_s: tuple[float, float], hold_s: float, count: int = 3) -> list[Array]:
+    """Good combinations of times on a grid, grown one time at a time, each with its non-negative shares."""
+    least, most = 1.5 * bounds_s[0], 0.7 * hold_s
+    grid = np.geomspace(least, max(most, 4 * least), max(_GRID, int(_PER_DECADE * np.log10(most / least)) + 1))
+    curve = np.linalg.lstsq(table.rest, table.target, rcond=None)[0]
+    columns = np.column_stack([table.rest @ curve, (table.slow(np.log(grid)) @ curve).T])
+    kept: list[tuple[int, ...]] = [()]
+    for _ in range(terms):
+        grown = sorted({tuple(sorted({*old, k})) for old in kept for k in range(grid.size) if k not in old})
+        misses = [nnls(columns[:, [0, *(k + 1 for k in chosen)]], table.target)[1] for chosen in grown]
+        kept = [grown[i] for i in np.argsort(misses, kind="stable")[:_BEAM]]
+    out = []
+    for chosen in kept[:count]:
+        share = nnls(columns[:, [0, *(k + 1 for k in chosen)]], table.target)[0]
+        out.append(np.r_[np.diff(np.log(grid[list(chosen)]), prepend=0.0), share[1:] / max(share[0], 1e-12)])
+    return out

@@ -1,0 +1,316 @@
+"""Prony series fitted to relaxation tests with the ramp that they really had.
+
+The recorded strain history drives an instantaneous curve (`matcal.fitting.relaxation.instantaneous_curve`), whose
+second Piola-Kirchhoff stress is convolved with the series: a term faster than the ramp has decayed in part before the
+hold begins, and a fit that takes the ramp for a step loses it. With a law only what is held is compared, each hold with
+its own size; without one the stress of the ramps is compared too and shapes the curve. Source: paper, equation 5; ISO
+3384-1.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.fitting.hyperfoam.linear_response import propagated
+from matcal.fitting.relaxation.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
+from matcal.fitting.relaxation.instantaneous_curve import bent, runs
+from matcal.fitting.relaxation.prony_search import LEAST_RATIO, best_series, residual, series_at, slopes
+from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, slowest_time
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony, convolve
+from matcal.reduction.experiment import Experiment
+from matcal.statistics.residual_correlation import Errors, correlated_errors, inflation
+
+Array = NDArray[np.float64]
+
+# terms that "auto" chooses among
+TERMS = (1, 2, 3, 4, 5, 6)
+# longest time over the length of the holds
+_LONGEST = 20.0
+# difference of BIC up to which fewer terms whose times the holds bound are preferred to more whose slowest they do not
+_NEARLY = 10.0
+# relative RMS below which no record tells numbers of terms apart
+_FINEST = 1e-4
+# least fall of the stress over its noise's standard deviation that counts as relaxation
+_FLAT = 4.0
+
+
+@dataclass(frozen=True)
+class SeriesRow:
+    """One number of terms tried."""
+
+    # number of terms
+    terms: int
+    # rms(residual)/rms(stress) over all holds
+    rms: float
+    # Bayesian information criterion n ln(rms^2) + 2 terms ln n, n the points that correlated residuals are worth
+    bic: float
+    # whether the holds bound its slowest time above; None where that was not asked
+    bounded: bool | None = None
+
+
+@dataclass(frozen=True)
+class PronyFit:
+    """A fitted series and how well the tests determine it."""
+
+    # fitted series
+    prony: Prony
+    # (2 M, 2 M) covariance of (g, tau_s)
+    covariance: Array
+    # measured over modelled hold stress of each test for a law with these instantaneous moduli; 1 without such a law
+    amplitude: tuple[float, ...]
+    # (K,) fitted sizes of the columns of each test's instantaneous curve
+    sizes: tuple[Array, ...]
+    # rms(residual)/rms(stress) over the hold, each test
+    relative_rms: tuple[float, ...]
+    # modelled stress of each test over its whole history, Pa
+    stress_Pa: tuple[Array, ...]
+    # what was decided, one sentence each
+    decisions: tuple[str, ...]
+    # CPU seconds
+    cpu_s: float
+    # shortest and longest time that was searched, s
+    bounds_s: tuple[float, float]
+    # every number of terms tried
+    orders: tuple[SeriesRow, ...]
+    # what the holds say about the slowest time
+    slowest: Slowest
+    # each test through the law's curve, and its weighted change for one standard deviation of what it doubts, (n, J)
+    holds: tuple[Hold, ...]
+    doubts: tuple[Array, ...]
+    # independent points that the residuals are worth
+    points: float
+
+
+def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: int | str = 3) -> PronyFit:
+    """Series with least noise-weighted squares over the holds of relaxation tests.
+
+    terms: 1 to 6, or "auto" (by BIC over the points that correlated residuals are worth; fewer terms that fit nearly
+    as well are preferred to more whose slowest time nothing bounds). `law` gives the shape of the instantaneous curve,
+    each hold its own size; without one the ramps of the tests give it. Raises ValueError for another choice, for a test
+    without clock, ramp or hold, and for too few points.
+    """
+    start = time.process_time()
+    holds = tuple(hold_of(e, law, 1 if terms == "auto" else int(terms)) for e in experiments)
+    bounds = _time_bounds(holds)
+    tables = [tabulate_hold(h, bounds) for h in holds]
+    if _flat(holds):
+        return _without_relaxation(holds, bounds, start)
+    tried = _tried(tables, _allowed(terms, holds, bounds), bounds, holds[0].hold_s)
+    rows = _rows(tables, tried)
+    seen: dict[int, _Judged] = {}
+
+    def judged(n: int) -> _Judged:
+        if n not in seen:
+            seen[n] = _judge(experiments, holds, tables, law, tried[n], bounds)
+        return seen[n]
+
+    vector = tried[preferred(rows, lambda n: judged(n).slowest.hi_s is not None)]
+    found = judged(vector.size // 2)
+    rows = tuple(replace(r, bounded=seen[r.terms].slowest.hi_s is not None) if r.terms in seen else r for r in rows)
+    prony = series_at(vector)
+    fits = [_projected(hold, prony) for hold in holds]
+    return PronyFit(prony, _covariance(tables, found.doubts, found.errors, vector),
+                    tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
+                    tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
+                    tuple(stress for _, stress in fits),
+                    (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, found.slowest)),
+                    time.process_time() - start, bounds, rows, found.slowest, holds, found.doubts,
+                    sum(e.points for e in found.errors))
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What the holds say about one series."""
+
+    doubts: tuple[Array, ...]
+    errors: tuple[Errors, ...]
+    slowest: Slowest
+
+
+def _judge(experiments: Sequence[Experiment], holds: Sequence[Hold], tables: Sequence[HoldTable],
+           law: Hyperfoam | None, vector: Array, bounds_s: tuple[float, float]) -> _Judged:
+    prony = series_at(vector)
+    doubts = tuple(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True))
+    errors = _errors(tables, doubts, vector)
+    return _Judged(doubts, errors, slowest_time(tables, doubts, vector, bounds_s, errors))
+
+
+def preferred(rows: Sequence[SeriesRow], bounded: Callable[[int], bool]) -> int:
+    """Number of terms with the least BIC; where nothing bounds its slowest time, the best lower one nearly as good."""
+    best = min(rows, key=lambda r: r.bic)
+    if len(rows) == 1 or bounded(best.terms):
+        return best.terms
+    near = sorted((r for r in rows if r.terms < best.terms and r.bic < best.bic + _NEARLY), key=lambda r: r.bic)
+    return next((r.terms for r in near if bounded(r.terms)), best.terms)
+
+
+def _tried(tables: Sequence[HoldTable], orders: Sequence[int], bounds_s: tuple[float, float],
+           hold_s: float) -> dict[int, Array]:
+    """Vector of the best series of each number of terms, until two in a row do not lower the BIC."""
+    out: dict[int, Array] = {}
+    for n in orders:
+        out[n] = best_series(tables, n, bounds_s, hold_s)
+        if n >= min(_rows(tables, out), key=lambda r: r.bic).terms + 2:
+            break
+    return out
+
+
+def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, float]) -> tuple[int, ...]:
+    if terms != "auto" and terms not in TERMS:
+        raise ValueError(f"--prony-terms '{terms}' is unknown; known: auto, {', '.join(map(str, TERMS))}.")
+    if terms != "auto":
+        return (int(terms),)
+    points = min(int(np.count_nonzero(h.held)) for h in holds)
+    room = int(np.log(bounds_s[1] / bounds_s[0]) / np.log(LEAST_RATIO))
+    return tuple(n for n in TERMS if 2 * n + 3 <= points and n <= room)
+
+
+def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
+    """Shortest and longest time that a term may have: a tenth of the ramp, many times the holds."""
+    ramp = min(h.ramp_s for h in holds)
+    steps = [np.diff(h.time_s[h.held]) for h in holds]
+    first = min(float(np.min(s[s > 0], initial=np.inf)) for s in steps)
+    longest = max(h.hold_s for h in holds)
+    return min(max(first if ramp == 0 else min(first, ramp), 0.1 * ramp), longest / 4), _LONGEST * longest
+
+
+def _flat(holds: Sequence[Hold]) -> bool:
+    """Whether no hold of any test is better described by a falling course than by a constant."""
+    return not any(_falls(hold, run) for hold in holds for run in runs(hold.held, hold.push)
+                   if run.stop - run.start > 2)
+
+
+def _falls(hold: Hold, run: slice) -> bool:
+    y, p, t = np.abs(hold.stress_Pa[run]), hold.precision[run], hold.time_s[run]
+    strain = np.abs(hold.instantaneous[hold.at].sum(axis=1) * hold.push)[run]
+    level = float((p * y) @ (p * strain) / max((p * strain) @ (p * strain), 1e-300))
+    late = np.log1p(t - hold.time_s[max(run.start - 1, 0)] + 1e-9)
+    off = late - (p**2 @ late) / (p**2).sum()
+    fall = -float((p**2 * off) @ (y - level * strain)) / max(float(p**2 @ off**2), 1e-300)
+    left = p * (y - level * strain + fall * off)
+    return bool(fall * np.sqrt(p**2 @ off**2) > _FLAT * max(1.0, float(np.sqrt(np.mean(left**2)))))
+
+
+def _without_relaxation(holds: tuple[Hold, ...], bounds_s: tuple[float, float], start: float) -> PronyFit:
+    tau = float(np.sqrt(bounds_s[0] * bounds_s[1]))
+    prony = Prony(np.zeros(1), np.full(1, tau))
+    fits = [_projected(hold, prony) for hold in holds]
+    said = ("The stress does not fall during the hold by more than its noise: no relaxation was found, g is set to 0 "
+            f"and its time ({tau:.3g} s) means nothing.")
+    none = tuple(np.zeros((int(np.count_nonzero(h.precision)), 0)) for h in holds)
+    return PronyFit(prony, np.zeros((2, 2)), tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
+                    tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
+                    tuple(stress for _, stress in fits), (said,), time.process_time() - start, bounds_s, (),
+                    Slowest(tau, 0.0, None), holds, none, float(sum(x.shape[0] for x in none)))
+
+
+def _rows(tables: Sequence[HoldTable], tried: Mapping[int, Array]) -> tuple[SeriesRow, ...]:
+    """Every number of terms with its BIC over the points that the residuals of the best are worth."""
+    count = sum(t.basis.shape[0] for t in tables)
+    size = sum(float(t.target @ t.target) for t in tables)
+    misses = {n: residual(tables, v) for n, v in tried.items()}
+    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
+    least = min(misses.values(), key=lambda m: float(m @ m))
+    worth = sum(t.basis.shape[0] / inflation(t.basis @ m)
+                for t, m in zip(tables, np.split(least, ends), strict=True))
+
+    def row(terms: int, square: float) -> SeriesRow:
+        floor = max(square, _FINEST**2 * size) / count
+        return SeriesRow(terms, float(np.sqrt(square / size)),
+                         float(worth * np.log(floor) + 2 * terms * np.log(worth)))
+
+    return tuple(row(n, float(m @ m)) for n, m in misses.items())
+
+
+def _projected(hold: Hold, prony: Prony) -> tuple[Array, Array]:
+    """Best sizes (K,) of the columns and the history (n,) of nominal stress that they make."""
+    unit = _history(hold, prony)
+    c = np.asarray(np.linalg.lstsq(hold.precision[:, None] * unit, hold.precision * hold.stress_Pa)[0], dtype=float)
+    return c, unit @ c
+
+
+def _history(hold: Hold, prony: Prony) -> Array:
+    """(n, K) nominal stress of each column."""
+    return hold.push[:, None] * convolve(prony, hold.fine_s, hold.instantaneous)[hold.at]
+
+
+def _amplitude(hold: Hold, prony: Prony) -> float:
+    """Best size of the law as it is; 1 without a law."""
+    if hold.shape != "law":
+        return 1.0
+    u, y = hold.precision * _history(hold, prony).sum(axis=1), hold.precision * hold.stress_Pa
+    return float(u @ y / (u @ u))
+
+
+def _doubts(experiment: Experiment, hold: Hold, law: Hyperfoam | None, prony: Prony) -> Array:
+    """(n_seen, J) weighted change of model minus record for one standard deviation of contact point and load drift, and
+    of the shape of a ramp that is not known."""
+    seen = hold.precision > 0
+    sizes, stress = _projected(hold, prony)
+    out = [np.zeros((int(np.count_nonzero(seen)), 0))]
+    for moved in doubted(experiment):
+        other = hold_of(moved, law, 1, hold.held)
+        change = _history(other, prony) @ sizes - stress - (other.stress_Pa - hold.stress_Pa)
+        out.append((hold.precision * change)[seen][:, None])
+    if hold.shape == "straight":
+        other = replace(hold, instantaneous=bent(hold.instantaneous))
+        out.append((hold.precision * (_projected(other, prony)[1] - stress))[seen][:, None])
+    return np.hstack(out)
+
+
+def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array) -> tuple[Errors, ...]:
+    """Errors of each hold, misfit among them, in units of the noise."""
+    width, first = vector.size + sum(d.shape[1] for d in doubts), 0
+    free = sum(t.rest.shape[1] for t in tables)
+    whole = slopes(lambda v: residual(tables, v), vector)
+    miss, at, residuals, columns, doubt = residual(tables, vector), 0, [], [], vector.size
+    for table, own in zip(tables, doubts, strict=True):
+        rows, columns_here = slice(at, at := at + table.rest.shape[0]), table.rest.shape[1]
+        block = np.zeros((table.basis.shape[0], width + free))
+        block[:, :vector.size] = table.basis @ whole[rows]
+        block[:, doubt:doubt + own.shape[1]] = own
+        block[:, width + first:width + first + columns_here] = table.basis @ np.linalg.qr(table.rest)[0]
+        doubt, first = doubt + own.shape[1], first + columns_here
+        residuals.append(table.basis @ miss[rows])
+        columns.append(block)
+    prior = np.diag(np.r_[np.full(vector.size, 1e-6), np.ones(width - vector.size), np.full(free, 1e-12)])
+    return correlated_errors(residuals, columns, prior, [1.0] * len(tables))
+
+
+def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors],
+                vector: Array) -> Array:
+    """Covariance of (g, tau): correlated noise and misfit, contact point and load drift."""
+    jacobian = slopes(lambda v: residual(tables, v), vector)
+    free = np.linalg.norm(jacobian, axis=0) > 0
+    inverse = np.linalg.pinv(jacobian[:, free], rcond=1e-12)
+    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
+    gains = [part @ t.basis.T for part, t in zip(np.split(inverse, ends, axis=1), tables, strict=True)]
+    covariance = propagated(errors, np.hstack(gains))
+    for gain, doubt in zip(gains, doubts, strict=True):
+        covariance = covariance + (gain @ doubt) @ (gain @ doubt).T
+    turn = slopes(lambda v: np.r_[series_at(v).g, series_at(v).tau_s], vector)[:, free]
+    return turn @ covariance @ turn.T
+
+
+def _hold_rms(hold: Hold, stress_Pa: Array) -> float:
+    miss = (stress_Pa - hold.stress_Pa)[hold.held]
+    return float(np.sqrt(np.mean(miss**2) / np.mean(hold.stress_Pa[hold.held] ** 2)))
+
+
+def order_sentences(terms: int | str, rows: Sequence[SeriesRow], chosen: int) -> list[str]:
+    """The numbers of terms tried, where the choice was open, and why the least BIC was passed over."""
+    if terms != "auto":
+        return []
+    table = ", ".join(f"{r.terms}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)
+    said = [f"Prony terms by BIC (terms: relative RMS of what was compared {table})."]
+    best = min(rows, key=lambda r: r.bic)
+    if best.terms != chosen:
+        said.append(f"{chosen} terms were taken, not {best.terms} with the least BIC: nothing bounds the slowest time "
+                    f"of {best.terms}, and fewer fit nearly as well.")
+    return said

@@ -1,0 +1,94 @@
+"""What a hold of finite length can say about the slowest relaxation time, by its profile likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.fitting.relaxation.hold_table import Hold, HoldTable
+from matcal.fitting.relaxation.prony_search import residual, search_series
+from matcal.laws.prony import Prony
+from matcal.statistics.residual_correlation import Errors
+
+Array = NDArray[np.float64]
+
+# where the instantaneous curve of a test comes from
+_SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its own size",
+           "ramp": "a spline that the stress recorded on the ramp itself shapes (no stress-strain curve was given)",
+           "straight": "a stress straight between the strains that are held (no stress-strain curve was given, and the "
+                       "ramp has too few samples to show its shape: what a bent curve would change is in the errors)"}
+# fall of twice the log likelihood at the ends of a 95 % interval; longest step of the profile in ln tau
+_CHI_SQUARE, _STEPS = 3.84, 9
+
+
+@dataclass(frozen=True)
+class Slowest:
+    """The slowest time and its 95 % profile interval."""
+
+    # fitted time, s
+    tau_s: float
+    # lower end, s
+    lo_s: float
+    # upper end, s; None where the record does not bound it
+    hi_s: float | None
+
+
+def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array, bounds_s: tuple[float, float],
+                 errors: Sequence[Errors]) -> Slowest:
+    """Profile of the slowest time: every other number fitted again, contact points and drifts free within their errors.
+    """
+    terms = vector.size // 2
+    best = float(np.sum(vector[:terms]))
+    inflated = [float(e.covariance[0, 0]) * e.count / e.points for e in errors]
+    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
+
+    def misfit(at: Array) -> float:
+        parts = np.split(residual(tables, at), ends)
+        return sum(_square(p / np.sqrt(v), t.basis.T @ d / np.sqrt(v))
+                   for p, t, d, v in zip(parts, tables, doubts, inflated, strict=True))
+
+    def profile(stops: Array) -> float | None:
+        base, inside, here = misfit(vector), best, vector
+        for stop in stops:
+            first = here.copy()
+            first[terms - 1 if terms > 1 else 0] += stop - float(np.sum(here[:terms]))
+            _, here = search_series(tables, first, bounds_s, float(stop))
+            value = misfit(here)
+            if value - base > _CHI_SQUARE:
+                return float(inside + (stop - inside) * np.sqrt(_CHI_SQUARE / (value - base)))
+            base = min(base, value)
+            inside = float(stop)
+        return None
+
+    low, high = np.log(bounds_s)
+    down = profile(best - np.geomspace(0.02, max(best - low - 0.7 * (terms - 1), 0.03), _STEPS))
+    up = profile(best + np.geomspace(0.02, max(high - best, 0.03), _STEPS)) if best < high - 0.05 else None
+    return Slowest(float(np.exp(best)), float(np.exp(low if down is None else down)),
+                   None if up is None else float(np.exp(up)))
+
+
+def series_sentences(holds: Sequence[Hold], prony: Prony, slowest: Slowest) -> tuple[str, ...]:
+    """How the series was fitted, and what the holds say about its slowest time."""
+    ramp = ", ".join(f"{h.ramp_s:.3g} s" for h in holds)
+    shape = ", ".join(dict.fromkeys(_SHAPES[h.shape] for h in holds))
+    hold = max(h.hold_s for h in holds)
+    out = [f"Prony series of {prony.g.size} terms on the hold, with the recorded ramp ({ramp}) convolved through "
+           f"{shape}."]
+    if slowest.hi_s is None:
+        out.append(f"The hold of {hold:.3g} s is too short for the slowest time: it is at least {slowest.lo_s:.3g} s "
+                   "(95 % profile), nothing bounds it above, and the long-term moduli are an extrapolation.")
+    else:
+        out.append(f"Slowest time {slowest.tau_s:.3g} s, between {slowest.lo_s:.3g} and {slowest.hi_s:.3g} s (95 % "
+                   f"profile), from a hold of {hold:.3g} s.")
+    return tuple(out)
+
+
+def _square(miss: Array, doubt: Array) -> float:
+    """Sum of squares with the doubtful numbers integrated out."""
+    if not doubt.size:
+        return float(miss @ miss)
+    seen = doubt.T @ miss
+    return float(miss @ miss - seen @ np.linalg.solve(np.eye(doubt.shape[1]) + doubt.T @ doubt, seen))

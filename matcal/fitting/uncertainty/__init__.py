@@ -1,0 +1,1 @@
+"""Linearised intervals of fitted parameters, with nuisance parameters."""

@@ -1,0 +1,1 @@
+"""Constitutive laws as pure functions: hyperfoam, Prony series, conductivity, and their stability."""

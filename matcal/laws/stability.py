@@ -1,0 +1,153 @@
+"""Where along each test mode a hyperfoam law loses Drucker stability or strong ellipticity.
+
+- drucker: the Kirchhoff stress works positively on every increment of logarithmic strain, d tau : d ln V > 0. For
+  principal stretches that is positive definiteness of `hyperfoam.kirchhoff_tangent`; with beta = 0 it is
+  sum mu_i lambda^alpha_i > 0 at each stretch. (The twist of the axes adds (tau_i - tau_j)/(x_i - x_j) > 0, which
+  follows from it along these paths.)
+- elliptic: the acoustic tensor Q(n) is positive definite for every direction n, so that waves of every polarisation
+  travel and no band of localised strain can form. It is minimised numerically: in principal axes Q depends on n_i^2
+  only, so n_i^2 runs over a triangular grid which is then refined about its worst point.
+
+Source: Abaqus Analysis User's Guide, "Hyperelastic behavior in elastomeric foams" (Drucker); Ogden, Non-linear
+Elastic Deformations (1984), 6.2.7 (acoustic tensor in principal axes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from matcal.laws.deformation_modes import MODES, log_stretches
+from matcal.laws.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_tangent
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+CRITERIA = ("drucker", "elliptic")
+# mode -> (lowest, highest) strain scanned; gamma in shear, J in volumetric
+SCANNED = {"uniaxial": (-0.95, 1.0), "biaxial": (-0.95, 1.0), "planar": (-0.95, 1.0), "shear": (0.0, 3.0),
+           "volumetric": (0.05, 2.0)}
+# points of a scan; an unstable range narrower than the spacing can be missed
+_POINTS = 391
+
+
+def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
+    """criterion -> mode -> {stable, unstable_strain [[lo, hi], ...], scanned [lo, hi]} over SCANNED."""
+    return {criterion: {mode: _scan(law, criterion, mode) for mode in MODES} for criterion in CRITERIA}
+
+
+def margin(law: Hyperfoam, criterion: str, mode: str, strain: ArrayLike) -> Array:
+    """Least eigenvalue, Pa, (n,), at strains (n,), over all increments (drucker) or directions (elliptic).
+
+    It is -mu_0 where the free faces find no stress-free stretch (unequal nu): such a state does not exist.
+    """
+    x, exists = _states(law, mode, np.atleast_1d(strain))
+    if criterion == "drucker":
+        value = np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0]
+    elif criterion == "elliptic":
+        value = worst_acoustic_directions(law, x)[0]
+    else:
+        raise ValueError(f"criterion '{criterion}' is unknown; known: {', '.join(CRITERIA)}.")
+    return np.where(exists, value, -law.mu_0_Pa)
+
+
+def _states(law: Hyperfoam, mode: str, strain: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Logarithmic stretches (n, 3), 0 where there are none, and whether there are."""
+    try:
+        return log_stretches(law, mode, strain), np.ones(strain.size, dtype=bool)
+    except NotConverged as error:
+        exists = np.all(np.isfinite(error.estimate), axis=-1)
+        return np.where(exists[:, None], error.estimate, 0.0), exists
+
+
+def unstable_ranges(margin_at: Callable[[Array], Array], strain: Array) -> list[list[float]]:
+    """[[lo, hi], ...] where a margin, given at increasing strains (n,), is not positive; ends found by root search."""
+    value = margin_at(strain)
+    inside = value <= 0
+    edges = np.flatnonzero(inside[1:] != inside[:-1])
+    ends = [float(strain[0])] * bool(inside[0])
+    ends += [_root(lambda e: float(margin_at(np.array([e]))[0]), strain[k], strain[k + 1]) for k in edges]
+    ends += [float(strain[-1])] * bool(inside[-1])
+    return [[lo, hi] for lo, hi in zip(ends[::2], ends[1::2], strict=True)]
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    root = brentq(function, low, high, xtol=1e-7)
+    assert isinstance(root, float)
+    return root
+
+
+def _scan(law: Hyperfoam, criterion: str, mode: str) -> dict[str, object]:
+    strain = np.linspace(*SCANNED[mode], _POINTS)
+    ranges = unstable_ranges(lambda e: margin(law, criterion, mode, e), strain)
+    return {"stable": not ranges, "unstable_strain": ranges, "scanned": list(SCANNED[mode])}
+
+
+def acoustic_form(law: Hyperfoam, x: Array, n: Array, m: Array) -> Array:
+    """m . J Q(n) m, Pa, (k,), of unit directions n, m (k, 3) in principal axes at logarithmic stretches x (k, 3)."""
+    normal, shear, cross = _instantaneous_moduli(law, x)
+    on_axis = normal * n**2 + np.einsum("kpi,kp->ki", shear, n**2)
+    return np.sum(on_axis * m**2, axis=1) + np.einsum("kij,ki,kj->k", cross, n * m, n * m)
+
+
+def worst_acoustic_directions(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array]:
+    """(least eigenvalue of J Q(n) over n, (k,), Pa; that n (k, 3); its polarisation m (k, 3)) at x (k, 3)."""
+    squares = _worst_squares(law, x)
+    n = np.sqrt(squares)
+    value, vectors = np.linalg.eigh(_acoustic(*_instantaneous_moduli(law, x), squares[:, None]))
+    return value[:, 0, 0], n, vectors[:, 0, :, 0]
+
+
+def _worst_squares(law: Hyperfoam, x: Array) -> Array:
+    """Squared direction cosines (n, 3) of the worst direction, from a grid refined twice about its worst point."""
+    moduli = _instantaneous_moduli(law, x)
+    each = np.arange(x.shape[0])
+    squares = np.broadcast_to(_triangle(12), (x.shape[0], 91, 3))
+    for step in (1 / 12, 1 / 60, None):
+        worst = squares[each, np.argmin(_least(*moduli, squares), axis=1)]
+        squares = _around(worst, step) if step else worst
+    return squares
+
+
+def _instantaneous_moduli(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array]:
+    """J A_iiii (n, 3); J A_pipi (n, 3, 3) indexed [p, i]; J (A_iijj + A_jiij) (n, 3, 3), zero where i = j."""
+    tau, tangent = kirchhoff(law, x), kirchhoff_tangent(law, x)
+    diagonal = np.einsum("nii->ni", tangent)
+    gap = x[:, :, None] - x[:, None, :]
+    apart = np.abs(gap) > 1e-6
+    safe = np.where(apart, gap, 1.0)
+    slope = np.where(apart, (tau[:, :, None] - tau[:, None, :]) / safe, (diagonal[:, :, None] - tangent))
+    shear = slope * np.where(apart, safe / -np.expm1(-2 * safe), 0.5)
+    off = 1 - np.eye(3)
+    return diagonal - tau, shear * off, (tangent + shear.transpose(0, 2, 1) - tau[:, None, :]) * off
+
+
+def _least(normal: Array, shear: Array, cross: Array, squares: Array) -> Array:
+    """Least eigenvalue of J Q, (n, m), at squared direction cosines (n, m, 3)."""
+    return np.asarray(np.linalg.eigvalsh(_acoustic(normal, shear, cross, squares))[..., 0], dtype=float)
+
+
+def _acoustic(normal: Array, shear: Array, cross: Array, squares: Array) -> Array:
+    """J Q, (n, m, 3, 3), at squared direction cosines (n, m, 3)."""
+    cosines = np.sqrt(squares)
+    q = cross[:, None] * (cosines[..., :, None] * cosines[..., None, :])
+    on_axis = normal[:, None] * squares + np.einsum("npi,nmp->nmi", shear, squares)
+    return q + on_axis[..., None] * np.eye(3)
+
+
+def _triangle(parts: int) -> Array:
+    """Barycentric grid (m, 3) with `parts` intervals a side."""
+    i, j = np.meshgrid(np.arange(parts + 1), np.arange(parts + 1), indexing="ij")
+    keep = i + j <= parts
+    return np.stack([i[keep], j[keep], parts - i[keep] - j[keep]], axis=-1) / parts
+
+
+def _around(worst: Array, step: float) -> Array:
+    """Barycentric points (n, m, 3) within `step` of `worst` (n, 3), kept inside the triangle."""
+    a = np.linspace(-step, step, 11)
+    first, second = (v.ravel() for v in np.meshgrid(a, a, indexing="ij"))
+    moved = np.clip(worst[:, None] + np.stack([first, second, -first - second], axis=-1), 0, None)
+    return moved / moved.sum(axis=-1, keepdims=True)

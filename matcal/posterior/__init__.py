@@ -1,0 +1,1 @@
+"""Sampling of whole parameter sets."""

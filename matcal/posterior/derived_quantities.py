@@ -1,0 +1,88 @@
+"""Quantities that follow from draws of whole parameter sets: moduli, plateau, stresses in the tested modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BarycentricInterpolator
+
+from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN
+from matcal.laws.deformation_modes import design, nominal_stress
+from matcal.posterior.draws import Draws, law_of
+
+Array = NDArray[np.float64]
+
+# shares of the fitted range at which stresses are watched
+_WATCHED = (0.3, 0.65, 1.0)
+# values of nu between which stresses are interpolated
+_NU_NODES = 9
+
+
+def derived_of(draws: Draws) -> dict[str, Array]:
+    """mu_0_Pa, E_0_Pa, plateau_Pa; with a series g_infinity and mu_0_instantaneous_Pa; with replicates the value for
+    a new specimen, mu_0_new_specimen_Pa; with a skin c0_S_per_m; each (D,)."""
+    out: dict[str, Array] = {}
+    if len(draws) == 0:
+        return out
+    if draws.mu_Pa.shape[1]:
+        mu_0 = draws.mu_Pa.sum(axis=1)
+        out = {"mu_0_Pa": mu_0, "E_0_Pa": _young(draws),
+               "plateau_Pa": -stress_of(draws, "uniaxial", [PLATEAU_STRAIN])[:, 0]}
+    if draws.g is not None:
+        out["g_infinity"] = 1 - draws.g.sum(axis=1)
+        if "mu_0_Pa" in out:
+            out["mu_0_instantaneous_Pa"] = out["mu_0_Pa"] / out["g_infinity"]
+    if draws.omega is not None and "mu_0_Pa" in out:
+        out["mu_0_new_specimen_Pa"] = out["mu_0_Pa"] * np.exp(_one_normal_each(draws.omega))
+        out["omega"] = draws.omega
+    if draws.conductivity_S_per_m is not None:
+        out["c0_S_per_m"] = draws.conductivity_S_per_m[:, 0]
+    return out
+
+
+def watched(draws: Draws, ranges: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
+    """`derived_of` and the stresses at some strains of each fitted range, each (D,)."""
+    out = derived_of(draws)
+    for mode, (low, high) in ranges.items():
+        rest = 1.0 if mode == "volumetric" else 0.0
+        far = low if rest - low > high - rest else high
+        strain = [rest + share * (far - rest) for share in _WATCHED]
+        for e, column in zip(strain, stress_of(draws, mode, strain).T, strict=True):
+            out[f"{mode} stress at {e:.3g}"] = column
+    if draws.tau_s is not None:
+        out |= {f"ln tau_{k + 1}": np.log(column) for k, column in enumerate(draws.tau_s.T)}
+    return out
+
+
+def stress_of(draws: Draws, mode: str, strain: ArrayLike) -> Array:
+    """Nominal stress of every draw at strains (n,), Pa, (D, n); where nu differs from draw to draw but not from term
+    to term, interpolated between a few values of it."""
+    e = np.asarray(strain, dtype=float)
+    if draws.nu.shape[1] > 1 and np.any(np.ptp(draws.nu, axis=1) > 0):
+        return np.stack([nominal_stress(law_of(draws, k), mode, e) for k in range(len(draws))])
+    nu = draws.nu[:, 0]
+    if np.ptp(nu) == 0:
+        return _stress(draws, mode, e, float(nu[0]))
+    middle, half = (nu.max() + nu.min()) / 2, np.ptp(nu) / 2
+    nodes = middle + half * np.cos(np.pi * np.arange(_NU_NODES) / (_NU_NODES - 1))
+    weight = BarycentricInterpolator(nodes, np.eye(_NU_NODES))(nu)
+    each = np.stack([_stress(draws, mode, e, float(v)) for v in nodes])
+    return np.einsum("dk,kdn->dn", weight, each)
+
+
+def _stress(draws: Draws, mode: str, e: Array, nu: float) -> Array:
+    columns = design(mode, e, draws.alpha.ravel(), nu).reshape(e.size, *draws.alpha.shape)
+    return np.einsum("ndk,dk->dn", columns, draws.mu_Pa)
+
+
+def _young(draws: Draws) -> Array:
+    beta = draws.nu / (1 - 2 * draws.nu)
+    bulk, mu = np.sum(2 * draws.mu_Pa * (1 / 3 + beta), axis=1), draws.mu_Pa.sum(axis=1)
+    return 9 * bulk * mu / (3 * bulk + mu)
+
+
+def _one_normal_each(omega: Array) -> Array:
+    """omega times one standard normal number a draw, the same ones every time."""
+    return omega * np.random.default_rng(0).normal(size=omega.size)

@@ -1,0 +1,115 @@
+"""Draws of whole parameter sets: the file beside the card, cards made from them, bands of what they predict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from matcal.card import MaterialCard, read_card
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.deformation_modes import nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+
+FILE = "posterior.nc"
+_NAMES = ("mu_Pa", "alpha", "nu", "prony_g", "prony_tau_s", "conductivity_S_per_m")
+
+
+@dataclass(frozen=True)
+class Draws:
+    """D parameter sets; row k of every array belongs to one and the same material."""
+
+    # (D, N) long-term moduli, Pa; N = 0 without a law
+    mu_Pa: Array
+    # (D, N) exponents
+    alpha: Array
+    # (D, N) Poisson-like ratios; given as one number where they are all the same
+    nu: Array
+    # (D, M) relaxing fractions and times, s; None without a relaxation test
+    g: Array | None = None
+    tau_s: Array | None = None
+    # (D, 4) coefficients c_0 (1, a_1, a_2, a_3), S/m; None without a conductivity test
+    conductivity_S_per_m: Array | None = None
+    # (D,) standard deviation of ln stiffness from specimen to specimen; None without replicates
+    omega: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nu", np.broadcast_to(np.asarray(self.nu, dtype=float), self.mu_Pa.shape))
+
+    def __len__(self) -> int:
+        return self.mu_Pa.shape[0]
+
+
+def read_draws(card_path: Path | str) -> Draws:
+    """The draws of a card; ValueError where it has none, TestFileError where their file is missing or broken."""
+    path = Path(card_path)
+    card = read_card(path)
+    if not card.posterior:
+        raise ValueError(f"{path}: the card has no posterior. Fit it again with --posterior.")
+    file = path.parent / str(card.posterior["file"])
+    if not file.exists():
+        raise TestFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} beside "
+                                  "the card, or fit it again with --posterior.")
+    with h5netcdf.File(file) as stored:
+        held = stored.groups["posterior"].variables
+        found = {name: np.array(held[name]).reshape(-1, held[name].shape[-1]) for name in _NAMES if name in held}
+        count = next(iter(found.values())).shape[0]
+        omega = np.ravel(np.array(held["omega"])) if "omega" in held else None
+    none = np.empty((count, 0))
+    return Draws(found.get("mu_Pa", none), found.get("alpha", none), found.get("nu", none), found.get("prony_g"),
+                 found.get("prony_tau_s"), found.get("conductivity_S_per_m"), omega)
+
+
+def card_of(draws: Draws, card: MaterialCard, k: int) -> MaterialCard:
+    """The card with the parameters of draw k; parts that were not drawn stay as they are."""
+    law = card.hyperfoam
+    if law is not None and draws.mu_Pa.shape[1]:
+        law = Hyperfoam(draws.mu_Pa[k], draws.alpha[k], draws.nu[k], law.moduli, law.strain_range)
+    prony = card.prony if draws.g is None or draws.tau_s is None else Prony(draws.g[k], draws.tau_s[k])
+    skin = card.conductivity
+    if skin is not None and draws.conductivity_S_per_m is not None:
+        c = draws.conductivity_S_per_m[k]
+        skin = Conductivity(float(c[0]), c[1:] / c[0], skin.strain_range)
+    return replace(card, hyperfoam=law, prony=prony, conductivity=skin)
+
+
+def law_of(draws: Draws, k: int) -> Hyperfoam:
+    """The long-term law of draw k."""
+    return Hyperfoam(draws.mu_Pa[k], draws.alpha[k], draws.nu[k])
+
+
+def stress_band(draws: Draws, mode: str, strain: ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
+    """Pointwise quantiles of nominal stress at strains (n,), Pa: ((n,), (n,))."""
+    return quantiles(lambda k: nominal_stress(law_of(draws, k), mode, strain), len(draws), level)
+
+
+def quantiles(value: Callable[[int], ArrayLike], count: int, level: float = 0.95) -> tuple[Array, Array]:
+    """Pointwise quantiles over draws 0 ... count - 1 of value(k), an array of one shape."""
+    values = np.stack([np.asarray(value(k), dtype=float) for k in range(count)])
+    low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return low, high
+
+
+def write_draws(draws: Draws, path: Path, derived: Mapping[str, Array], log_density: Array | None = None,
+                about: Mapping[str, str | int | float] | None = None) -> None:
+    """Store draws as NetCDF for arviz: group `posterior`, (1, D, ...) arrays thinned from all chains, with what follows
+    from them, `derived` (name -> (D,)), group `sample_stats` with their log density (D,), and `about` as attributes."""
+    import arviz
+
+    values = dict(derived)
+    for name, array in (("mu_Pa", draws.mu_Pa), ("alpha", draws.alpha), ("nu", draws.nu), ("prony_g", draws.g),
+                        ("prony_tau_s", draws.tau_s), ("conductivity_S_per_m", draws.conductivity_S_per_m)):
+        if array is not None and array.shape[1]:
+            values[name] = array
+    stats = {} if log_density is None else {"lp": log_density[None]}
+    stored = arviz.from_dict(posterior={name: np.asarray(array)[None] for name, array in values.items()},
+                             sample_stats=stats or None, posterior_attrs=dict(about or {}), attrs=dict(about or {}))
+    stored.to_netcdf(str(path), engine="h5netcdf")

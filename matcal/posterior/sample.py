@@ -1,0 +1,192 @@
+"""Joint posterior of a calibration by emcee, on few numbers: exponents, noise, series; the rest integrated exactly.
+
+Sampled together are, where they were fitted: exponents and noise of the law, a shared nu, the scatter between specimens
+(`matcal.posterior.hyperfoam_posterior`), ln tau, g and noise of the series (`matcal.posterior.prony_posterior`). Moduli
+and nuisances are linear and are drawn given those, so that one draw is one whole card: its law is the one that its
+series' rate correction asks for. The skin shares nothing with the foam and is drawn beside them
+(`matcal.posterior.conductivity_posterior`).
+
+The likelihood counts as many points as the fit's residuals are worth: misfit leaves correlated residuals, and taking
+those for independent noise would make intervals too short. What the order of the law hides is not in here; it is in
+`matcal.fitting.uncertainty.intervals`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.fitting.conductivity_fit import ConductivityFit
+from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
+from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty.intervals import Uncertainty
+from matcal.posterior import conductivity_posterior, hyperfoam_posterior, prony_posterior
+from matcal.posterior.derived_quantities import watched
+from matcal.posterior.draws import Draws
+from matcal.posterior.ensembles import ESS, MOST_STEPS, RHAT, TIMES, Chains, gate_words, run_ensembles
+from matcal.posterior.hyperfoam_posterior import LawPart
+from matcal.posterior.prony_posterior import SeriesPart
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+
+__all__ = ["ESS", "MOST_STEPS", "RHAT", "TIMES", "Posterior", "sample"]
+
+# draws kept
+_KEPT = 1000
+# spread of the widest start in exponents, ln noise, nu, ln omega; in ln tau, over g, ln noise
+_LAW_SPREAD, _SERIES_SPREAD = 0.4, (0.3, 0.03, 0.2)
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws of whole parameter sets and how far they can be trusted."""
+
+    # parameter sets
+    draws: Draws
+    # rhat, ess, autocorrelation_steps, steps, steps_kept, acceptance, effective_points, converged, cpu_s
+    checks: dict[str, float | bool]
+    # the prior in words
+    prior: str
+    # derived quantity -> {rhat, ess}
+    quantities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    # what was assumed about specimens, one sentence each
+    decisions: tuple[str, ...] = ()
+    # (D,) log density of each draw in the sampled numbers; None without any
+    log_density: Array | None = None
+    # seed of everything
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """Parts that are sampled together."""
+
+    law: LawPart | None
+    series: SeriesPart | None
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        size = self.law.size if self.law else 0
+        return x[:, :size], x[:, size:]
+
+    def series_of(self, x: Array) -> tuple[Array | None, Array | None]:
+        if self.series is None:
+            return None, None
+        y, m = self.split(x)[1], self.series.terms
+        return y[:, :m], y[:, m:2 * m]
+
+    def log_density(self, x: Array, share: float = 1.0) -> Array:
+        """(W,) log density of all parts, `share` of the points counted."""
+        out = np.zeros(x.shape[0])
+        law, series = self.split(x)
+        if self.series is not None:
+            out = prony_posterior.log_series(self.series, series, share)
+        good = np.isfinite(out)
+        if self.law is not None and good.any():
+            ln_tau, g = self.series_of(x[good])
+            out[good] += hyperfoam_posterior.log_law(self.law, law[good], ln_tau, g, share)
+        return out
+
+
+def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | None, skin: ConductivityFit | None,
+           seed: int, advance: Callable[[int], None] = lambda done: None, fitted_nu: bool = False) -> Posterior:
+    """Draws from the posterior of law, series and skin, those that there are; NotConverged carries them where the
+    checks fail.
+
+    `advance` is told the number of steps done, of MOST_STEPS at most; `fitted_nu`: the law's nu was fitted, not given.
+    Raises ValueError where there is nothing to sample, or for unequal nu.
+    """
+    start = time.process_time()
+    rng = np.random.default_rng([seed, 1])
+    relaxing = prony if prony is not None and np.any(prony.prony.g) else None
+    joint = _Joint(hyperfoam_posterior.law_part(fit, uncertainty.effective_points, relaxing, fitted_nu)
+                   if fit is not None and uncertainty is not None else None,
+                   prony_posterior.series_part(relaxing) if relaxing is not None else None)
+    if joint.law is None and joint.series is None and skin is None:
+        raise ValueError("--posterior has nothing to sample: give a stress-strain, relaxation or conductivity file; a "
+                         "stress that does not relax has no series to sample.")
+    chains = _run(joint, fit, relaxing, seed, advance) if joint.law or joint.series else None
+    along = conductivity_posterior.skin_chains(skin, 2 * _KEPT, rng) if skin is not None else None
+    coated = along.transpose(1, 0, 2).reshape(-1, 4)[::2][:_KEPT] if along is not None else None
+    x = chains.spread_out(2 * _KEPT) if chains is not None else np.empty((_KEPT, 0))
+    draws, x = _whole(_draws(joint, x, rng, None), x, coated)
+    checks = _checks(chains, skin, along) | {"cpu_s": time.process_time() - start}
+    if joint.law is not None:
+        checks["effective_points"] = joint.law.points
+    found = Posterior(draws, checks, _prior(joint, skin), chains.quantities if chains else {},
+                      joint.law.decisions if joint.law else (), joint.log_density(x) if chains else None, seed)
+    if not checks["converged"]:
+        raise NotConverged(f"posterior: {gate_words(checks)}. {_remedy(joint)} The draws so far are in the card's "
+                           "folder, marked as not converged.", estimate=found)
+    return found
+
+
+def _whole(draws: Draws, x: Array, coated: Array | None) -> tuple[Draws, Array]:
+    """_KEPT draws evenly among those whose mu_0 is positive, as the prior asks, and their points."""
+    good = np.flatnonzero(draws.mu_Pa.sum(axis=1) > 0) if draws.mu_Pa.shape[1] else np.arange(x.shape[0])
+    if good.size < _KEPT:
+        good = np.resize(good, _KEPT)
+    pick = good[np.linspace(0, good.size - 1, _KEPT).astype(int)]
+    g, tau, omega = (None if part is None else part[pick] for part in (draws.g, draws.tau_s, draws.omega))
+    return Draws(draws.mu_Pa[pick], draws.alpha[pick], draws.nu[pick], g, tau, coated, omega), x[pick]
+
+
+def _run(joint: _Joint, fit: Fit | None, prony: PronyFit | None, seed: int, advance: Callable[[int], None]) -> Chains:
+    rng = np.random.default_rng([seed, 2])
+    centre, scale = [], []
+    if joint.law is not None and fit is not None:
+        centre.append(hyperfoam_posterior.start_law(joint.law, fit))
+        scale.append(np.full(joint.law.size, _LAW_SPREAD))
+        if joint.law.nu.size > 1:
+            scale[-1][joint.law.order + 1] = 0.1 * np.ptp(joint.law.nu)
+    if joint.series is not None and prony is not None:
+        centre.append(prony_posterior.start_series(joint.series, prony))
+        scale.append(np.repeat(_SERIES_SPREAD, [joint.series.terms, joint.series.terms, 1]))
+    ranges = dict(fit.law.strain_range) if fit is not None else {}
+    return run_ensembles(joint.log_density, np.concatenate(centre), np.concatenate(scale),
+                         lambda x: watched(_draws(joint, x, rng, None), ranges), seed, advance)
+
+
+def _draws(joint: _Joint, x: Array, rng: np.random.Generator, coated: Array | None) -> Draws:
+    """Whole parameter sets at sampled points (D, size)."""
+    ln_tau, g = joint.series_of(x)
+    mu = alpha = nu = np.empty((x.shape[0], 0))
+    omega = None
+    if joint.law is not None:
+        mu, alpha, ratio, scatter = hyperfoam_posterior.draw_law(joint.law, joint.split(x)[0], ln_tau, g, rng)
+        nu = np.repeat(ratio[:, None], alpha.shape[1], axis=1)
+        omega = scatter if joint.law.factor.shape[1] else None
+    return Draws(mu, alpha, nu, g, None if ln_tau is None else np.exp(ln_tau), coated, omega)
+
+
+def _checks(chains: Chains | None, skin: ConductivityFit | None, along: Array | None) -> dict[str, float | bool]:
+    """The gate of the foam's chains and of the skin's together."""
+    checks: dict[str, float | bool] = dict(chains.checks) if chains is not None else {}
+    if skin is None or along is None:
+        return checks
+    own = conductivity_posterior.skin_checks(skin, along)
+    passed = own["rhat"] <= RHAT and own["ess"] >= ESS
+    if not checks:
+        return {**own, "steps": own["steps_kept"], "converged": passed}
+    return checks | {"converged": bool(checks["converged"]) and passed, "skin_rhat": own["rhat"],
+                     "skin_ess": own["ess"]}
+
+
+def _prior(joint: _Joint, skin: ConductivityFit | None) -> str:
+    parts = ([hyperfoam_posterior.prior_words(joint.law)] if joint.law else []) + (
+        [prony_posterior.prior_words(joint.series)] if joint.series else []) + (
+        [conductivity_posterior.prior_words(skin)] if skin is not None else [])
+    return "; ".join(parts) + "."
+
+
+def _remedy(joint: _Joint) -> str:
+    if joint.law is not None and joint.law.order > 1:
+        return (f"Give --order {joint.law.order - 1}: with fewer terms the exponents are told apart better. Or add a "
+                "test in another mode.")
+    if joint.series is not None and joint.series.terms > 1:
+        return f"Give --prony-terms {joint.series.terms - 1}, or a longer hold."
+    return "Give more data."

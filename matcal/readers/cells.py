@@ -1,0 +1,196 @@
+"""A file as rows of cells, each row with its line, and the way its numbers are written."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from matcal.readers.decoding import lines_of
+from matcal.readers.recording import Array
+from touchcal.errors import TestFileError
+
+DELIMITERS = ("\t", ";", ",", None)
+_NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+|\d{1,3}(?:,\d{3})+(?:\.\d*)?|\d{1,3}(?:\.\d{3})+(?:,\d*)?)"
+                     r"(?:[eE][-+]?\d{1,3})?")
+_COMMA_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
+_DOT_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
+# rows of a file's end that tell its delimiter
+_TELLING = 20
+# numbers that settle how all are written
+_VOTES = 2000
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a number is written."""
+
+    # "." or ","
+    decimal: str = "."
+    # "," or "." between groups of three digits, "" where there are none
+    thousands: str = ""
+
+    def number(self, cell: str) -> float | None:
+        """The value of a cell, None where it is no number."""
+        if self.thousands and self.thousands in cell:
+            whole = cell.partition(self.decimal)[0]
+            if not (_COMMA_GROUPS if self.thousands == "," else _DOT_GROUPS).fullmatch(whole):
+                return None
+            cell = cell.replace(self.thousands, "")
+        if self.decimal == ",":
+            if "." in cell:
+                return None
+            cell = cell.replace(",", ".")
+        try:
+            return float(cell) if "_" not in cell else None
+        except ValueError:
+            return None
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The rows of a file or sheet that are not blank."""
+
+    path: Path
+    # rows of cells, without blanks and quotes around them and without empty cells at the end
+    rows: Sequence[list[str]]
+    # line of each row in the file (row of the sheet), counted from 1
+    lines: Sequence[int]
+    # how its numbers are written
+    style: Style = Style()
+    # name of the sheet it came from, "" for text
+    sheet: str = ""
+
+    def number(self, cell: str) -> float | None:
+        """The value of a cell, None where it is no number."""
+        return self.style.number(cell)
+
+    def numeric(self, row: Sequence[str]) -> int:
+        """How many cells of a row are numbers."""
+        return sum(self.style.number(cell) is not None for cell in row)
+
+    def cell(self, row: int, column: int) -> str:
+        """A cell, "" beyond the end of its row."""
+        cells = self.rows[row]
+        return cells[column] if column < len(cells) else ""
+
+    def numbers(self, rows: range, column: int, name: str) -> Array:
+        """(len(rows),) values of one column; TestFileError names the line of a cell that is no finite number."""
+        out = np.empty(len(rows))
+        for k, row in enumerate(rows):
+            value = self.style.number(self.cell(row, column))
+            if value is None or not math.isfinite(value):
+                cell = self.cell(row, column)
+                what = f"'{shown(cell)}' is not a finite number" if cell else "the cell is missing"
+                raise TestFileError(self.path, f"column '{shown(name)}': {what}. Correct or delete the row.",
+                                    line=self.lines[row])
+            out[k] = value
+        return out
+
+
+def shown(text: str, most: int = 40) -> str:
+    """A cell as a message shows it: on one line, cut where it is long, what cannot be printed left out."""
+    text = "".join(c for c in " ".join(text.split()) if c.isprintable())
+    return text if len(text) <= most else text[:most - 1] + "…"
+
+
+def text_grid(text: str, path: Path, delimiter: str | None = "", style: Style | None = None) -> Grid:
+    """The grid of a text; delimiter ("" to find it; None for any run of blanks) and style are told from its numbers.
+
+    TestFileError where no line holds two numbers, or where 1,424 may be either of two numbers.
+    """
+    numbered = [(n, line) for n, line in enumerate(lines_of(text), 1) if line.strip()]
+    lines = [line for _, line in numbered]
+    if delimiter == "":
+        delimiter = _delimiter(lines, path)
+    rows = [_cells(line, delimiter, path, n) for n, line in numbered]
+    kept = [k for k, row in enumerate(rows) if row]
+    grid = Grid(path, [rows[k] for k in kept], [numbered[k][0] for k in kept])
+    return replace(grid, style=style or style_of(grid.rows, path))
+
+
+def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[str]:
+    if delimiter is None:
+        cells = line.split()
+    elif '"' not in line:
+        cells = [cell.strip() for cell in line.split(delimiter)]
+    else:
+        if line.count('"') % 2:
+            raise TestFileError(path, "a quotation mark is opened and never closed.", line=number)
+        try:
+            cells = [cell.strip().strip('"').strip() for cell in next(csv.reader((line,), delimiter=delimiter))]
+        except csv.Error as error:
+            raise TestFileError(path, f"the cells cannot be told apart ({error}).", line=number) from None
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def _delimiter(lines: Sequence[str], path: Path) -> str | None:
+    """The separator under which the last lines are rows of at least two numbers.
+
+    Tabs and semicolons go before commas and blanks, which also stand inside cells; of two, the one with fuller rows.
+    """
+    tail = lines[-_TELLING:]
+
+    def score(delimiter: str | None) -> tuple[int, float]:
+        rows = [[cell.strip().strip('"').strip() for cell in _split(line, delimiter)] for line in tail]
+        counts = [(sum(_NUMBER.fullmatch(cell) is not None for cell in row), len(row)) for row in rows]
+        full = [(found, size) for found, size in counts if found > 1]
+        return len(full), sum(found for found, _ in full) / max(sum(size for _, size in full), 1)
+
+    scores = {delimiter: score(delimiter) for delimiter in DELIMITERS}
+    most = max(rows for rows, _ in scores.values())
+    clear = [delimiter for delimiter in ("\t", ";") if scores[delimiter][0] >= max(most / 2, 1)]
+    best = max(clear or DELIMITERS, key=lambda delimiter: scores[delimiter])
+    if not most:
+        raise TestFileError(path, "no table of numbers in two or more columns was found. Expected a line of names such "
+                                  "as strain,stress, a line of units such as -,kPa, then the numbers.")
+    return best
+
+
+def _split(line: str, delimiter: str | None) -> list[str]:
+    if delimiter is None or '"' not in line:
+        return line.split(delimiter)
+    try:
+        return next(csv.reader((line,), delimiter=delimiter))
+    except csv.Error:
+        return []
+
+
+def style_of(rows: Iterable[Sequence[str]], path: Path) -> Style:
+    """How the numbers of a table are written, from cells that leave no choice; TestFileError where none does.
+
+    Where 1,424 stands beside 0.5 it is 1424, beside 0,5 it is 1.424; alone it is refused.
+    """
+    dots, commas, doubtful = 0, 0, ""
+    for cell in _number_cells(rows):
+        dot, comma = cell.rfind("."), cell.rfind(",")
+        if comma > dot:
+            if dot < 0 and _COMMA_GROUPS.fullmatch(cell):
+                doubtful = cell
+            else:
+                commas += 1
+        elif comma >= 0 or not _DOT_GROUPS.fullmatch(cell):
+            dots += 1
+        if dots + commas >= _VOTES:
+            break
+    if commas > dots:
+        return Style(",", ".")
+    if doubtful and not dots:
+        raise TestFileError(path, f"numbers such as '{doubtful}' may have a decimal comma or groups of thousands, and "
+                                  "no number in the file tells which. Write them with a decimal point.")
+    return Style(".", ",")
+
+
+def _number_cells(rows: Iterable[Sequence[str]]) -> Iterable[str]:
+    """Cells that are numbers with a mark in them, of rows that hold two numbers or more."""
+    for row in rows:
+        marked = [cell for cell in row if "," in cell or "." in cell]
+        if marked and sum(_NUMBER.fullmatch(cell) is not None for cell in row) > 1:
+            yield from (cell for cell in marked if _NUMBER.fullmatch(cell))

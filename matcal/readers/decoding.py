@@ -1,0 +1,64 @@
+"""The text of a file: what is on disk, in whatever encoding, as lines."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from touchcal.errors import TestFileError
+
+WORKBOOK = b"PK\x03\x04"
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a file; TestFileError where there is no such file, it is a folder, or it cannot be opened."""
+    if path.is_dir():
+        raise TestFileError(path, "this is a folder. Give one file, or a folder of the parts of one MTS test.")
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise TestFileError(path, "no such file. Check the name and the folder.") from None
+    except (OSError, ValueError) as error:
+        raise TestFileError(path, f"it cannot be opened ({error}).") from None
+
+
+def decode(data: bytes, path: Path) -> tuple[str, str]:
+    """(text without its byte-order mark, encoding) of a file's bytes; TestFileError where they are empty or no text."""
+    if not data.strip(b"\xef\xbb\xbf\xff\xfe \t\r\n\x00"):
+        raise TestFileError(path, "the file is empty. Export the test again.")
+    for encoding in _candidates(data):
+        try:
+            text = data.decode(encoding).removeprefix("\ufeff")
+        except (UnicodeDecodeError, LookupError):
+            continue
+        if "\x00" not in text and text.strip():
+            return text, encoding
+    raise TestFileError(path, "this is not text in any known encoding. Export it as UTF-8 text.")
+
+
+def lines_of(text: str) -> list[str]:
+    """Lines as editors count them: ended by LF, CRLF or CR, and by nothing else."""
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _candidates(data: bytes) -> list[str]:
+    """Encodings to try: what a mark says, UTF-8, then what the bytes beyond ASCII look like."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return ["utf-16"]
+    if b"\x00" in data[:200]:
+        return ["utf-16-le", "utf-16-be"]
+    runs = [len(run) for run in re.findall(rb"[\x80-\xff]+", data)]
+    if all(run == 1 for run in runs):
+        # umlauts, micro and degree signs stand alone between ASCII letters
+        return ["utf-8", "cp1252", "latin-1"]
+    double = ["gb18030"] if sum(run % 2 == 0 for run in runs) > len(runs) / 2 else []
+    return ["utf-8", *double, *_guessed(data), "gb18030"]
+
+
+def _guessed(data: bytes) -> list[str]:
+    """What charset-normalizer makes of the lines that are not plain ASCII."""
+    from charset_normalizer import from_bytes
+
+    telling = [line for line in data.splitlines() if not line.isascii()][:200]
+    best = from_bytes(b"\n".join(telling)[:20_000]).best()
+    return [best.encoding] if best is not None else []

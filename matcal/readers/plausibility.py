@@ -1,0 +1,89 @@
+"""Whether columns can hold what their names say: swapped columns and wrong units are refused by name."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from matcal.readers.cells import Grid, shown
+from matcal.readers.recording import QUANTITIES, Array
+from touchcal.errors import TestFileError
+
+# beyond this a strain without a unit may as well be a percentage, and beyond the next no unit mends it
+_LARGEST_STRAIN, _IMPOSSIBLE_STRAIN = 3.0, 20.0
+# quantity -> magnitude in SI that no test of a soft foam reaches
+_LARGEST = {"time": 1e10, "displacement": 10.0, "force": 1e8, "stress": 1e12, "deviation": 1e12, "pressure": 1e12,
+            "current": 1e6, "potential": 1e9, "resistance": 1e20, "conductivity": 1e12, "volume_ratio": 100.0,
+            "cycle": 1e12, "block": 1e12, "lateral": 20.0, "lateral_stretch": 20.0}
+# fewer rows do not show equal steps; a column within this share of its range of equal steps has them, one beyond the
+# next has not
+_ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
+
+
+def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
+                   said: list[str], flag: str, *, chosen: bool) -> None:
+    """Turn a stretch below 0 into a strain and a lateral stretch into a strain, in place; TestFileError where a column
+    cannot be what it is called. With columns `chosen` by the user, only what no unit mends is refused."""
+    _ratios(values, names, units, said)
+    for quantity, column in values.items():
+        reach = float(np.max(np.abs(column)))
+        if reach > _LARGEST.get(quantity, np.inf):
+            value = f"{reach:.3g} {QUANTITIES[quantity]}".strip()
+            raise TestFileError(grid.path, f"column '{shown(names[quantity])}' reaches {value}, which no {quantity} "
+                                           f"does. Check its unit and that columns are not exchanged: {flag}",
+                                line=line)
+    for quantity in {"strain", "stretch"} & set(values):
+        _check_strain(grid, line, values[quantity], quantity, names, units, said, flag, chosen)
+    if not chosen:
+        _check_steps(grid, line, values, names, flag)
+
+
+def _ratios(values: dict[str, Array], names: dict[str, str], units: dict[str, str], said: list[str]) -> None:
+    if "stretch" in values and "strain" not in values and np.any(values["stretch"] <= 0):
+        said.append(f"column '{shown(names['stretch'])}' has values at or below 0, which no stretch has: read as "
+                    "strain.")
+        for table in (values, names, units):
+            table["strain"] = table.pop("stretch")  # type: ignore[assignment]
+    if "lateral_stretch" in values:
+        said.append(f"column '{shown(names['lateral_stretch'])}' is the lateral stretch: lateral strain = stretch - 1.")
+        values["lateral_stretch"] = values["lateral_stretch"] - 1
+        for table in (values, names, units):
+            table["lateral"] = table.pop("lateral_stretch")  # type: ignore[assignment]
+
+
+def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: dict[str, str], units: dict[str, str],
+                  said: list[str], flag: str, chosen: bool) -> None:
+    name, reach, unit = shown(names[quantity]), float(np.max(np.abs(column))), units[quantity]
+    if reach > _IMPOSSIBLE_STRAIN:
+        problem = f"reaches {reach:g}" if unit else f"reaches {reach:g} and has no unit"
+        raise TestFileError(grid.path, f"column '{name}' {problem}, which no {quantity} does. Write its unit, % or -, "
+                                       f"below its name, or, if columns are exchanged, give {flag}", line=line)
+    if not unit and reach > _LARGEST_STRAIN and not chosen:
+        raise TestFileError(grid.path, f"column '{name}' reaches {reach:g} and has no unit. Write its unit, % or -, "
+                                       "below its name.", line=line)
+    sheared = re.search(r"gamma|γ|shear|schub|scher|剪切", names[quantity].lower())
+    if quantity == "strain" and float(column.min()) <= -1 and not sheared:
+        raise TestFileError(grid.path, f"column '{name}' falls to {column.min():.4g}: at -1 nothing is left of the "
+                                       "specimen, and a shear strain is called gamma. Check its unit and that columns "
+                                       f"are not exchanged: {flag}", line=line)
+    if not unit:
+        said.append(f"column '{name}' has no unit: read as a plain ratio.")
+
+
+def _check_steps(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], flag: str) -> None:
+    """A table is written over equal steps of strain; a "stress" in equal steps beside a curved "strain" is that."""
+    measure = next((q for q in ("strain", "stretch") if q in values), None)
+    if measure is None or "stress" not in values or "displacement" in values or values["stress"].size < _ENOUGH:
+        return
+    if _bend(values["stress"]) < _EQUAL and _bend(values[measure]) > _CURVED:
+        raise TestFileError(grid.path, f"'{shown(names['stress'])}' advances in equal steps while "
+                                       f"'{shown(names[measure])}' does not: the columns look exchanged. If they are "
+                                       f"not, give {flag}", line=line)
+
+
+def _bend(column: Array) -> float:
+    """How far a column is from equal steps between its ends, as a share of its range; infinite where it has none."""
+    reach = float(np.ptp(column))
+    line = np.linspace(column[0], column[-1], column.size)
+    return float(np.max(np.abs(column - line))) / reach if reach > 0 else np.inf

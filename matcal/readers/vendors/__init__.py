@@ -1,0 +1,1 @@
+"""One module a machine: MTS, Instron, Autolab, plain tables and workbooks."""

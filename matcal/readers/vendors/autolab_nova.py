@@ -1,0 +1,67 @@
+"""Autolab NOVA exports, text or sheet: names with units in brackets, dot or comma as decimal mark, text cells.
+
+The clock is the procedure's and need not start at 0; the order of columns varies, so they are matched by name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from matcal.readers.cells import Grid
+from matcal.readers.column_options import Selection
+from matcal.readers.columns import Header, read_columns
+from matcal.readers.recording import Recording
+from matcal.readers.units import split_name
+from touchcal.errors import TestFileError
+
+# lines in which the names of the columns are looked for
+_HEAD = 20
+
+
+def is_nova(grid: Grid) -> bool:
+    """Whether one of the first lines names a potentiostat's working electrode."""
+    return _names_row(grid) is not None
+
+
+def is_impedance(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether rows of cells begin as an impedance spectrum rather than a record in time."""
+    head = "\n".join(" ".join(row) for row in rows[:_HEAD]).lower()[:10_000]
+    return "z60w data file" in head or (re.search(r"freq[a-z]{0,10} ?[(/\[]? ?hz", head) is not None
+                                        and re.search(r"z['′’]|z ?re|re\(z\)|z_real", head) is not None)
+
+
+def read_nova(grid: Grid, selection: Selection | None = None, notes: Sequence[str] = ()) -> Recording:
+    """Time, current and potential in SI; rows flagged as overload are dropped; TestFileError where one is missing."""
+    at = _names_row(grid) or 0
+    header = [split_name(cell) for cell in grid.rows[at]]
+    if at + 1 == len(grid.rows):
+        raise TestFileError(grid.path, "no numbers stand below the names. Export the test again.", line=grid.lines[at])
+    kept, said = _without_overload(grid, at, list(notes))
+    got = read_columns(kept, Header(header, grid.lines[at], range(at + 1, len(kept.rows))), "nova", selection,
+                       notes=said)
+    wanted = () if selection is not None and selection.columns else ("time", "current")
+    if missing := [q for q in wanted if q not in got.columns]:
+        found = ", ".join(name for name, _ in header)
+        raise TestFileError(grid.path, f"no {missing[0]} column; found: {found}.", line=grid.lines[at])
+    if "time" in got.columns and got.columns["time"][0] != 0:
+        got = replace(got, notes=(*got.notes, f"the procedure's clock starts at {got.columns['time'][0]:.6g} s."))
+    return got
+
+
+def _names_row(grid: Grid) -> int | None:
+    return next((n for n, row in enumerate(grid.rows[:_HEAD]) if any(c.startswith("WE(1).") for c in row)), None)
+
+
+def _without_overload(grid: Grid, at: int, said: list[str]) -> tuple[Grid, list[str]]:
+    column = next((n for n, name in enumerate(grid.rows[at]) if name.lower() == "overload"), None)
+    if column is None:
+        return grid, said
+    kept = [n for n in range(len(grid.rows)) if n <= at or "overload" not in grid.cell(n, column).lower()]
+    if len(kept) == at + 1:
+        raise TestFileError(grid.path, "every row is flagged as current overload. Measure again in a wider current "
+                                       "range.")
+    if dropped := len(grid.rows) - len(kept):
+        said.append(f"{dropped} rows flagged as current overload dropped.")
+    return replace(grid, rows=[grid.rows[n] for n in kept], lines=[grid.lines[n] for n in kept]), said

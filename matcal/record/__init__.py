@@ -1,0 +1,1 @@
+"""What a calibration leaves behind: the card with its data folder, and predictions with bands."""

@@ -1,0 +1,115 @@
+"""Stress in every mode and conductivity, each with its 95 % band, for the folder beside a card.
+
+A band comes from the posterior's draws where there are any, otherwise from the linearised covariance of the fit. Modes
+that were not fitted are given over the principal stretches that the fitted ones reached, and marked as extrapolated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from matcal.laws.conductivity import outside
+from matcal.laws.deformation_modes import MODES, nominal_stress
+
+if TYPE_CHECKING:
+    from matcal.fitting.conductivity_fit import ConductivityFit
+    from matcal.fitting.uncertainty.intervals import Uncertainty
+    from matcal.laws.hyperfoam import Hyperfoam
+    from matcal.posterior.draws import Draws
+
+Array = NDArray[np.float64]
+Ranges = Mapping[str, tuple[float, float]]
+
+# points of each mode; strains that no band leaves
+_POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1
+
+
+def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
+    """mode -> strains over which its band is given.
+
+    A fitted mode has its own strains and up to a quarter of their width beyond, any other mode those of the principal
+    stretches that the fitted ones reached; a fitted mode goes no further than these either.
+    """
+    least, most = _stretches(fitted)
+    alike = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
+    out = {}
+    for mode in MODES:
+        lo, hi = alike.get(mode, (least - 1, most - 1))
+        if mode in fitted:
+            low, high = fitted[mode]
+            reach = 0.25 * (high - low)
+            lo, hi = min(low, max(lo, low - reach)), max(high, min(hi, high + reach))
+        out[mode] = max(lo, _LOWEST if mode != "volumetric" else _LEAST_VOLUME), min(hi, _HIGHEST)
+    return out
+
+
+def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> pd.DataFrame:
+    """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes."""
+    from matcal.posterior.draws import Draws, stress_band
+
+    tables = []
+    for mode, span in spans(law.strain_range).items():
+        strain = _grid(mode, span)
+        low, high = (stress_band(source, mode, strain) if isinstance(source, Draws) else
+                     _linear_band(source, mode, strain))
+        lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
+        tables.append(pd.DataFrame({"mode": mode, "strain": strain, "stress_Pa": nominal_stress(law, mode, strain),
+                                    "stress_lo_Pa": low, "stress_hi_Pa": high,
+                                    "extrapolated": (strain < lo) | (strain > hi)}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> pd.DataFrame:
+    """Rows (strain, conductivity_S_per_m, its _lo and _hi, extrapolated) from deep compression to the data's end."""
+    from matcal.fitting.conductivity_fit import LOWEST_STRAIN, powers
+    from matcal.posterior.conductivity_posterior import conductivity_draws
+
+    law = fit.law
+    strain = np.linspace(LOWEST_STRAIN, max(law.strain_range[1], 0.0), _POINTS)
+    drawn = draws.conductivity_S_per_m if draws is not None else None
+    if drawn is None:
+        drawn = conductivity_draws(fit, 400, np.random.default_rng(0))
+    low, high = np.quantile(powers(strain) @ drawn.T, [0.025, 0.975], axis=1)
+    middle = powers(strain) @ (law.c0_S_per_m * np.r_[1.0, law.a])
+    return pd.DataFrame({"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
+                         "conductivity_hi_S_per_m": high, "extrapolated": outside(law, strain)})
+
+
+def conductivity_at(band: pd.DataFrame, strain: float) -> tuple[float, float, float]:
+    """Conductivity and the ends of its band, S/m, at a strain, linear between the rows of `conductivity_band`."""
+    columns = ("conductivity_S_per_m", "conductivity_lo_S_per_m", "conductivity_hi_S_per_m")
+    value, low, high = (float(np.interp(strain, band["strain"], band[name])) for name in columns)
+    return value, low, high
+
+
+def _stretches(fitted: Ranges) -> tuple[float, float]:
+    """Least and largest principal stretch that the fitted modes reached."""
+    ends: list[float] = [1.0]
+    for mode, (lo, hi) in fitted.items():
+        if mode == "shear":
+            gamma = max(abs(lo), abs(hi))
+            most = gamma / 2 + np.hypot(1.0, gamma / 2)
+            ends += [most, 1 / most]
+        else:
+            ends += [lo ** (1 / 3), hi ** (1 / 3)] if mode == "volumetric" else [1 + lo, 1 + hi]
+    return min(ends), max(ends)
+
+
+def _grid(mode: str, span: tuple[float, float]) -> Array:
+    """Strains over a span, the state of rest among them."""
+    rest = 1.0 if mode == "volumetric" else 0.0
+    return np.unique(np.r_[np.linspace(*span, _POINTS), rest])
+
+
+def _linear_band(about: Uncertainty, mode: str, strain: Array) -> tuple[Array, Array]:
+    """Ends of the band, Pa, from the covariance of (mu, alpha), and from what one more term would change."""
+    from matcal.fitting.uncertainty.intervals import intervals
+
+    found = intervals(about, lambda law: {f"{e:.17g}": float(s) for e, s in
+                                          zip(strain, nominal_stress(law, mode, strain), strict=True)})
+    return np.array([row.lo for row in found.values()]), np.array([row.hi for row in found.values()])

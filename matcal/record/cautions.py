@@ -1,0 +1,157 @@
+"""What one must know before a card is used: the terminal and the report say it first, in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from matcal.card import MaterialCard
+from matcal.fitting.hyperfoam.poisson import STOPPED
+from matcal.laws.deformation_modes import MODES
+from matcal.reduction.loading_direction import ASSUMED
+from touchcal.number_words import percent
+
+NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
+# relative RMS of a fit, and of a prediction, from which on it is said; share of a relaxation time likewise
+_MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
+
+
+def cautions(card: MaterialCard) -> tuple[str, ...]:
+    """One sentence each, the gravest first; empty where there is nothing to warn of."""
+    parts = (_origin, _convergence, _long_term, _agreement, _stability, _assumed, _misfit, _predictions,
+             _coverage, _series, _skin)
+    return tuple(sentence for part in parts for sentence in part(card))
+
+
+def unstable_inside(card: MaterialCard) -> list[tuple[str, str, float, float]]:
+    """(criterion, mode, lo, hi) of every unstable range that meets the strains fitted in its mode."""
+    fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
+    return [(criterion, mode, lo, hi) for criterion, modes in card.stability.items() for mode, row in modes.items()
+            for lo, hi in row["unstable_strain"] if mode in fitted and overlaps((lo, hi), fitted[mode])]
+
+
+def overlaps(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two ranges share more than an end."""
+    return max(one[0], other[0]) < min(one[1], other[1])
+
+
+def tests(card: MaterialCard) -> dict[str, Mapping[str, Any]]:
+    """label -> errors of every test that was fitted."""
+    return {label: row for label, row in card.fit.items() if isinstance(row, Mapping) and "relative_rms" in row
+            and "kind" in row}
+
+
+def relative_rms(card: MaterialCard, kind: str) -> float:
+    """Relative RMS of the card's law over all fitted tests of a kind, each with the factor of its specimen."""
+    return float(np.sqrt(np.mean([own_rms(row) ** 2 for row in tests(card).values() if row["kind"] == kind])))
+
+
+def own_rms(row: Mapping[str, Any]) -> float:
+    """Relative RMS of a fitted test after the stiffness factor of its specimen, where it has one."""
+    return float(row.get("relative_rms_of_specimen", row["relative_rms"]))
+
+
+def _origin(card: MaterialCard) -> Iterator[str]:
+    if card.provenance.get("synthetic"):
+        yield "The data are synthetic, by the files' own words: nothing here was measured."
+
+
+def _convergence(card: MaterialCard) -> Iterator[str]:
+    checks = card.posterior.get("checks", {})
+    if checks and not checks.get("converged", True):
+        yield (f"The posterior did not converge (R-hat {checks['rhat']:.3f}, effective sample size "
+               f"{checks['ess']:.0f}): do not use its intervals.")
+
+
+def _long_term(card: MaterialCard) -> Iterator[str]:
+    slowest = card.fit.get("prony", {}).get("slowest_s")
+    if card.prony is None or slowest is None or slowest["hi"] is not None or not np.any(card.prony.g):
+        return
+    yield (f"The long-term moduli are not determined by this record: nothing bounds its slowest relaxation time above "
+           f"(at least {slowest['lo']:.3g} s). Hold longer, or give fewer --prony-terms.")
+
+
+def _agreement(card: MaterialCard) -> Iterator[str]:
+    drawn = card.posterior.get("derived", {})
+    apart = [name for name, row in card.fit.get("derived", {}).items()
+             if name in drawn and not overlaps((row["lo"], row["hi"]), (drawn[name]["lo"], drawn[name]["hi"]))]
+    if apart:
+        yield (f"Fit and posterior disagree beyond their 95 % intervals in {', '.join(apart)}: the law does not "
+               "describe all tests at once; trust neither before the misfit is understood.")
+
+
+def _stability(card: MaterialCard) -> Iterator[str]:
+    lost: dict[str, list[str]] = {}
+    for criterion, mode, lo, hi in unstable_inside(card):
+        lost.setdefault(criterion, []).append(f"{mode} {lo:.3g} to {hi:.3g}")
+    for criterion, where in lost.items():
+        yield f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}."
+
+
+def _assumed(card: MaterialCard) -> Iterator[str]:
+    """What the decisions say that a reader must not pass over: a direction that nothing told, nu at its bound."""
+    said = [sentence.partition(ASSUMED) for sentence in card.provenance.get("decisions", ())]
+    yield from (f"{begin}{rest}" for _, begin, rest in said if begin)
+    if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):
+        at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))
+        yield (f"The fitted nu ({at}) ended on the bound of its range: the tests do not fix it, or the law cannot "
+               "follow them. Measure the lateral strain, or give a value with --poisson.")
+
+
+def _misfit(card: MaterialCard) -> Iterator[str]:
+    poor = [f"{label} by {percent(own_rms(row), 2)}" for label, row in tests(card).items() if own_rms(row) > _MISFIT]
+    if poor:
+        yield f"The fit misses (relative RMS) {', '.join(poor)}."
+    tried = {row["order"]: row for row in card.fit.get("orders", ())}
+    chosen = tried.get(card.hyperfoam.mu_Pa.size) if card.hyperfoam else None
+    if chosen and chosen["confluence"]:
+        yield (f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses within the "
+               "tests are." + _safer(chosen["order"], tried.values()))
+
+
+def _safer(chosen: int, tried: Iterable[Mapping[str, Any]]) -> str:
+    """The command that gives the best lower order whose parameters can be read."""
+    clear = [row for row in tried if row["order"] < chosen and not row["confluence"]]
+    if not clear:
+        return ""
+    best = min(clear, key=lambda row: row["bic"])
+    return (f" Outside the tests --order {best['order']} is the safer law (residual {percent(best['rms'])} instead of "
+            f"{percent(next(row['rms'] for row in tried if row['order'] == chosen))}).")
+
+
+def _predictions(card: MaterialCard) -> Iterator[str]:
+    missed = [f"{', '.join(row['source'])} ({row['kind']}) by {percent(row['relative_rms']['combined'], 2)}"
+              for row in card.fit.get("predicted", ()) if row["relative_rms"]["combined"] > _MISSED]
+    if missed:
+        yield f"Tests kept out of the fit are missed (relative RMS): {', '.join(missed)}."
+
+
+def _coverage(card: MaterialCard) -> Iterator[str]:
+    fitted = [mode for mode in MODES if card.hyperfoam and mode in card.hyperfoam.strain_range]
+    if len(fitted) == 1:
+        yield f"Only {fitted[0]} loading was fitted: every other mode is extrapolated and may be far off."
+    kinds = [row["kind"] for row in tests(card).values()]
+    if kinds and len(kinds) == len(set(kinds)):
+        yield "One specimen of each kind was tested: the intervals leave out the scatter from specimen to specimen."
+    if card.hyperfoam is not None and card.prony is None and card.hyperfoam.moduli == "longterm" and kinds:
+        yield "Moduli count as long-term but are not corrected for the rate of the tests: no relaxation was given."
+
+
+def _series(card: MaterialCard) -> Iterator[str]:
+    sd = card.fit.get("prony", {}).get("tau_sd_s")
+    if card.prony is None or sd is None:
+        return
+    if card.hyperfoam is None:
+        yield ("Relaxation was fitted without a stress-strain curve: the ramp of the test itself had to give the shape "
+               "of the curve, on which the fast terms depend.")
+    loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
+    if loose:
+        yield f"Weakly determined relaxation times: {', '.join(loose)}."
+
+
+def _skin(card: MaterialCard) -> Iterator[str]:
+    if card.conductivity is not None and card.conductivity.strain_range[0] > -0.01:
+        yield ("Conductivity was measured in tension only: under a touch, which compresses the skin, it is "
+               "extrapolated.")

@@ -1,0 +1,119 @@
+"""The seam of every exporter: what a target gets (`Material`), what it gives (`Written`), and its name (`Target`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Units:
+    """A consistent system of units: multiply an SI value by the factor to write it in the system."""
+
+    # name on the command line
+    name: str
+    # the units in words, for the comment
+    words: str
+    # of stress, 1/Pa
+    stress: float
+    # and its name
+    stress_name: str
+    # of time, 1/s
+    time: float
+    # of mass density, m3/kg
+    density: float
+
+
+UNITS = {u.name: u for u in (
+    Units("SI", "SI: m, kg, s, N; stress in Pa, density in kg/m3", 1.0, "Pa", 1.0, 1.0),
+    Units("mm-t-s", "mm, tonne, s, N; stress in MPa, density in tonne/mm3", 1e-6, "MPa", 1.0, 1e-12),
+    Units("mm-kg-ms", "mm, kg, ms, kN; stress in GPa, density in kg/mm3", 1e-9, "GPa", 1e3, 1e-9),
+)}
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a target gets: a law, what relaxes it, and the units to write."""
+
+    # name of the card, as it stands there
+    name: str
+    # the law with the moduli as asked for, Pa
+    law: Hyperfoam
+    # relaxation, times in s; None where the card has none
+    prony: Prony | None
+    units: Units
+    # mass density at rest, kg/m3; None where it was not given
+    density_kg_per_m3: float | None = None
+    # whether `law.moduli` was asked for, or is only what the card holds
+    moduli_asked: bool = False
+
+    @property
+    def mu(self) -> Array:
+        """(N,) shear moduli in the units of stress."""
+        return self.law.mu_Pa * self.units.stress
+
+    @property
+    def tau(self) -> Array:
+        """(M,) relaxation times in the units of time; empty without relaxation."""
+        return self.prony.tau_s * self.units.time if self.prony else np.zeros(0)
+
+    @property
+    def density(self) -> float | None:
+        """Mass density in the units of density."""
+        return None if self.density_kg_per_m3 is None else self.density_kg_per_m3 * self.units.density
+
+
+@dataclass(frozen=True)
+class Written:
+    """What a target gives."""
+
+    # lines of input, without the comment
+    lines: tuple[str, ...]
+    # sentences for the comment: layout, meaning of the moduli
+    notes: tuple[str, ...]
+    # sentences for the comment and for standard error: what the target does otherwise than the card
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Target:
+    """A finite-element program."""
+
+    # its name in words
+    title: str
+    # writes a material; ValueError where the target's law cannot be the card's
+    write: Callable[[Material], Written]
+    # joins the sentences of the comment and the lines of input into the text of a file
+    assemble: Callable[[Sequence[str], Sequence[str]], str]
+
+
+def refuse_more_terms(material: Material, most: int, title: str) -> None:
+    """ValueError where the law has more terms than the target takes."""
+    n = material.law.mu_Pa.size
+    if n > most:
+        raise ValueError(f"{title} takes at most {most} hyperfoam terms, the card has {n}. "
+                         f"Fit it again with `matcal fit --order {most}`.")
+
+
+def moduli_note(material: Material) -> str:
+    """The sentence that says which moduli were written."""
+    return (f"Moduli: {MEANING[material.law.moduli]}, mu_0 = {material.mu.sum():.8g} {material.units.stress_name}")
+
+
+def elastic_warning(material: Material, reason: str) -> tuple[str, ...]:
+    """The warning that the card's relaxation was left out; empty where the card has none."""
+    if material.prony is None:
+        return ()
+    return (f"The Prony series is not exported: {reason}. The material is elastic; its moduli are "
+            f"{MEANING[material.law.moduli]}.",)
+
+
+MEANING = {"instantaneous": "instantaneous (before relaxation)", "longterm": "long-term (after relaxation)"}

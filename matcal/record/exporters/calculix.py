@@ -1,0 +1,40 @@
+"""CalculiX: *HYPERFOAM with N <= 3; elastic, because CalculiX 2.20 has no Prony series.
+
+The energy and the order of the data are Abaqus's. CalculiX reads 20 characters of a value and nothing beyond, and
+knows no parameter of *HYPERFOAM but N. A wrong order runs silently. Version 2.20 stops without a word on N = 1, so one
+term goes out as two equal halves, which is the same law.
+
+Sources: CalculiX CrunchiX User's Manual, *HYPERFOAM (energy, beta_i = nu_i/(1 - 2 nu_i), data lines); `hyperfoams.f`
+of CalculiX (width of a value, known parameters); N = 1 was tried.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.record.exporters.abaqus import density_lines, hyperfoam_data
+from matcal.record.exporters.base import Material, Target, Written, elastic_warning, moduli_note, refuse_more_terms
+from matcal.record.exporters.formatting import commented_file, identifier
+
+MOST_TERMS = 3
+
+
+def write(material: Material) -> Written:
+    """The material in CalculiX's keywords; ValueError where N > 3."""
+    refuse_more_terms(material, MOST_TERMS, "CalculiX")
+    notes = [moduli_note(material),
+             "Data: mu_1, alpha_1, ..., mu_N, alpha_N, then nu_1, ..., nu_N, eight values a line."]
+    if material.law.mu_Pa.size == 1:
+        material = replace(material, law=_halved(material.law))
+        notes.append("The card's one term is written as two equal halves, because CalculiX 2.20 fails on N = 1.")
+    lines = (f"*MATERIAL, NAME={identifier(material.name)}", *density_lines(material),
+             f"*HYPERFOAM, N={material.law.mu_Pa.size}", *hyperfoam_data(material))
+    return Written(lines, tuple(notes), elastic_warning(material, "CalculiX 2.20 has none for hyperfoam"))
+
+
+def _halved(law: Hyperfoam) -> Hyperfoam:
+    return replace(law, mu_Pa=law.mu_Pa.repeat(2) / 2, alpha=law.alpha.repeat(2), nu=law.nu.repeat(2))
+
+
+TARGET = Target("CalculiX", write, commented_file("**"))

@@ -1,0 +1,79 @@
+"""A material card as input of a finite-element program, with a comment that says what it is and what it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module, metadata
+
+from matcal.card import MaterialCard, with_moduli
+from matcal.laws.conductivity import Conductivity
+from matcal.record.cautions import cautions
+from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
+from matcal.record.exporters.formatting import number
+
+TARGETS = ("abaqus", "calculix", "febio", "lsdyna", "ansys")
+
+
+@dataclass(frozen=True)
+class Deck:
+    """An exported card."""
+
+    # the file's text
+    text: str
+    # what the target does otherwise than the card, one sentence each; in the text too
+    warnings: tuple[str, ...]
+
+
+def export(card: MaterialCard, target: str, moduli: str | None = None, units: str = "SI",
+           density_kg_per_m3: float | None = None) -> Deck:
+    """The card's law as input of `target`, with `moduli` "instantaneous", "longterm" or None (as the card holds them).
+
+    Moduli, times and density are written in `units` ("SI", "mm-t-s", "mm-kg-ms"). ValueError for an unknown target,
+    units or moduli, a card without hyperfoam, moduli that need a Prony series the card lacks, or a law that the
+    target does not have.
+    """
+    if target not in TARGETS:
+        raise ValueError(f"target '{target}' is unknown; known: {', '.join(TARGETS)}.")
+    if units not in UNITS:
+        raise ValueError(f"units '{units}' are unknown; known: {', '.join(UNITS)}.")
+    if density_kg_per_m3 is not None and not density_kg_per_m3 > 0:
+        raise ValueError(f"the density must be positive, got {density_kg_per_m3:g} kg/m3.")
+    into: Target = import_module(f"matcal.record.exporters.{target}").TARGET
+    law = with_moduli(card, moduli or "card")
+    material = Material(card.name, law, card.prony, UNITS[units], density_kg_per_m3, moduli is not None)
+    written = into.write(material)
+    warnings = (*written.warnings, *_skin_left_out(card))
+    return Deck(into.assemble(list(_comment(card, into, UNITS[units], written, warnings)), written.lines), warnings)
+
+
+def _comment(card: MaterialCard, into: Target, units: Units, written: Written, warnings: tuple[str, ...]
+             ) -> Iterator[str]:
+    yield f"{card.name}: hyperfoam for {into.title}, written by matcal {metadata.version('touchcal')}"
+    yield f"Units: {units.words}"
+    yield from written.notes
+    ranges = card.hyperfoam.strain_range if card.hyperfoam else {}
+    if ranges:
+        fitted = ", ".join(f"{mode} {lo:g} to {hi:g}" for mode, (lo, hi) in ranges.items())
+        yield f"Fitted strains (gamma in shear, J in volumetric): {fitted}; beyond them the law extrapolates."
+    for text in cautions(card):
+        yield f"Caution: {text}"
+    for text in warnings:
+        yield f"Warning: {text}"
+    if card.conductivity is not None:
+        yield _cubic(card.conductivity)
+
+
+def _skin_left_out(card: MaterialCard) -> tuple[str, ...]:
+    if card.conductivity is None:
+        return ()
+    return ("The conductivity of the skin is not exported: no target reads conductivity as a function of strain "
+            "without a user subroutine. Its cubic is in the comment.",)
+
+
+def _cubic(skin: Conductivity) -> str:
+    a1, a2, a3 = map(number, skin.a)
+    lo, hi = skin.strain_range
+    return (f"Skin conductivity in S/m, not part of this input: c(e) = {number(skin.c0_S_per_m)} * (1 + ({a1}) * e + "
+            f"({a2}) * e^2 + ({a3}) * e^3), nominal strain e fitted from {lo:g} to {hi:g} (in Abaqus by a field "
+            "variable set in the user subroutine USDFLD).")

@@ -1,0 +1,80 @@
+"""FEBio: "Ogden unconstrained", inside "viscoelastic" where the card relaxes; exact for beta = 0 only.
+
+Energy: W = c_p/2 (J - 1)^2 + sum c_i/m_i^2 (sum_k lambda_k^m_i - 3 - m_i ln J), at most six terms. The card's energy at
+beta = 0 is this with c_i = 2 mu_i, m_i = alpha_i, c_p = 0; at beta > 0 its volumetric term is J^(-alpha beta), which
+no c_p gives. Relaxation is S(t) = int G(t - s) dS_e, G = g_0 + sum g_i exp(-t/t_i) on the second Piola-Kirchhoff
+stress, at most six terms: the card's own form.
+
+Source: FEBio User Manual (version 4), "Ogden unconstrained" and "viscoelastic" under unconstrained materials.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from matcal.laws.prony import Prony
+from matcal.record.exporters.base import Array, Material, Target, Written, moduli_note, refuse_more_terms
+from matcal.record.exporters.formatting import comment, number
+
+MOST_TERMS = 6
+
+
+def write(material: Material) -> Written:
+    """The material as FEBio's XML; ValueError where a nu (so a beta) is not 0, or for more than six terms."""
+    law = material.law
+    if np.any(law.nu != 0):
+        raise ValueError(f"FEBio's Ogden unconstrained law is the card's hyperfoam for beta = 0 only; this card has "
+                         f"nu = {law.nu.tolist()}. Fit it with `matcal fit --poisson 0`, or export to another target.")
+    refuse_more_terms(material, MOST_TERMS, "FEBio")
+    notes = [moduli_note(material),
+             "c_i = 2 mu_i, m_i = alpha_i, cp = 0: the card's law for beta = 0."]
+    heading = f'id="1" name={quoteattr(material.name)}'
+    density = [] if material.density is None else [_element("density", material.density)]
+    if material.prony is None:
+        lines = [f'<material {heading} type="Ogden unconstrained">', *_indent([*density, *_terms(material)]),
+                 "</material>"]
+        return Written(tuple(lines), tuple(notes))
+    elastic = ['<elastic type="Ogden unconstrained">', *_indent([*density, *_terms(material)]), "</elastic>"]
+    relaxation = _relaxation(material.prony, material.tau, law.moduli)
+    lines = [f'<material {heading} type="viscoelastic">', *_indent([*density, *relaxation, *elastic]), "</material>"]
+    notes.append("G(t) = g0 + sum g_i exp(-t/t_i) on the second Piola-Kirchhoff stress, G = 1 for the moduli written.")
+    return Written(tuple(lines), tuple(notes))
+
+
+def _terms(material: Material) -> list[str]:
+    return [line for i, (mu, alpha) in enumerate(zip(material.mu, material.law.alpha, strict=True), 1)
+            for line in (_element(f"c{i}", 2 * mu), _element(f"m{i}", alpha))] + [_element("cp", 0.0)]
+
+
+def _relaxation(prony: Prony, tau: Array, moduli: str) -> list[str]:
+    """G(t) over the modulus that is written: G(0) = 1 for instantaneous, G(infinity) = 1 for long-term moduli."""
+    if prony.g.size > MOST_TERMS:
+        raise ValueError(f"FEBio takes at most {MOST_TERMS} Prony terms, the card has {prony.g.size}.")
+    whole = 1.0 if moduli == "instantaneous" else prony.g_infinity
+    out = [_element("g0", prony.g_infinity / whole)]
+    for i, (g, time) in enumerate(zip(prony.g, tau, strict=True), 1):
+        out += [_element(f"g{i}", g / whole), _element(f"t{i}", time)]
+    return out
+
+
+def _element(tag: str, value: float) -> str:
+    return f"<{tag}>{number(value)}</{tag}>"
+
+
+def _indent(lines: Iterable[str]) -> list[str]:
+    return [f"  {line}" for line in lines]
+
+
+def assemble(sentences: Sequence[str], lines: Sequence[str]) -> str:
+    """A file with a Material section alone, to be included or copied; XML forbids two hyphens in a comment."""
+    said = [re.sub("-(?=-)", "- ", escape(line)) for line in comment(sentences, " ")]
+    body = ["<Material>", *_indent(lines), "</Material>"]
+    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', '<febio_spec version="4.0">', "  <!--", *said, "  -->",
+                      *_indent(body), "</febio_spec>"]) + "\n"
+
+
+TARGET = Target("FEBio", write, assemble)

@@ -1,0 +1,82 @@
+"""LS-DYNA: *MAT_HILL_FOAM (177), elastic.
+
+Energy: W = sum C_j/b_j [ sum_k lambda_k^b_j - 3 + (J^(-n b_j) - 1)/n ], mu = sum C_j b_j / 2, K = 2 mu (n + 1/3), up to
+eight pairs and one n for all: the card's energy with C_j = 2 mu_j/alpha_j, b_j = alpha_j, n = beta. The keyword ends
+in +, so that every field has 20 columns (the usual 10 hold six digits of a modulus).
+
+Cards: MID RO K N MU LCID FITTYPE LCSR / C1-C8 / B1-B8 / R M. K serves contact and time step only, MU is a numerical
+damping, R and M are the Mullins effect (none). *MAT_VISCOELASTIC_HILL_FOAM (178) adds a linear viscous stress to the
+Hill stress; the card's relaxation multiplies it, which is another law, so it is left out.
+
+Sources: LS-DYNA Keyword User's Manual, Volume II, *MAT_HILL_FOAM and *MAT_VISCOELASTIC_HILL_FOAM, Volume I, "Long
+format"; field tables of PyDyna (`MatHillFoam`). Hill, Adv. Appl. Mech. 18 (1979) 1; Storakers, J. Mech. Phys. Solids
+34 (1986) 125.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from matcal.record.exporters.base import (
+    Array,
+    Material,
+    Target,
+    Written,
+    elastic_warning,
+    moduli_note,
+    refuse_more_terms,
+)
+from matcal.record.exporters.formatting import commented_file, number
+
+WIDTH, MOST_TERMS = 20, 8
+DAMPING = 0.1
+
+
+def write(material: Material) -> Written:
+    """The material as *MAT_HILL_FOAM; ValueError where nu differs from term to term, or for more than eight terms."""
+    law = material.law
+    refuse_more_terms(material, MOST_TERMS, "LS-DYNA")
+    if np.ptp(law.nu) > 0:
+        raise ValueError(f"LS-DYNA's *MAT_HILL_FOAM has one n (beta) for all terms; this card has nu = "
+                         f"{law.nu.tolist()}. Fit it with one --poisson, or export to another target.")
+    n = float(law.beta[0])
+    bulk = float(np.sum(2 * material.mu * (1 / 3 + n)))
+    lines = ("*MAT_HILL_FOAM+",
+             _heads("mid", "ro", "k", "n", "mu", "lcid", "fittype", "lcsr"),
+             "1".rjust(WIDTH) + _fields((material.density or 0.0, bulk, n, DAMPING)) + "".join(
+                 text.rjust(WIDTH) for text in ("0", "1", "0")),
+             _heads(*(f"c{j}" for j in range(1, 9))), _fields(_eight(2 * material.mu / law.alpha)),
+             _heads(*(f"b{j}" for j in range(1, 9))), _fields(_eight(law.alpha)),
+             _heads("r", "m"), _fields((0.0, 0.0)))
+    notes = (moduli_note(material),
+             "C_j = 2 mu_j/alpha_j, b_j = alpha_j, n = beta = nu/(1 - 2 nu); fields of 20 columns.",
+             "K is the bulk modulus at rest; LS-DYNA uses it for contact and the time step. MU is a numerical damping.")
+    return Written(lines, notes, _warnings(material, n))
+
+
+def _warnings(material: Material, n: float) -> tuple[str, ...]:
+    said = elastic_warning(material, "*MAT_VISCOELASTIC_HILL_FOAM adds a linear viscous stress, while "
+                                       "the card's relaxation multiplies the stress")
+    if material.density is None:
+        said += ("RO is 0 because the card holds no density: fill it in, or export with --density.",)
+    if n == 0:
+        said += ("The manual's energy divides by n; the stress is regular at n = 0, which is written. Compare one "
+                 "element with `matcal predict` before use.",)
+    return said
+
+
+def _heads(*names: str) -> str:
+    return "$#" + "".join(name.rjust(WIDTH) for name in names)[2:]
+
+
+def _fields(values: Iterable[float]) -> str:
+    return "".join(number(v, WIDTH - 1).rjust(WIDTH) for v in values)
+
+
+def _eight(values: Array) -> list[float]:
+    return [*values.tolist(), *[0.0] * (8 - values.size)]
+
+
+TARGET = Target("LS-DYNA", write, commented_file("$"))

@@ -1,0 +1,116 @@
+"""The `fit` part of a card: errors of every test, derived quantities, standard errors, orders, cross prediction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from matcal.fitting.calibrate import Calibration, is_curve, labels
+from matcal.fitting.conductivity_fit import ConductivityFit
+from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
+from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
+from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty.standard_errors import standard_errors
+from matcal.reduction.experiment import Experiment
+
+# how the facts of `matcal.reduction.replicates` and `matcal.reduction.cyclic_resistance` begin, which the card repeats
+_REPEATED = ("stiffness_factor", "shape_scatter", "settling_", "resistance_")
+
+
+def fit_part(found: Calibration) -> dict[str, Any]:
+    """Per experiment its errors; then whatever the calibration holds beside them."""
+    out: dict[str, Any] = {}
+    for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
+        out[label] = _goodness(found, label, experiment)
+    if found.fit and found.uncertainty:
+        out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
+                          for n, i in found.uncertainty.derived.items()}
+        out |= _law_part(found.fit) | _comparison_part(found)
+    if found.prony:
+        out["prony"] = _series_part(found.prony)
+    if found.conductivity:
+        out["conductivity"] = _skin_part(found.conductivity)
+    return out
+
+
+def curve_of(found: Calibration, label: str) -> Curve:
+    """The weighed curve of a test; the fit may have moved its strain zero."""
+    assert found.fit is not None
+    return next(c for c in found.fit.curves if c.label == label)
+
+
+def _law_part(fit: Fit) -> dict[str, Any]:
+    return {"parameters": standard_errors(fit),
+            "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.confluence}
+                       for r in fit.orders],
+            "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
+                                        "relative_rms": dict(alone.relative_rms),
+                                        "relative_rms_of": dict(alone.relative_rms_of), "unstable": alone.unstable}
+                                 for mode, alone in fit.alone.items()}}
+
+
+def _comparison_part(found: Calibration) -> dict[str, Any]:
+    """What the records say about stability, what stability cost, and tests that were predicted; absent parts left out.
+    """
+    assert found.fit is not None
+    out: dict[str, Any] = {"data_stability": [
+        {"test": c.label, "criterion": c.criterion, "violated_strain": c.violated, "covered_strain": c.covered}
+        for c in found.data_checks]}
+    if (free := found.fit.free) is not None:
+        out["without_stability"] = {"mu_Pa": free.mu_Pa, "alpha": free.alpha, "nu": free.nu,
+                                    "relative_rms_of": {c.label: relative_rms(free, c) for c in found.fit.curves}}
+    if found.predicted:
+        out["predicted"] = [{"kind": p.curve.experiment.kind, "source": list(p.curve.experiment.source),
+                             "n": p.curve.experiment.value.size, "strain_range": _range(p.curve.experiment),
+                             "relative_rms": dict(p.relative_rms)} for p in found.predicted]
+    return out
+
+
+def _series_part(prony: PronyFit) -> dict[str, Any]:
+    sd = np.sqrt(np.diag(prony.covariance))
+    terms = prony.prony.g.size
+    return {"g_sd": sd[:terms], "tau_sd_s": sd[terms:],
+            "g_infinity_sd": float(np.sqrt(prony.covariance[:terms, :terms].sum())),
+            "orders": [{"order": row.terms, "rms": row.rms, "bic": row.bic} for row in prony.orders],
+            "slowest_s": {"value": prony.slowest.tau_s, "lo": prony.slowest.lo_s, "hi": prony.slowest.hi_s}}
+
+
+def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
+    """Standard errors of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b."""
+    law, covariance = skin.law, skin.covariance
+    slope = np.column_stack([-law.a, np.eye(3)]) / law.c0_S_per_m
+    return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": float(np.sqrt(covariance[0, 0])),
+            "a_sd": np.sqrt(np.diag(slope @ covariance @ slope.T)),
+            "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance))}
+
+
+def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[str, Any]:
+    k = int(label.rsplit("_", 1)[1]) - 1
+    row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
+                           "unit": "S/m" if experiment.kind == "conductivity" else "Pa",
+                           "source": list(experiment.source), "strain_range": _range(experiment)}
+    row |= {name: value for name, value in experiment.facts.items() if name.startswith(_REPEATED)}
+    if is_curve(experiment) and found.fit:
+        curve = curve_of(found, label)
+        row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))
+        row |= {"weight": curve.weight}
+        if curve.factor != 1:
+            row |= {"specimen_factor": curve.factor, "relative_rms_of_specimen": relative_rms(found.fit.law, curve)}
+    elif experiment.kind == "relaxation" and found.prony:
+        row |= _errors(experiment.value, found.prony.relative_rms[k])
+        row |= {"compared": "hold", "time_s": float(experiment.time_s[-1]) if experiment.time_s is not None else None}
+        row |= {"stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
+    elif experiment.kind == "conductivity" and found.conductivity:
+        row |= _errors(experiment.value, found.conductivity.relative_rms[k])
+    return row
+
+
+def _errors(value: np.ndarray, relative: float) -> dict[str, float | None]:
+    square, variance = float(np.mean(value**2)), float(np.var(value))
+    return {"rms": relative * np.sqrt(square), "relative_rms": relative,
+            "r2": 1 - relative**2 * square / variance if variance > 0 else None}
+
+
+def _range(experiment: Experiment) -> list[float]:
+    return [float(experiment.strain.min()), float(experiment.strain.max())]

@@ -1,0 +1,220 @@
+"""Tables of a calibration as the terminal shows them, read from its card, values with the digits they deserve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matcal.card import MaterialCard
+from matcal.laws.deformation_modes import MODES
+from matcal.record.cautions import own_rms, relative_rms, tests
+from touchcal.number_words import percent, significant, with_error, within
+
+MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulus",
+           "plateau_Pa": "stress at 40 % strain", "g_infinity": "long-term share",
+           "mu_0_instantaneous_Pa": "before relaxation", "mu_0_new_specimen_Pa": "of a further specimen",
+           "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin"}
+
+
+@dataclass(frozen=True)
+class Printed:
+    """One table, cells already formatted."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    # one letter a column: < left, > right, w left and folded where the line is too short
+    align: str
+    # sentences below it
+    notes: Sequence[str] = ()
+
+
+def derived(card: MaterialCard) -> Printed:
+    """What the tests measure, by linearisation and, where it was sampled, by the posterior."""
+    linear: Mapping[str, Any] = card.fit.get("derived", {})
+    drawn: Mapping[str, Any] = card.posterior.get("derived", {})
+    rows = []
+    for name in dict.fromkeys([*linear, *drawn]):
+        own = linear.get(name) or {**drawn[name], "value": drawn[name]["median"]}
+        value, interval = within(own["value"], own["lo"], own["hi"])
+        sampled = [_posterior(drawn.get(name))] if drawn else []
+        rows.append([name, value, interval if name in linear else "-", *sampled, MEANING.get(name, "")])
+    head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
+    title = f"Results: {card.hyperfoam.moduli} moduli" if card.hyperfoam else "Results"
+    return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w")
+
+
+def _posterior(row: Mapping[str, float] | None) -> str:
+    return within(row["median"], row["lo"], row["hi"])[1] if row else "-"
+
+
+def law(card: MaterialCard) -> Printed:
+    """Terms of the hyperfoam law."""
+    assert card.hyperfoam is not None
+    errors, rows = card.fit["parameters"], []
+    for k, (mu, alpha, nu) in enumerate(zip(card.hyperfoam.mu_Pa, card.hyperfoam.alpha, card.hyperfoam.nu,
+                                            strict=True), 1):
+        rows.append([str(k), *_pair(mu, _stderr(errors, f"mu_{k}_Pa")), *_pair(alpha, _stderr(errors, f"alpha_{k}")),
+                     significant(float(nu), 3)])
+    head = ["i", "mu_Pa", "+-", "alpha", "+-", "nu"]
+    return Printed("Hyperfoam terms, one standard error each", head, rows, ">>>>>>",
+                   ("Single terms compensate each other; read the results above.",))
+
+
+def series(card: MaterialCard) -> Printed:
+    """Terms of the Prony series."""
+    assert card.prony is not None
+    sd = card.fit.get("prony", {})
+    rows = []
+    for k, (g, tau) in enumerate(zip(card.prony.g, card.prony.tau_s, strict=True)):
+        rows.append([str(k + 1), *_pair(g, _at(sd, "g_sd", k)), *_pair(tau, _at(sd, "tau_sd_s", k))])
+    return Printed("Prony series, one standard error each", ["i", "g", "+-", "tau_s", "+-"], rows, ">>>>>",
+                   (f"Long-term over instantaneous modulus: {significant(card.prony.g_infinity)}.", *_slowest(sd)))
+
+
+def _slowest(found: Mapping[str, Any]) -> list[str]:
+    if "slowest_s" not in found or not any(found.get("g_sd", ())):
+        return []
+    row = found["slowest_s"]
+    end = "without an upper end" if row["hi"] is None else f"to {row['hi']:.3g} s"
+    return [f"The slowest time has the 95 % profile interval {row['lo']:.3g} s {end}."]
+
+
+def skin(card: MaterialCard) -> Printed:
+    """Coefficients of the conductivity law."""
+    assert card.conductivity is not None
+    found = card.fit.get("conductivity", {})
+    rows = [["c0_S_per_m", *_pair(card.conductivity.c0_S_per_m, found.get("c0_sd_S_per_m"))]]
+    rows += [[f"a_{k + 1}", *_pair(a, _at(found, "a_sd", k))] for k, a in enumerate(card.conductivity.a)]
+    return Printed("Conductivity, one standard error each", ["", "value", "+-"], rows, "<>>",
+                   (f"Fitted for strains of {_span(card.conductivity.strain_range)}.",))
+
+
+def errors(card: MaterialCard) -> Printed:
+    """Errors of the fit, one row a test; weights where they differ from equal shares of the kinds."""
+    rows, found = [], tests(card)
+    weighted, factors = _weighted(found.values()), any("specimen_factor" in row for row in found.values())
+    for label, row in found.items():
+        rows.append([label, str(row["n"]), _span(row["strain_range"]),
+                     f"{significant(row['rms'], 3)} {row['unit']}", percent(row["relative_rms"]),
+                     "-" if row["r2"] is None else _r_squared(row["r2"]),
+                     *([significant(row["weight"], 2)] if weighted else []),
+                     *([significant(row.get("specimen_factor", 1.0)), percent(own_rms(row))] if factors else [])])
+    head = ["test", "points", "strain", "rms", "relative", "R2", *(["weight"] if weighted else []),
+            *(["factor", "after it"] if factors else [])]
+    return Printed("Errors of the fit", head, rows, "<" + ">" * (len(head) - 1))
+
+
+def _weighted(rows: Iterable[Mapping[str, Any]]) -> bool:
+    """Whether one kind of stress-strain curve counts more than another."""
+    shares: dict[str, float] = {}
+    for row in rows:
+        if row["kind"] in MODES:
+            shares[row["kind"]] = shares.get(row["kind"], 0.0) + row["weight"]
+    return bool(shares) and max(shares.values()) > 1.01 * min(shares.values())
+
+
+def cross(card: MaterialCard) -> Printed:
+    """Relative RMS of the laws of single modes, and of the card's, in every mode."""
+    alone = card.fit["cross_prediction"]
+    modes = list(next(iter(alone.values()))["relative_rms"])
+    rows = [["all modes", *(percent(relative_rms(card, mode)) for mode in modes)]]
+    rows += [[f"{name} alone", *(percent(found["relative_rms"][mode]) for mode in modes)]
+             for name, found in alone.items()]
+    return Printed("Relative RMS, by what was fitted", ["fitted to", *(f"in {m}" for m in modes)], rows,
+                   "<" + ">" * len(modes))
+
+
+def replicates(card: MaterialCard) -> Printed:
+    """How each specimen differs from the mean of its kind."""
+    rows = [[label, row["kind"], significant(row["stiffness_factor"]), percent(row["stiffness_factor_sd"], 2),
+             percent(row["shape_scatter"], 2)] for label, row in tests(card).items() if "stiffness_factor" in row]
+    return Printed("Specimens", ["test", "kind", "value over mean", "scatter", "shape scatter"], rows, "<<>>>",
+                   ("Scatter is the standard deviation of the factors of a kind; shape scatter what they leave.",))
+
+
+def predicted(card: MaterialCard) -> Printed:
+    """Relative RMS of every law on the tests that were kept out of the fit."""
+    tested = card.fit["predicted"]
+    laws = list(tested[0]["relative_rms"])
+    rows = [[", ".join(row["source"]), row["kind"], _span(row["strain_range"]),
+             *(percent(row["relative_rms"][law]) for law in laws)] for row in tested]
+    return Printed("Predicted, not fitted: relative RMS", ["file", "mode", "strain", *laws], rows,
+                   "w<>" + ">" * len(laws))
+
+
+def stability_cost(card: MaterialCard) -> Printed:
+    """Relative RMS of the law held stable, beside that of the free one."""
+    free, held = card.fit["without_stability"]["relative_rms_of"], tests(card)
+    rows = [[label, percent(own_rms(held[label])), percent(share)] for label, share in free.items()]
+    return Printed("What stability costs: relative RMS", ["test", "held stable", "free"], rows, "<>>")
+
+
+def by_test(card: MaterialCard) -> Printed:
+    """Relative RMS of every law in every test, where some mode was tested more than once."""
+    alone, found = card.fit["cross_prediction"], tests(card)
+    rows = [[label, percent(own_rms(found[label])),
+             *(percent(law["relative_rms_of"][label]) for law in alone.values())]
+            for label in next(iter(alone.values()))["relative_rms_of"]]
+    return Printed("Relative RMS by test", ["test", "all modes", *(f"{mode} alone" for mode in alone)], rows,
+                   "<" + ">" * (1 + len(alone)))
+
+
+def series_orders(card: MaterialCard) -> Printed:
+    """Numbers of Prony terms tried, with their information criterion."""
+    assert card.prony is not None
+    tried = card.fit["prony"]["orders"]
+    best = min(row["bic"] for row in tried)
+    rows = [[str(row["order"]) + (" *" if row["order"] == card.prony.g.size else "  "), percent(row["rms"]),
+             f"{row['bic'] - best:.0f}"] for row in tried]
+    return Printed("Terms of the Prony series (* chosen)", ["terms", "residual", "BIC above least"], rows, ">>>")
+
+
+def stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Printed:
+    """Where each criterion is lost in each mode."""
+    rows = []
+    for mode, first in next(iter(found.values())).items():
+        lost = [", ".join(f"{lo:.3g} to {hi:.3g}" for lo, hi in modes[mode]["unstable_strain"]) or "nowhere"
+                for modes in found.values()]
+        rows.append([mode, "{:g} to {:g}".format(*first["scanned"]), *lost])
+    return Printed("Stability of the law", ["mode", "scanned", *(f"{criterion} lost at" for criterion in found)], rows,
+                   "<<" + "w" * len(found), ("Strain is gamma in shear, J in volumetric.",))
+
+
+def orders(card: MaterialCard) -> Printed:
+    """Numbers of terms tried, with their information criterion."""
+    assert card.hyperfoam is not None
+    best = min(row["bic"] for row in card.fit["orders"])
+    rows = [[str(row["order"]) + (" *" if row["order"] == card.hyperfoam.mu_Pa.size else "  "), percent(row["rms"]),
+             f"{row['bic'] - best:.0f}", row["confluence"] or "-"] for row in card.fit["orders"]]
+    return Printed("Order of the law (* chosen)", ["terms", "residual", "BIC above least", "what is wrong with it"],
+                   rows, ">>>w")
+
+
+def _pair(value: float, error: float | None) -> tuple[str, str]:
+    return with_error(float(value), float(error)) if error else (significant(float(value)), "unknown")
+
+
+def _stderr(errors: Mapping[str, Any], name: str) -> float | None:
+    return errors.get(name, {}).get("stderr")
+
+
+def _at(found: Mapping[str, Any], key: str, k: int) -> float | None:
+    return float(found[key][k]) if key in found else None
+
+
+def _span(ends: Sequence[float]) -> str:
+    lo, hi = ends
+    return f"{significant(_near(lo, hi), 3)} to {significant(_near(hi, lo), 3)}"
+
+
+def _near(end: float, other: float) -> float:
+    """An end of a range, 0 where it is that beside the other one."""
+    return 0.0 if abs(end) < 1e-4 * abs(other) else end
+
+
+def _r_squared(value: float) -> str:
+    """R2 to the second digit of what it lacks of one."""
+    lack = 1 - value
+    return f"{value:.4f}" if lack >= 1e-3 or lack <= 0 else f"{value:.{min(7, 1 + len(f'{1 / lack:.0f}'))}f}"

@@ -1,0 +1,171 @@
+"""What a calibration leaves behind: the card, and beside it a folder with the reduced tests and their fitted curves.
+
+The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where
+the test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law
+without rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; predicted_i.parquet, a test kept out
+of the fit; bands.parquet, stress in every mode with its 95 % band, and conductivity_band.parquet; decisions.json, test
+or stage -> sentences; and posterior.nc where a posterior was sampled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import shutil
+import tempfile
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from matcal.card import MaterialCard, write_card
+from matcal.fitting.calibrate import Calibration, is_curve, labels
+from matcal.fitting.hyperfoam.cross_prediction import Predicted
+from matcal.fitting.hyperfoam.curves import of_mean_foam
+from matcal.fitting.hyperfoam.hyperfoam_fit import modelled
+from matcal.fitting.uncertainty.intervals import plateau_reached
+from matcal.laws.conductivity import conductivity
+from matcal.laws.deformation_modes import nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.stability import stability
+from matcal.posterior.derived_quantities import derived_of
+from matcal.posterior.draws import FILE, write_draws
+from matcal.record.bands import conductivity_band, stress_bands
+from matcal.record.fit_summary import curve_of, fit_part
+from matcal.reduction.experiment import Experiment
+from touchcal.json_file import write_json
+
+if TYPE_CHECKING:
+    from matcal.posterior.sample import Posterior
+
+# bytes of a file in which it may call itself synthetic
+_HEAD = 4096
+_PACKAGES = ("touchcal", "numpy", "scipy", "lmfit", "emcee", "arviz")
+
+
+def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
+              posterior: Posterior | None = None) -> MaterialCard:
+    """The card of a calibration from `files`, to be written to `out`."""
+    law = found.fit.law if found.fit else None
+    groups = said(found)
+    tests = set(labels(found.experiments))
+    decisions = [f"{name}: {s}" if name in tests else s for name, sentences in groups.items() for s in sentences]
+    spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
+    provenance = {"files": [{"name": p.name, "sha256": hashlib.sha256(p.read_bytes()).hexdigest()} for p in files],
+                  "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
+                  "synthetic": _synthetic(files, decisions), "seed": seed,
+                  "date": datetime.now(UTC).isoformat(timespec="seconds"),
+                  "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
+                  "cpu_s": spent}
+    return MaterialCard(out.stem, law, found.prony.prony if found.prony else None,
+                        found.conductivity.law if found.conductivity else None, fit=fit_part(found),
+                        stability=stability(law) if law else {}, provenance=provenance, data=folder_of(out).name,
+                        posterior=_posterior_part(posterior, folder_of(out).name, law) if posterior else {})
+
+
+def _synthetic(files: Sequence[Path], decisions: Sequence[str]) -> bool:
+    """Whether a file calls itself synthetic near its beginning, or in a property that was read."""
+    heads = (path.read_bytes()[:_HEAD].lower() for path in files)
+    return any("synthetic" in d.lower() for d in decisions) or any(b"synthetic" in head for head in heads)
+
+
+def said(found: Calibration) -> dict[str, tuple[str, ...]]:
+    """Test, then stage -> its decisions, in the order in which they were taken."""
+    own = {label: e.decisions for label, e in zip(labels(found.experiments), found.experiments, strict=True)}
+    return {name: group for name, group in (own | dict(found.stages)).items() if group}
+
+
+def write_record(card: MaterialCard, found: Calibration, out: Path, posterior: Posterior | None = None) -> Path:
+    """Write the card to `out` and its folder beside it; what stood there before stays whole until both are ready."""
+    folder = folder_of(out)
+    fresh = Path(tempfile.mkdtemp(dir=out.parent, prefix=folder.name, suffix=".part"))
+    try:
+        write_card(card, fresh / out.name)
+        (fresh / "data").mkdir()
+        _write_folder(found, posterior, fresh / "data")
+        if folder.exists():
+            shutil.rmtree(folder)
+        (fresh / "data").rename(folder)
+        (fresh / out.name).replace(out)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+    return folder
+
+
+def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path) -> None:
+    tests = list(zip(labels(found.experiments), found.experiments, strict=True))
+    for label, experiment in tests:
+        _table(found, label, experiment).to_parquet(folder / f"{label}.parquet", index=False)
+        if experiment.cycles is not None:
+            pd.DataFrame(dict(experiment.cycles)).to_parquet(folder / f"{label}_cycles.parquet", index=False)
+    for k, predicted in enumerate(found.predicted, 1):
+        _predicted_table(found, predicted).to_parquet(folder / f"predicted_{k}.parquet", index=False)
+    write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")
+    draws = posterior.draws if posterior is not None else None
+    if found.fit and found.uncertainty:
+        bands = stress_bands(found.fit.law, draws or found.uncertainty)
+        bands.to_parquet(folder / "bands.parquet", index=False)
+    if found.conductivity:
+        band = conductivity_band(found.conductivity, draws)
+        band.to_parquet(folder / "conductivity_band.parquet", index=False)
+    if posterior is not None and draws is not None:
+        write_draws(draws, folder / FILE, derived_of(draws), posterior.log_density, about_draws(posterior))
+
+
+def _predicted_table(found: Calibration, predicted: Predicted) -> pd.DataFrame:
+    """A test kept out of the fit, with what the law and the laws of single modes say of it."""
+    assert found.fit is not None
+    curve = predicted.curve
+    columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
+               "predicted_stress_Pa": modelled(found.fit.law, curve)}
+    columns |= {f"{mode}_alone_stress_Pa": modelled(alone.law, curve) for mode, alone in found.fit.alone.items()}
+    return pd.DataFrame(columns)
+
+
+def folder_of(card: Path) -> Path:
+    """card.json -> card.d; ValueError for a card that would be called like its folder."""
+    if card.suffix == ".d":
+        raise ValueError(f"{card}: the ending .d is that of the folder beside a card. Call the card {card.stem}.json.")
+    return card.with_suffix(".d")
+
+
+def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFrame:
+    if experiment.kind == "conductivity" and found.conductivity:
+        law = found.conductivity.law
+        columns = {"strain": experiment.strain, "conductivity_S_per_m": experiment.value,
+                   "fit_conductivity_S_per_m": conductivity(law, experiment.strain)}
+    elif is_curve(experiment) and found.fit:
+        curve = curve_of(found, label)
+        columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
+                   "fit_stress_Pa": modelled(found.fit.law, of_mean_foam(curve)),
+                   "longterm_stress_Pa": nominal_stress(found.fit.law, experiment.kind, curve.experiment.strain)}
+    else:
+        columns = {"strain": experiment.strain, "stress_Pa": experiment.value}
+        if found.prony:
+            columns["fit_stress_Pa"] = found.prony.stress_Pa[int(label.rsplit("_", 1)[1]) - 1]
+    if experiment.time_s is not None:
+        columns["time_s"] = experiment.time_s
+    return pd.DataFrame(columns)
+
+
+def _posterior_part(posterior: Posterior, folder: str, law: Hyperfoam | None) -> dict[str, Any]:
+    draws = posterior.draws
+    derived = {}
+    for name, column in derived_of(draws).items():
+        if name == "plateau_Pa" and (law is None or not plateau_reached(law.strain_range)):
+            continue
+        lo, middle, hi = np.quantile(column, [0.025, 0.5, 0.975])
+        derived[name] = {"value": middle, "median": middle, "sd": column.std(), "lo": lo, "hi": hi,
+                         **posterior.quantities.get(name, {})}
+    return {"file": f"{folder}/{FILE}", "n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
+            "derived": derived}
+
+
+def about_draws(posterior: Posterior) -> dict[str, str | int]:
+    """What a file of draws says of itself: prior, seed, versions, whether the chains converged."""
+    return {"prior": posterior.prior, "seed": posterior.seed, "converged": int(bool(posterior.checks["converged"])),
+            **{f"version_{p}": version(p) for p in _PACKAGES}}

@@ -1,0 +1,1 @@
+"""Columns of machine files to strain and stress, specimen by specimen."""

@@ -1,0 +1,76 @@
+"""A reduced experiment: what every reader and protocol ends in and every fit begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.readers.vocabulary import KINDS
+
+Array = NDArray[np.float64]
+
+_OPTIONAL = ("time_s", "samples", "deviation", "lateral", "held")
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One specimen in one mode; a relaxation has time and stress, a conductivity test strain and conductivity."""
+
+    # one of KINDS
+    kind: str
+    # (n,) nominal strain, compression negative (gamma for shear, J for volumetric)
+    strain: Array
+    # (n,) nominal stress, Pa, compression negative (pressure-negative for volumetric); conductivity: c, S/m
+    value: Array
+    # (n,) time from the start of loading, s; None where the file has no clock (then no rate correction is possible)
+    time_s: Array | None = None
+    # file name(s) it came from
+    source: tuple[str, ...] = ()
+    # standard deviation of the noise of `value`, same unit, estimated from the record; None where it cannot be
+    noise: float | None = None
+    # (n,) raw samples averaged into each value, where these differ: `noise` is then that of one sample and value k has
+    # noise/sqrt(samples[k]); None where every value has the same noise
+    samples: Array | None = None
+    # (n,) scatter of `value` from specimen to specimen where the file states it, same unit; None where it does not
+    deviation: Array | None = None
+    # (n,) nominal strain of the free faces, measured beside a uniaxial, planar or biaxial test; None where it was not
+    lateral: Array | None = None
+    # (n,) 1 where the strain of a relaxation is held, 0 on the ramps between the holds; None where nothing is held
+    held: Array | None = None
+    # column -> (m,) values, one row a cycle, of a cyclic test: cycle, resistance_rest_Ohm, resistance_peak_Ohm, their
+    # fitted courses fit_*; or cycle, loss_Pa, residual_strain, peak_stress_Pa. None where nothing is cycled
+    cycles: Mapping[str, Array] | None = None
+    # every correction applied and decision taken, one sentence each, in order
+    decisions: tuple[str, ...] = ()
+    # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
+    facts: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"experiment kind '{self.kind}' is unknown; known: {', '.join(KINDS)}.")
+        for name in ("strain", "value", *_OPTIONAL):
+            if (value := getattr(self, name)) is not None:
+                value = np.array(value, dtype=float)
+                value.setflags(write=False)
+                object.__setattr__(self, name, value)
+        if self.cycles is not None:
+            object.__setattr__(self, "cycles", _table(self.kind, self.cycles))
+        others = (getattr(self, name) for name in _OPTIONAL)
+        sizes = {self.strain.size, self.value.size, *(a.size for a in others if a is not None)}
+        if len(sizes) != 1 or self.strain.ndim != 1:
+            raise ValueError(f"experiment '{self.kind}': strain, value, {', '.join(_OPTIONAL)} must have one length, "
+                             f"got {sizes}.")
+
+
+def _table(kind: str, columns: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Columns of one length, read-only."""
+    out = {name: np.array(values, dtype=float, ndmin=1) for name, values in columns.items()}
+    if len({values.shape for values in out.values()}) > 1:
+        raise ValueError(f"experiment '{kind}': the columns of its cycles must have one length, got "
+                         f"{', '.join(f'{name} {values.size}' for name, values in out.items())}.")
+    for values in out.values():
+        values.setflags(write=False)
+    return out

@@ -1,0 +1,145 @@
+"""What a test file holds, in words and numbers, before anything is reduced."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from matcal.readers.column_options import Selection
+from matcal.readers.detect import read
+from matcal.readers.recording import QUANTITIES, SIZES, Recording
+from matcal.readers.units import si_factor
+from matcal.reduction.stroke_segments import find_stroke
+from matcal.reduction.test_kind import decide_kind
+from touchcal.errors import TestFileError
+
+# layout -> what it is called
+LAYOUTS = {"mts_testsuite": "MTS TestSuite text export", "mts_793": "MTS 793 specimen.dat", "plain": "plain table",
+           "instron": "Instron export", "nova": "Autolab NOVA export"}
+
+
+def describe(path: Path | str, selection: Selection | None = None, kind: str | None = None) -> dict[str, Any]:
+    """Layout, parts, head, columns (name, unit, range in SI), specimen, clock, blocks, motion and kind of a test file,
+    and what was decided in reading it, as JSON values.
+
+    A file whose kind nothing tells still is described, its `kind` says what to do; `kind` is what the user says.
+    Raises TestFileError for a file that cannot be read, ValueError for an unknown kind.
+    """
+    recording = read(path, selection)
+    out: dict[str, Any] = {"layout": recording.vendor, "files": [str(p) for p in recording.paths],
+                           "rows": recording.rows, "first_line": recording.first_line}
+    if recording.metadata:
+        out["head"] = dict(recording.metadata)
+    out["columns"] = {quantity: {"name": recording.names[quantity], "unit": recording.units[quantity] or "-",
+                                 "min": float(values.min()), "max": float(values.max()),
+                                 "si_unit": QUANTITIES[quantity] or "-"}
+                      for quantity, values in recording.columns.items()}
+    if recording.properties:
+        out["specimen"] = {f"{size}_{SIZES[size].replace('^', '')}": value
+                           for size, value in recording.properties.items()}
+    out |= _clock(recording) | _blocks(recording) | _motion(recording) | _kind(recording, kind)
+    if recording.notes:
+        out["notes"] = list(recording.notes)
+    return out
+
+
+def _clock(recording: Recording) -> dict[str, Any]:
+    if "time" not in recording.columns or recording.rows < 2:
+        return {}
+    time = recording.columns["time"]
+    return {"duration_s": float(time[-1] - time[0]), "interval_s": float(np.median(np.diff(time)))}
+
+
+def _blocks(recording: Recording) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    if (block := recording.columns.get("block")) is not None:
+        numbers, rows = np.unique(block, return_counts=True)
+        out["blocks"] = {f"{number:g}": int(count) for number, count in zip(numbers, rows, strict=True)}
+    if (cycle := recording.columns.get("cycle")) is not None:
+        out["cycles"] = int(np.unique(cycle).size)
+    return out
+
+
+def _motion(recording: Recording) -> dict[str, Any]:
+    if "displacement" not in recording.columns:
+        return {}
+    try:
+        stroke = find_stroke(recording.columns["displacement"])
+    except ValueError as error:
+        return {"motion": f"{error}."}
+    out = {"largest_travel_mm": float(stroke.travel.max() * 1e3), "loadings": stroke.loadings}
+    if "time" in recording.columns and stroke.end > stroke.start:
+        seconds = recording.columns["time"][stroke.end] - recording.columns["time"][stroke.start]
+        span = stroke.travel[stroke.end] - stroke.travel[stroke.start]
+        out["loading_speed_mm_per_min"] = float(span / seconds * 6e4) if seconds > 0 else None
+    return out
+
+
+def _kind(recording: Recording, given: str | None) -> dict[str, Any]:
+    try:
+        kind, why = decide_kind(given, [recording])
+    except TestFileError as error:
+        return {"kind": None, "kind_reason": error.problem}
+    return {"kind": kind, "kind_reason": why}
+
+
+def print_description(path: str, found: dict[str, Any]) -> None:
+    """Print what `describe` found: the layout, a table of the columns in the file's own units, then one line each."""
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    console.width = console.width if console.is_terminal else 120
+    parts = f" in {len(found['files'])} parts" if len(found["files"]) > 1 else ""
+    console.print(Text(path, style="bold"))
+    console.print(f"  {LAYOUTS[found['layout']]}, {found['rows']:,} rows{parts} from line {found['first_line']}")
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name, side in (("quantity", "left"), ("column", "left"), ("from", "right"), ("to", "right"), ("unit", "left")):
+        table.add_column(name, justify=side)  # type: ignore[arg-type]
+    for quantity, column in found["columns"].items():
+        scale = si_factor(column["unit"], quantity) or 1.0
+        table.add_row(quantity, Text(column["name"]), f"{column['min'] / scale:.6g}", f"{column['max'] / scale:.6g}",
+                      Text(column["unit"]))
+    console.print(Padding(table, (1, 2), expand=False))
+    facts = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    facts.add_column(style="dim", no_wrap=True)
+    facts.add_column(overflow="fold")
+    for name, sentence in _facts(found):
+        facts.add_row(name, Text(sentence))
+    console.print(Padding(facts, (0, 2, 1, 2), expand=False))
+
+
+def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """(name, sentence) of everything but the columns."""
+    reason = found["kind_reason"]
+    out = [("taken for", reason.partition(": ")[2] if found["kind"] else reason[:1].upper() + reason[1:])]
+    if "specimen" in found:
+        out.append(("specimen", ", ".join(_size(name, value) for name, value in found["specimen"].items())))
+    if "duration_s" in found:
+        out.append(("clock", f"{found['duration_s']:.6g} s, a sample every {found['interval_s']:.4g} s"))
+    if "blocks" in found:
+        rows = [f"{number} ({count:,} rows)" for number, count in list(found["blocks"].items())[:8]]
+        out.append(("blocks", f"{', '.join(rows)}{' ...' if len(found['blocks']) > 8 else ''}"))
+    if "cycles" in found:
+        out.append(("cycles", f"{found['cycles']} by the file's own count"))
+    if "loadings" in found:
+        speed = found.get("loading_speed_mm_per_min")
+        out.append(("motion", f"{found['largest_travel_mm']:.4g} mm of travel"
+                              f"{f' at {speed:.3g} mm/min' if speed else ''}, {found['loadings']} "
+                              f"loading{'s' if found['loadings'] != 1 else ''}"))
+    elif "motion" in found:
+        out.append(("motion", found["motion"]))
+    head = [f"{key}: {value}" for key, value in found.get("head", {}).items()]
+    notes = [note[:1].upper() + note[1:] for note in found.get("notes", ())]
+    for name, lines in (("head", head[:24]), ("decided", notes)):
+        out += [(name if k == 0 else "", line) for k, line in enumerate(lines)]
+    return out
+
+
+def _size(name: str, value: float) -> str:
+    size, _, unit = name.rpartition("_")
+    return f"{size} {value * 1e6:.6g} mm2" if unit == "m2" else f"{size} {value * 1e3:.6g} mm"

@@ -1,0 +1,176 @@
+"""A load frame's record of a block of foam, corrected: zero, drift, compliance, contact; then strain and stress.
+
+Of a cyclic test one loading is kept, the last or the first; preconditioning is the user's choice, never an accident.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.readers.recording import Recording
+from matcal.reduction.contact_point import Contact, find_contact
+from matcal.reduction.load_cycles import BRANCHES, Loading, one_loading
+from matcal.reduction.loading_direction import SIGNS, named_direction, words_about
+from matcal.reduction.size_checks import check_reach, check_sizes, mend_of_sizes
+from matcal.reduction.specimen import Block
+from matcal.reduction.stroke_segments import Stroke, find_stroke
+from matcal.statistics.block_means import block_means, sample_noise
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+
+# fewer samples than this before contact do not make a zero
+_ENOUGH = 20
+
+
+def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
+    """Strain and stress of a block from displacement, force and time, from contact on or over one later loading.
+
+    Raises TestFileError where a column is missing or constant, nothing moves or is touched, or nothing tells
+    compression from tension; ValueError for an unknown branch.
+    """
+    if branch not in BRANCHES:
+        raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
+    stroke = _stroke(recording)
+    force, time = recording.columns["force"], recording.columns.get("time")
+    noise = sample_noise(force)
+    load_sign = 1.0 if force[stroke.end] > np.median(force[:max(stroke.start, 1)]) else -1.0
+    sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
+    notes = [*recording.notes, *block.notes, *why, _start_sentence(recording, stroke)]
+    _check_touch(recording, stroke, load_sign * force, noise)
+    check_sizes(kind, recording, block, stroke, load_sign * force, sign)
+    load, drift, drift_sd = _without_drift(stroke, load_sign * force, time, block, noise)
+    if drift_sd is not None:
+        notes.append(f"Load drift of {load_sign * drift * 1e3:.3g} ± {drift_sd * 1e3:.1g} mN/s between the rests "
+                     "before and after the test, both clear of the specimen, taken off.")
+    try:
+        contact, moved = _contact(stroke, load, block, noise, notes)
+    except ValueError as error:
+        raise TestFileError(recording.paths[0], f"{error}, so the contact cannot be found. Check {mend_of_sizes(kind)} "
+                                                "and the unit of the displacement; if they are right, give preload_N "
+                                                "and the height at it, or a record with more samples.") from None
+    if block.compliance_m_per_N:
+        notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
+    first = int(np.argmax(moved >= contact.travel_m))
+    check_reach(kind, recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
+    facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
+             "zero_sd_N": contact.zero_sd_N,
+             "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
+             "strain_zero_sd": contact.sd_m / block.length_m, "area_mm2": block.area_m2 * 1e6,
+             "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
+    if drift_sd is not None:
+        facts["drift_sd_N_per_s"] = drift_sd
+    whole = Loading(time_s=None if time is None else time[first:] - _contact_time(time, moved, first, contact.travel_m),
+                    strain=sign * (moved[first:] - contact.travel_m) / block.length_m,
+                    stress_Pa=sign * (load[first:] - contact.zero_N) / block.area_m2, end=stroke.end - first,
+                    noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts)
+    spans = tuple((max(begin - first, 0), end - first) for begin, end in stroke.spans)
+    return whole if kind == "relaxation" else one_loading(whole, spans, branch, block.length_m)
+
+
+def _stroke(recording: Recording) -> Stroke:
+    path = recording.paths[0]
+    if missing := [q for q in ("displacement", "force") if q not in recording.columns]:
+        raise TestFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}.")
+    if np.ptp(recording.columns["force"]) == 0:
+        raise TestFileError(path, f"column '{recording.names['force']}' never changes, so there is no load in it.")
+    if "time" in recording.columns and np.any(np.diff(recording.columns["time"]) < 0):
+        raise TestFileError(path, "the time runs backwards, so the file is no record of one test.")
+    try:
+        return find_stroke(recording.columns["displacement"])
+    except ValueError as error:
+        raise TestFileError(path, f"{error}, so there is no test in it.") from None
+
+
+def _check_touch(recording: Recording, stroke: Stroke, load: Array, noise: float) -> None:
+    """TestFileError where the load of the first loading does not rise above its noise."""
+    size = max(1, min(20, (stroke.end - stroke.start) // 20))
+    rest = float(np.median(load[:max(stroke.start, 1)]))
+    top = float(load[max(stroke.end - size, 0):stroke.end + 1].mean()) - rest
+    if top < 6 * noise / np.sqrt(size):
+        raise TestFileError(recording.paths[0], f"the load rises by {top:.3g} N where its noise is {noise:.2g} N: the "
+                                                "specimen was not touched, or the load cell is far too large for it.")
+
+
+def _start_sentence(recording: Recording, stroke: Stroke) -> str:
+    start = recording.columns["displacement"][0] * 1e3
+    more = f"; {stroke.loadings} loadings" if stroke.loadings > 1 else ""
+    return (f"Travel counted from the rest position {start:.4g} mm, loading where the displacement "
+            f"{'grows' if stroke.sign > 0 else 'falls'}{more}.")
+
+
+def _without_drift(stroke: Stroke, load: Array, time: Array | None, block: Block,
+                   noise: float) -> tuple[Array, float, float | None]:
+    """Load without the drift between the rests before and after the test, where the specimen is clear in both; the
+    drift and its standard deviation (None where it could not be measured), N/s."""
+    if time is None or stroke.start < _ENOUGH:
+        return load, 0.0, None
+    margin = max(5 * stroke.noise_m, 1e-3 * stroke.travel.max())
+    after = stroke.end + np.flatnonzero(stroke.travel[stroke.end:] < margin)
+    first = _contact(stroke, load, block, noise, [])[0]
+    if after.size < _ENOUGH or first.travel_m < margin + 5 * first.sd_m:
+        return load, 0.0, None
+    before = slice(0, stroke.start)
+    rate = (load[after].mean() - load[before].mean()) / (time[after].mean() - time[before].mean())
+    sd = noise * np.hypot(after.size**-0.5, stroke.start**-0.5) / (time[after].mean() - time[before].mean())
+    return load - rate * (time - time[0]), float(rate), float(sd)
+
+
+def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: list[str]) -> tuple[Contact, Array]:
+    """The contact and the travel of the specimen's end (frame compliance taken off), m."""
+    rest = float(load[:max(stroke.start, 1)].mean())
+    moved = stroke.travel - block.compliance_m_per_N * (load - rest)
+    moving = slice(stroke.start, stroke.end + 1)
+    size = int(np.clip((stroke.end - stroke.start) // 50, 1, 20))
+    if block.preload_N > 0:
+        at = float(moved[moving][_first_above(load[moving] - rest, block.preload_N, size)].mean())
+        notes.append(f"Contact where the load reaches the preload {block.preload_N:g} N, as the height was measured.")
+        return Contact(at, 0.0, rest, noise / np.sqrt(max(stroke.start, 1))), moved
+    latest = float(moved[moving][_first_above(load[moving] - rest, 6 * noise / np.sqrt(size), size)].max())
+    contact = find_contact(moved[:stroke.end + 1], load[:stroke.end + 1], stroke.start, block.length_m, latest)
+    before = stroke.start + np.count_nonzero(moved[moving] < contact.travel_m)
+    if before < _ENOUGH:
+        notes.append(f"Only {before} samples before the load rises: the first reading is taken as zero load and its "
+                     "position as contact.")
+        return Contact(0.0, 0.0, float(load[0]), noise), moved
+    notes.append(f"Contact found {contact.travel_m * 1e3:.3f} ± {contact.sd_m * 1e3:.3f} mm after the start, where a "
+                 f"smooth curve of unknown shape over {contact.reach:.0%} of strain begins; zero load from {before} "
+                 "samples.")
+    return contact, moved
+
+
+def _first_above(load: Array, level: float, size: int) -> slice:
+    """The first `size` neighbouring samples whose mean passes `level`, the last ones where none does."""
+    edges = np.arange(0, load.size + 1, size)
+    above = np.flatnonzero(block_means(load, edges) > level)
+    first = int(edges[above[0] if above.size else -2])
+    return slice(first, first + size)
+
+
+def _contact_time(time: Array, moved: Array, first: int, at: float) -> float:
+    """Time of contact, interpolated between the two samples around it."""
+    if first == 0 or moved[first] == moved[first - 1]:
+        return float(time[first])
+    share = (at - moved[first - 1]) / (moved[first] - moved[first - 1])
+    return float(time[first - 1] + share * (time[first] - time[first - 1]))
+
+
+def _direction(kind: str, recording: Recording, block: Block, sign: float,
+               load_sign: float) -> tuple[float, tuple[str, ...]]:
+    """-1 for compression, 1 for tension and shear, and what it was told from."""
+    if kind == "shear":
+        return 1.0, ()
+    if kind == "volumetric":
+        return -1.0, ("Compression, as every volumetric test.",)
+    named = named_direction(words_about(recording))
+    if block.direction is not None:
+        return SIGNS[block.direction], (f"{block.direction.capitalize()}, as the specimen says.",)
+    if named is not None:
+        return SIGNS[named], (f"{named.capitalize()}, from the test's own name.",)
+    if sign < 0 and load_sign < 0:
+        return -1.0, ("Displacement and load both fall: taken as compression.",)
+    if kind in ("planar", "biaxial") and not named:
+        return 1.0, (f"Nothing tells the direction: tension is assumed, as a sheet in a {kind} test is pulled.",)
+    raise TestFileError(recording.paths[0], "nothing tells whether this is compression or tension. Write direction = "
+                                            f"\"compression\" or \"tension\" in [{kind}] of the specimen file.")

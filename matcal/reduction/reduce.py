@@ -1,0 +1,135 @@
+"""From test files to reduced experiments: which protocol each file needs, and the specimen that belongs to it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from matcal.readers.column_options import Selection
+from matcal.readers.detect import read
+from matcal.readers.recording import Recording
+from matcal.reduction.experiment import Experiment
+from matcal.reduction.load_cycles import BRANCHES
+from matcal.reduction.reduced_tables import reduce_table
+from matcal.reduction.replicates import with_scatter
+from matcal.reduction.specimen import Block, Strip
+from matcal.reduction.specimen_sizes import specimen_of
+from matcal.reduction.test_kind import decide_kind
+from touchcal.errors import TestFileError
+from touchcal.toml_file import read_toml
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Tests, reduced."""
+
+    # one a test, in the order given
+    experiments: list[Experiment]
+    # files that were read beside those given: specimens' sizes and kinds
+    beside: tuple[Path, ...]
+
+
+def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], specimen: Path | None = None,
+                 columns: Sequence[Mapping[Path, Selection]] = (), branch: str = "last") -> list[Experiment]:
+    """The experiments of `read_and_reduce`."""
+    return read_and_reduce(inputs, specimen, columns, branch).experiments
+
+
+def read_and_reduce(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], specimen: Path | None = None,
+                    columns: Sequence[Mapping[Path, Selection]] = (), branch: str = "last") -> Reduced:
+    """One experiment an input, each input being (kind or None, files); every decision is a sentence in its `decisions`.
+
+    The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
+    parts of a split export (these may also be inputs of their own: they are read once). `columns` says of each
+    input which columns mean what (`matcal.readers.column_options.selections_of`), `branch` which loading of a cyclic
+    test is used, one of `branches.BRANCHES`. Raises TestFileError for a file that cannot be used and ValueError for a
+    kind or branch that is unknown.
+    """
+    if branch not in BRANCHES:
+        raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
+    out: list[Experiment] = []
+    beside: list[Path] = []
+    seen: set[tuple[Path, ...]] = set()
+    contents: dict[tuple[str, ...], tuple[Recording, Experiment, Mapping[Path, Selection]]] = {}
+    for (kind, paths), chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
+        recordings = _recordings(paths, chosen)
+        key = tuple(path.resolve() for recording in recordings for path in recording.paths)
+        if len(key) > len(paths) and key in seen:
+            continue
+        seen.add(key)
+        experiment, files = _reduce(kind, recordings, specimen, branch)
+        content = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in key)
+        _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
+        contents.setdefault(content, (recordings[0], experiment, chosen))
+        out.append(experiment)
+        beside += [*_sidecars(recordings), *files]
+    return Reduced(with_scatter(out), tuple(dict.fromkeys(beside)))
+
+
+def _refuse_twice(before: tuple[Recording, Experiment, Mapping[Path, Selection]] | None, recording: Recording,
+                  experiment: Experiment, chosen: Mapping[Path, Selection]) -> None:
+    """ValueError where the bytes, the kind and the columns of a test are those of one before: it is one specimen."""
+    if before is None or before[1].kind != experiment.kind or [*before[2].values()] != [*chosen.values()]:
+        return
+    names = recording.label if before[0].label == recording.label else f"{before[0].label} and {recording.label}"
+    raise ValueError(f"{names}: the same contents are given twice as {experiment.kind} test; one specimen would count "
+                     "as two. Give it once.")
+
+
+def _sidecars(recordings: Sequence[Recording]) -> list[Path]:
+    """TOML files of the recordings' names that say their kind."""
+    toml = [recording.paths[0].with_suffix(".toml") for recording in recordings]
+    return [path for path in toml if path.exists() and "kind" in read_toml(path)]
+
+
+def _recordings(paths: tuple[Path, ...], chosen: Mapping[Path, Selection]) -> list[Recording]:
+    """The recordings of one test, a split export counted once."""
+    out: list[Recording] = []
+    for path in paths:
+        if not any(Path(path).resolve() == part.resolve() for recording in out for part in recording.paths):
+            out.append(read(path, chosen.get(path)))
+    return out
+
+
+def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | None,
+            branch: str) -> tuple[Experiment, tuple[Path, ...]]:
+    first = recordings[0]
+    kind, why = decide_kind(explicit, recordings)
+    if len(recordings) > (2 if kind == "conductivity" else 1):
+        raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
+                         f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give replicates apart.")
+    if len(recordings) == 1 and _is_reduced(first):
+        unused = () if specimen is None else (
+            f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)
+        return _said(reduce_table(kind, first), why, *unused), ()
+    sizes, where, files = specimen_of(kind, first, specimen)
+    try:
+        return _said(_by_protocol(kind, recordings, sizes, branch), why, *where), files
+    except TestFileError:
+        raise
+    except ValueError as error:
+        raise TestFileError(first.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.") from error
+
+
+def _is_reduced(recording: Recording) -> bool:
+    return not {"displacement", "current"} & set(recording.columns)
+
+
+def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip, branch: str) -> Experiment:
+    if isinstance(sizes, Strip):
+        from matcal.reduction.strip_conductivity import reduce_stretch
+
+        return reduce_stretch(recordings, sizes)
+    if kind == "relaxation":
+        from matcal.reduction.stress_relaxation import reduce_relaxation
+
+        return reduce_relaxation(recordings[0], sizes)
+    from matcal.reduction.quasistatic import reduce_quasistatic
+
+    return reduce_quasistatic(kind, recordings[0], sizes, branch)
+
+
+def _said(experiment: Experiment, *sentences: str) -> Experiment:
+    return replace(experiment, decisions=(*sentences, *experiment.decisions))

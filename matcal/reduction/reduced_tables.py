@@ -1,0 +1,159 @@
+"""Tables that are reduced already: strain with nominal stress, J with pressure, or strain with conductivity."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.readers.recording import Recording
+from matcal.readers.vocabulary import quantity_of
+from matcal.reduction.experiment import Experiment
+from matcal.reduction.hold_segments import held_samples
+from matcal.reduction.loading_direction import ASSUMED, densifies, named_direction, words_about
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+
+# a strain beyond this is another quantity, or in another unit
+_LARGEST_STRAIN = 20.0
+_FREE_FACES = ("uniaxial", "planar", "biaxial")
+
+
+def reduce_table(kind: str, recording: Recording) -> Experiment:
+    """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative.
+
+    TestFileError where a column is missing or constant, signs disagree, or a number cannot be what its column says.
+    """
+    notes = list(recording.notes)
+    read: Callable[[str, Recording, list[str]], tuple[Array, Array]] = (
+        _volumetric if kind == "volumetric" else _strain_and_value)
+    strain, value = read(kind, recording, notes)
+    _check(kind, recording, strain, value)
+    if kind in (*_FREE_FACES, "relaxation"):
+        strain, value = _compression_negative(kind, recording, strain, value, notes)
+    time = recording.columns.get("time")
+    if time is not None and np.any(np.diff(time) <= 0):
+        raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
+    deviation = _deviation(recording) if kind != "conductivity" else None
+    held = held_samples(time, strain) if kind == "relaxation" and time is not None else None
+    return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation, held=held,
+                      lateral=_lateral(recording, strain, notes) if kind in _FREE_FACES else None,
+                      source=tuple(p.name for p in recording.paths), decisions=tuple(notes))
+
+
+def _strain_and_value(kind: str, recording: Recording, notes: list[str]) -> tuple[Array, Array]:
+    """Nominal strain (gamma) and stress or conductivity."""
+    columns = dict(recording.columns)
+    if "strain" not in columns and "stretch" in columns:
+        if kind == "shear":
+            raise _error(recording, f"a shear test is given by gamma, and column '{recording.names['stretch']}', "
+                                    f"{columns['stretch'].min():g} to {columns['stretch'].max():g}, may be a stretch. "
+                                    "Name the column gamma.")
+        columns["strain"] = columns["stretch"] - 1
+        notes.append(f"Column '{recording.names['stretch']}' is the stretch: strain = stretch - 1.")
+    elif kind == "shear" and quantity_of(name := recording.names.get("strain", "")) == "stretch":
+        notes.append(f"Column '{name}' runs through 0, which no stretch does: in this shear test it is gamma.")
+    wanted = {"conductivity": ("strain", "conductivity"), "relaxation": ("strain", "stress", "time")}
+    if missing := [q for q in wanted.get(kind, ("strain", "stress")) if q not in columns]:
+        raise _missing(kind, recording, missing[0])
+    return columns["strain"], columns["conductivity" if kind == "conductivity" else "stress"]
+
+
+def _volumetric(kind: str, recording: Recording, notes: list[str]) -> tuple[Array, Array]:
+    """J and mean stress (minus the pressure)."""
+    columns, names = recording.columns, recording.names
+    if "volume_ratio" in columns:
+        ratio = columns["volume_ratio"]
+    elif "strain" in columns and re.search(r"vol", names["strain"].lower()):
+        ratio = 1 + columns["strain"]
+        notes.append(f"Column '{names['strain']}' is the change of volume over the volume: J = 1 + it.")
+    else:
+        raise _missing(kind, recording, "volume ratio (J)")
+    if "pressure" not in columns and "stress" not in columns:
+        raise _missing(kind, recording, "pressure")
+    name = "pressure" if "pressure" in columns else "stress"
+    mean = -columns["pressure"] if name == "pressure" else columns["stress"]
+    if float((ratio - 1) @ mean) < 0:
+        mean = -mean
+        said = "negative in compression" if name == "pressure" else "positive in compression"
+        notes.append(f"Column '{names[name]}' is {said}: its sign is turned so that mean stress and J - 1 agree.")
+    notes.append("The stress of a volumetric test is the mean Cauchy stress, minus the pressure.")
+    return ratio, mean
+
+
+def _check(kind: str, recording: Recording, strain: Array, value: Array) -> None:
+    """Whether the columns can be what they say."""
+    what = {"shear": "gamma", "volumetric": "J"}.get(kind, "strain")
+    if strain.size < 3:
+        raise _error(recording, f"{strain.size} rows are no curve. A fit needs at least three.")
+    if np.ptp(strain) == 0 and kind != "relaxation":
+        raise _error(recording, f"{what} is {strain[0]:g} in every row. Give the whole test, or choose another column.")
+    if not np.any(value) or (kind not in ("conductivity", "relaxation") and np.ptp(value) == 0):
+        raise _error(recording, f"the measured value is {value[0]:g} in every row. Choose another column.")
+    lowest = {"shear": -np.inf, "volumetric": 0.0}.get(kind, -1.0)
+    if strain.min() <= lowest or np.abs(strain).max() > _LARGEST_STRAIN:
+        worst = strain[int(np.argmax(np.abs(strain)))] if strain.min() > lowest else strain.min()
+        raise _error(recording, f"{what} = {worst:g} is not possible. Are two columns swapped, or is it a percentage?")
+    rest = 1.0 if kind == "volumetric" else 0.0
+    if kind not in ("conductivity",) and float((strain - rest) @ value) < 0:
+        raise _error(recording, f"{what} and stress have opposite signs. Give compression as negative in both columns.")
+    if kind == "conductivity" and value.min() <= 0:
+        raise _error(recording, f"a conductivity of {value.min():g} S/m is not possible. Are two columns swapped?")
+
+
+def _compression_negative(kind: str, recording: Recording, strain: Array, stress: Array,
+                          notes: list[str]) -> tuple[Array, Array]:
+    """Strain and stress with compression negative; a table that calls itself compression may count it positive."""
+    if np.any(strain < 0):
+        return strain, stress
+    named = named_direction([*words_about(recording), *recording.names.values()])
+    if named == "compression":
+        notes.append("Compression by its name and counted positive: both signs turned.")
+        return -strain, -stress
+    if named == "tension":
+        notes.append("Tension, by its name.")
+    elif "strain" not in recording.columns:
+        notes.append("Tension, as the stretch is above 1.")
+    elif kind in ("uniaxial", "relaxation"):
+        shape = " Its slope falls and then rises, as that of foam does in compression." if densifies(
+            strain, stress) else ""
+        notes.append(f"{ASSUMED} in {recording.label}: its strain is positive and was read as tension.{shape} If it is "
+                     "compression, write compression in the name of the file or of a column, or make strain and "
+                     "stress negative.")
+    else:
+        notes.append(f"Its strain is positive and was read as tension, as a sheet in a {kind} test is pulled.")
+    return strain, stress
+
+
+def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | None:
+    """Nominal strain of the free faces, from a column of strain or of stretch."""
+    name = next((q for q in ("lateral", "lateral_stretch") if q in recording.columns), None)
+    if name is None:
+        return None
+    lateral = recording.columns[name] - (1.0 if name == "lateral_stretch" else 0.0)
+    if lateral.min() <= -1:
+        raise _error(recording, f"column '{recording.names[name]}': a lateral strain of {lateral.min():g} is not "
+                                "possible. Is it a percentage, or a stretch?")
+    notes.append(f"Column '{recording.names[name]}' is the free faces' nominal strain"
+                 + (" plus 1." if name == "lateral_stretch" else "."))
+    if float(strain @ lateral) > 1e-3 * float(strain @ strain):
+        notes.append("The free faces move with the load, a negative Poisson's ratio; check the sign of their column.")
+    return lateral
+
+
+def _deviation(recording: Recording) -> Array | None:
+    deviation = recording.columns.get("deviation")
+    if deviation is not None and np.any(deviation < 0):
+        raise _error(recording, f"column '{recording.names['deviation']}' is a standard deviation and falls below 0.")
+    return deviation
+
+
+def _missing(kind: str, recording: Recording, column: str) -> TestFileError:
+    return _error(recording, f"a {kind} table needs a {column} column; found: {', '.join(recording.names.values())}.")
+
+
+def _error(recording: Recording, problem: str) -> TestFileError:
+    return TestFileError(recording.paths[0], problem, line=recording.first_line)

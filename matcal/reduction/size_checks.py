@@ -1,0 +1,68 @@
+"""Whether a specimen's sizes can belong to a record, before anything is made of both."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from matcal.readers.recording import Recording
+from matcal.reduction.specimen import Block
+from matcal.reduction.stroke_segments import Stroke
+from matcal.statistics.block_means import sample_noise
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+
+# a loading that ends below is no test of foam, nor is one beyond, nor a stress above, Pa
+_LEAST_STRAIN, _LARGEST_STRAIN, _LARGEST_STRESS = 0.03, 20.0, 1e9
+# kind -> keys of the specimen's table behind its length and its area
+_KEYS = {"shear": ("thickness_mm", "faces, length_mm and width_mm"), "volumetric": ("height_mm or volume_mm3",
+         "diameter_mm or piston_diameter_mm"), "biaxial": ("length_mm", "width_mm and thickness_mm"),
+         "planar": ("length_mm", "width_mm and thickness_mm")}
+_DISC = ("height_mm", "diameter_mm or width_mm and depth_mm")
+
+
+def mend_of_sizes(kind: str) -> str:
+    """The keys of the specimen's table that a record of `kind` depends on, in words."""
+    length, area = _KEYS.get(kind, _DISC)
+    return f"{length}, {area} and compliance_mm_per_N"
+
+
+def check_sizes(kind: str, recording: Recording, block: Block, stroke: Stroke, load: Array, sign: float) -> None:
+    """TestFileError where the whole travel is no strain, where the travel under load is more than the specimen has,
+    where the frame would give more than the travel, or where the stress is beyond that of any foam.
+
+    `load` (n,), N, grows in the direction of loading; `sign` is -1 for compression.
+    """
+    length, area = _KEYS.get(kind, _DISC)
+    moving = slice(stroke.start, stroke.end + 1)
+    travel, rise = stroke.travel[moving], load[moving] - float(np.median(load[:max(stroke.start, 1)]))
+    reach, top = float(travel[-1] - travel[0]), float(np.max(rise))
+    given = block.compliance_m_per_N * top
+    if given > reach:
+        raise _error(recording, f"the frame would give {given * 1e3:.3g} mm under {top:.3g} N, more than the whole "
+                                f"travel of {reach * 1e3:.3g} mm. Check compliance_mm_per_N = "
+                                f"{block.compliance_m_per_N * 1e3:g}: it is in mm/N.")
+    if reach / block.length_m < _LEAST_STRAIN:
+        raise _error(recording, f"the whole travel of {reach * 1e3:.3g} mm is a strain of {reach / block.length_m:.2g} "
+                                f"of a length of {block.length_m * 1e3:.4g} mm. Check {length}, in mm, and the unit of "
+                                "the displacement.")
+    clear = np.flatnonzero(rise > max(0.1 * top, 6 * sample_noise(load)))
+    loaded = (float(travel[-1] - travel[clear[0]]) - given) / block.length_m if clear.size else 0.0
+    if loaded > (1.0 if sign < 0 else _LARGEST_STRAIN):
+        raise _error(recording, f"under load it travels {loaded:.3g} times the length of {block.length_m * 1e3:.4g} "
+                                f"mm. Check {length}, in mm, the direction, and the unit of the displacement.")
+    if top / block.area_m2 > _LARGEST_STRESS:
+        raise _error(recording, f"{top:.3g} N on {block.area_m2 * 1e6:.3g} mm2 are {top / block.area_m2 / 1e6:.3g} "
+                                f"MPa, more than any foam bears. Check {area}, in mm, and the unit of the force.")
+
+
+def check_reach(kind: str, recording: Recording, strain: float) -> None:
+    """TestFileError where a loading ends at a strain that no test of foam ends at."""
+    if strain <= -1 or abs(strain) < _LEAST_STRAIN:
+        raise _error(recording, f"the loading ends at a strain of {strain:.3g}. Check the sizes of the specimen "
+                                f"({mend_of_sizes(kind)}) and the unit of the displacement.")
+
+
+def _error(recording: Recording, problem: str) -> TestFileError:
+    return TestFileError(recording.paths[0], problem)

@@ -1,0 +1,183 @@
+"""Sizes of the specimens, from `specimen.toml`: one table a kind, millimetres in the file, SI here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from matcal.reduction.loading_direction import DIRECTIONS
+from touchcal.errors import TestFileError
+from touchcal.toml_file import read_toml
+
+# how a volumetric test loads its specimen: by a piston on a fluid around it, or directly in a rigid sleeve
+METHODS = ("hydrostatic", "confined")
+_SHEET = {"length_mm", "width_mm", "thickness_mm", "compliance_mm_per_N", "preload_N", "direction"}
+_DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compliance_mm_per_N", "preload_N",
+         "direction"}
+# ways to give a cross-section, the first that a table has counts and the others must agree
+SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
+# areas that differ by less are one
+SAME = 0.01
+# table -> keys it may hold
+KEYS = {
+    "uniaxial": _DISC,
+    "relaxation": _DISC,
+    "biaxial": _SHEET,
+    "planar": _SHEET,
+    "volumetric": {"method", "diameter_mm", "width_mm", "depth_mm", "height_mm", "lateral_ratio", "piston_diameter_mm",
+                   "volume_mm3", "compliance_mm_per_N", "preload_N"},
+    "shear": {"area_mm2", "faces", "length_mm", "width_mm", "thickness_mm", "compliance_mm_per_N"},
+    "conductivity": {"length_mm", "width_mm", "thickness_mm", "coating_um", "voltage_V"},
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A specimen under load: stress = force/area, strain = displacement/length."""
+
+    # loaded area (all faces together in shear, the piston's on a fluid), m2
+    area_m2: float
+    # height, or thickness in shear, length between the grips of a sheet, volume over piston area in a fluid, m
+    length_m: float
+    # what the frame itself gives per newton, m/N
+    compliance_m_per_N: float = 0.0
+    # load at which the height was measured, N; 0 where the contact point is looked for
+    preload_N: float = 0.0
+    # one of DIRECTIONS, or None where the file must tell
+    direction: str | None = None
+    # mean stress over axial stress of a volumetric test: 1 in a fluid, (1 + 2 lateral_ratio)/3 in a sleeve
+    mean_share: float = 1.0
+    # what the sizes say about the test, one sentence each
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A coated strip under voltage."""
+
+    # length between the electrodes, m
+    length_m: float
+    # cross-section of the coating ring at its constant thickness, 2 (width + thickness) x coating, m2
+    ring_area_m2: float
+    # applied voltage, V; None where the potentiostat's own column is to be used
+    voltage_V: float | None = None
+
+
+def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
+    """kind -> its keys, which need not be complete; TestFileError names an unknown table or key."""
+    tables = {name: table for name, table in read_toml(path).items() if name != "kind"}
+    if unknown := sorted(set(tables) - set(KEYS)):
+        stray = any(unknown[0] in keys for keys in KEYS.values())
+        mend = f" Write it below the line of its test, for example [{next(iter(KEYS))}]." if stray else ""
+        raise TestFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.{mend}")
+    for kind, table in tables.items():
+        if not isinstance(table, Mapping):
+            raise TestFileError(path, f"'{kind}' must be a table: write [{kind}] and its keys below it.")
+        if strange := sorted(set(table) - KEYS[kind]):
+            known = ", ".join(sorted(KEYS[kind]))
+            raise TestFileError(path, f"[{kind}] has the unknown key '{strange[0]}'; known: {known}.")
+    return tables
+
+
+def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | Strip:
+    """The specimen that the keys of one table make; TestFileError, in the name of `path`, where a key is missing, a
+    size is not positive, or two ways to give the cross-section differ."""
+    def size(key: str, default: float | None = None) -> float:
+        return _size(table, key, default, kind, path)
+
+    if kind == "conductivity":
+        ring = 2 * (size("width_mm") + size("thickness_mm")) * 1e-3 * size("coating_um") * 1e-6
+        return Strip(size("length_mm") * 1e-3, ring, size("voltage_V") if "voltage_V" in table else None)
+    compliance, preload = size("compliance_mm_per_N", 0.0) * 1e-3, size("preload_N", 0.0)
+    if kind == "shear":
+        faces = ("faces", "length_mm", "width_mm")
+        area = _same_area(table, size, (("area_mm2",), faces) if "area_mm2" in table else (faces,), kind, path)
+        return Block(area, size("thickness_mm") * 1e-3, compliance)
+    if kind == "volumetric":
+        return _volume(table, size, compliance, preload, path)
+    direction = table.get("direction")
+    if direction not in (None, *DIRECTIONS):
+        raise TestFileError(path, f"[{kind}] direction '{direction}' is unknown; known: {', '.join(DIRECTIONS)}.")
+    if kind in ("biaxial", "planar"):
+        return sheet(kind, size("length_mm") * 1e-3, size("width_mm") * 1e-3, size("thickness_mm") * 1e-3, compliance,
+                     preload, direction)
+    return Block(_same_area(table, size, SECTIONS, kind, path), size("height_mm") * 1e-3, compliance, preload,
+                 direction)
+
+
+def sheet(kind: str, length_m: float, width_m: float, thickness_m: float, compliance_m_per_N: float = 0.0,
+          preload_N: float = 0.0, direction: str | None = None) -> Block:
+    """A sheet pulled along one axis (planar) or both (biaxial): stress = force on one axis/(width x thickness)."""
+    notes = ("Equibiaxial: force and travel are those of one of two equal axes, stress = force/(width x thickness).",)
+    if kind == "planar":
+        notes = ("Planar: stress = force/(width x thickness), the width taken as kept by the grips.",)
+        if width_m < 4 * length_m:
+            notes += (f"The sheet is only {width_m / length_m:.2g} times as wide as long; below 4 its edges draw in "
+                      "and the test is not planar.",)
+    return Block(width_m * thickness_m, length_m, compliance_m_per_N, preload_N, direction, notes=notes)
+
+
+def _volume(table: Mapping[str, Any], size: Callable[..., float], compliance: float, preload: float,
+            path: Path) -> Block:
+    """A volumetric test from force and travel: J = 1 + (change of volume)/volume."""
+    method = table.get("method")
+    if method not in METHODS:
+        raise TestFileError(path, f"[volumetric] method = {method!r} does not tell what the force is: write method = "
+                                  "\"hydrostatic\" (piston on a fluid: piston_diameter_mm, volume_mm3) or \"confined\" "
+                                  "(specimen in a rigid sleeve: diameter_mm, height_mm, lateral_ratio).")
+    if method == "hydrostatic":
+        piston = np.pi * (size("piston_diameter_mm") * 1e-3) ** 2 / 4
+        return Block(piston, size("volume_mm3") * 1e-9 / piston, compliance, preload, "compression", notes=(
+            "Hydrostatic: pressure = force/piston area, J = 1 - piston area x travel/volume of the specimen; the "
+            "fluid's own compression counts only as far as the compliance covers it.",))
+    if "lateral_ratio" not in table:
+        raise TestFileError(path, "[volumetric] method = \"confined\" measures the axial stress, but the mean stress "
+                                  "is wanted: add lateral_ratio, lateral over axial stress (nu/(1 - nu) at small "
+                                  "strain; 0 for a foam with nu = 0, for which uniaxial= says the same).")
+    ratio = size("lateral_ratio", 0.0)
+    said = (f"Confined: J = 1 + axial strain, mean stress = axial stress x (1 + 2 x {ratio:g})/3 with the "
+            "lateral_ratio given.",)
+    return Block(_same_area(table, size, SECTIONS[1:], "volumetric", path), size("height_mm") * 1e-3, compliance,
+                 preload, "compression", (1 + 2 * ratio) / 3, said)
+
+
+def _same_area(table: Mapping[str, Any], size: Callable[..., float], ways: Sequence[tuple[str, ...]], kind: str,
+               path: Path) -> float:
+    """The area, m2, by the first way that the table has; TestFileError where it has none, or another one differs."""
+    whole = [way for way in ways if set(way) <= set(table)]
+    if not whole:
+        begun = next((way for way in ways if set(way) & set(table)), ways[-1] if len(ways) == 1 else ("diameter_mm",))
+        size(next(key for key in begun if key not in table))
+    for way in ways:
+        if (stray := [key for key in way if key in table]) and way not in whole and not any(
+                set(stray) <= set(other) for other in whole):
+            needed = next(key for key in way if key not in table)
+            raise TestFileError(path, f"[{kind}] {stray[0]} has no effect without {needed}. Add that, or leave it out.")
+    areas = {way: _area_of(way, size) for way in whole}
+    first, *others = areas
+    for other in others:
+        if abs(areas[other] / areas[first] - 1) > SAME:
+            stated = " but ".join(f"{' x '.join(f'{key} = {table[key]:g}' for key in way)} ({areas[way] * 1e6:.4g} mm2)"
+                                  for way in (first, other))
+            raise TestFileError(path, f"[{kind}] gives two cross-sections: {stated}. Leave one of them out.")
+    return areas[first]
+
+
+def _area_of(way: tuple[str, ...], size: Callable[..., float]) -> float:
+    sizes = [size(key) for key in way]
+    return float(np.pi * (sizes[0] * 1e-3) ** 2 / 4 if way == ("diameter_mm",) else np.prod(sizes) * 1e-6)
+
+
+def _size(table: Mapping[str, Any], key: str, default: float | None, kind: str, path: Path) -> float:
+    """A positive number (zero allowed where there is a default); TestFileError otherwise."""
+    value = table.get(key, default)
+    if value is None:
+        raise TestFileError(path, f"[{kind}] needs the key {key}.")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value) \
+            or value < 0 or (value == 0 and default is None):
+        raise TestFileError(path, f"[{kind}] {key} = {value!r} must be a positive number.")
+    return float(value)

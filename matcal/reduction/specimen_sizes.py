@@ -1,0 +1,149 @@
+"""Which sizes belong to a test: those given, the file's own, or a TOML beside it; and what to do where they differ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from matcal.readers.recording import Recording
+from matcal.reduction.specimen import KEYS, SAME, SECTIONS, Block, Strip, make_specimen, read_tables
+from touchcal.errors import TestFileError
+
+# kind -> size that a file may state -> key of that kind's table; of several for one key the first counts
+_DISC = {"area": "area_mm2", "diameter": "diameter_mm", "width": "width_mm", "depth": "depth_mm",
+         "thickness": "depth_mm", "height": "height_mm", "length": "height_mm"}
+_SHEET = {"length": "length_mm", "width": "width_mm", "thickness": "thickness_mm", "depth": "thickness_mm"}
+_OWN = {"uniaxial": _DISC, "relaxation": _DISC, "biaxial": _SHEET, "planar": _SHEET,
+        "shear": {"area": "area_mm2", "thickness": "thickness_mm", "depth": "thickness_mm"}}
+# kind -> keys that give its cross-section in one way or another
+_SECTION = {**dict.fromkeys(("uniaxial", "relaxation"), frozenset(key for way in SECTIONS for key in way)),
+            "shear": frozenset(("area_mm2", "faces", "length_mm", "width_mm"))}
+
+
+def specimen_of(kind: str, recording: Recording,
+                given: Path | None) -> tuple[Block | Strip, tuple[str, ...], tuple[Path, ...]]:
+    """Sizes for `kind`, sentences that say where they are from, and the files that were used.
+
+    `given` comes first, and a file that states other sizes is mentioned; without it a TOML of the file's name, else
+    specimen.toml beside it, where the two must agree. A table that lacks a size is completed by the file's own, and
+    where no table is there the file's own serve alone. TestFileError where two sources differ, or sizes are missing.
+    """
+    own, path = own_table(kind, recording.properties), recording.paths[0]
+    toml, table = _table(kind, path, given)
+    if table is None:
+        return _own_alone(kind, recording, own, given)
+    assert toml is not None
+    added = _added(kind, table, own)
+    try:
+        sizes = make_specimen(kind, {**added, **table}, toml)
+    except TestFileError as error:
+        if not recording.properties:
+            raise
+        stated = f"{recording.label} itself states {_words(recording.properties)}, which does not complete it"
+        raise TestFileError(toml, f"{error.problem} {stated}.", line=error.line) from None
+    differing = _differing(sizes, _by_file(kind, table, own, path), recording)
+    if differing and given is None:
+        raise TestFileError(path, f"{differing}, as [{kind}] of {toml.name} says. Correct one of them, or give "
+                                  f"--specimen {toml.name}.")
+    said = f"Specimen from [{kind}] of {toml.name}"
+    if added:
+        said += f", completed by what {path.name} itself states: {_keys(added)}"
+    elif own and not differing:
+        said += " and agrees with what the file itself states"
+    return sizes, (f"{said}.", *((f"{differing}.",) if differing else ())), (toml,)
+
+
+def own_sizes(kind: str, sizes: Mapping[str, float]) -> Block | None:
+    """The specimen that a file's own sizes (keys of `readers.recording.SIZES`, SI) make for `kind`; None where they do
+    not suffice. TestFileError where two of them differ."""
+    try:
+        made = make_specimen(kind, own_table(kind, sizes), Path("sizes"))
+    except TestFileError as error:
+        if "two cross-sections" in error.problem:
+            raise
+        return None
+    return made if isinstance(made, Block) else None
+
+
+def own_table(kind: str, sizes: Mapping[str, float]) -> dict[str, float]:
+    """The file's own sizes as keys of the table of `kind`, in mm and mm2."""
+    out: dict[str, float] = {}
+    for size, key in _OWN.get(kind, {}).items():
+        if size in sizes:
+            out.setdefault(key, sizes[size] * (1e6 if key == "area_mm2" else 1e3))
+    if kind in ("uniaxial", "relaxation") and "diameter_mm" in out and "width_mm" not in out and "depth_mm" in out:
+        # a disc's thickness is its height
+        out.setdefault("height_mm", out["depth_mm"])
+    lone = {"width_mm", "depth_mm"} - set(out) if kind in ("uniaxial", "relaxation") else set()
+    return {key: value for key, value in out.items() if not (lone and key in ("width_mm", "depth_mm"))}
+
+
+def _table(kind: str, path: Path, given: Path | None) -> tuple[Path | None, Mapping[str, Any] | None]:
+    """The TOML that counts and its table of `kind`."""
+    if given is not None:
+        return given, read_tables(given).get(kind)
+    for candidate in (path.with_suffix(".toml"), path.parent / "specimen.toml"):
+        if candidate.exists() and (table := read_tables(candidate).get(kind)) is not None:
+            return candidate, table
+    return None, None
+
+
+def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
+               given: Path | None) -> tuple[Block | Strip, tuple[str, ...], tuple[Path, ...]]:
+    path = recording.paths[0]
+    try:
+        sizes = make_specimen(kind, own, path)
+    except TestFileError as error:
+        if own:
+            raise TestFileError(path, f"{error.problem} The file itself states {_words(recording.properties)}; a table "
+                                      f"[{kind}] in --specimen specimen.toml completes it.") from None
+        if given is not None:
+            raise TestFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
+                                       f"{_wanted(kind)}.") from None
+        raise TestFileError(path, f"displacement and force need the specimen's size: {path.name} does not state it, "
+                                  f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
+                                  f"[{kind}]. Give --specimen specimen.toml with {_wanted(kind)} below [{kind}]."
+                            ) from None
+    missing = f"; {given.name} has no table [{kind}]" if given is not None else ""
+    return sizes, (f"Specimen from the file's own sizes: {_words(recording.properties)}{missing}.",), ()
+
+
+def _wanted(kind: str) -> str:
+    """The keys that a table of `kind` needs, in words."""
+    return {"uniaxial": "diameter_mm and height_mm", "relaxation": "diameter_mm and height_mm",
+            "shear": "faces, length_mm, width_mm and thickness_mm", "volumetric": "method and its sizes"
+            }.get(kind, ", ".join(sorted(key for key in KEYS[kind] if key.endswith(("_mm", "_um")))))
+
+
+def _added(kind: str, table: Mapping[str, Any], own: Mapping[str, float]) -> dict[str, float]:
+    """The file's own sizes that the table lacks; its cross-section only where the table has none."""
+    section = _SECTION.get(kind, frozenset())
+    known = section if section & set(table) else frozenset()
+    return {key: value for key, value in own.items() if key not in table and key not in known}
+
+
+def _by_file(kind: str, table: Mapping[str, Any], own: Mapping[str, float], path: Path) -> Block | Strip:
+    """The specimen where what the file states goes before the table."""
+    section = _SECTION.get(kind, frozenset())
+    replaced = section if section & set(own) else frozenset()
+    return make_specimen(kind, {**{k: v for k, v in table.items() if k not in replaced}, **own}, path)
+
+
+def _differing(chosen: Block | Strip, other: Block | Strip, recording: Recording) -> str:
+    """What the file states otherwise, in words; "" where both agree."""
+    if not (isinstance(chosen, Block) and isinstance(other, Block)) or (
+            abs(other.area_m2 / chosen.area_m2 - 1) < SAME and abs(other.length_m / chosen.length_m - 1) < SAME):
+        return ""
+    return (f"{recording.paths[0].name} itself states {_words(recording.properties)}: an area of "
+            f"{other.area_m2 * 1e6:.4g} mm2 and a length of {other.length_m * 1e3:.4g} mm instead of "
+            f"{chosen.area_m2 * 1e6:.4g} mm2 and {chosen.length_m * 1e3:.4g} mm")
+
+
+def _keys(table: Mapping[str, float]) -> str:
+    return ", ".join(f"{key} = {value:.4g}" for key, value in table.items())
+
+
+def _words(sizes: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value * 1e6:.4g} mm2" if name == "area" else f"{name} {value * 1e3:.4g} mm"
+                     for name, value in sizes.items())

@@ -1,0 +1,67 @@
+"""Which kind of test a file holds: said by the user, by the file, by a TOML beside it, or by its name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from matcal.readers.recording import Recording
+from matcal.readers.vocabulary import KINDS
+from touchcal.errors import TestFileError
+from touchcal.toml_file import read_toml
+
+# word in a test's title or a file's name -> kind, in English, German, French, Spanish, Italian, Chinese and Japanese;
+# the first match wins, so the more telling words stand first
+_WORDS = (
+    ("relaxation", r"relax|rilass|relaj|松弛|緩和"),
+    ("conductivity", r"conductiv|resistiv|resistance|coated|leitf[äa]hig|widerstand|电阻|电导"),
+    ("planar", r"planar|pure shear|平面"), ("shear", r"shear|\bss\b|scher|schub|cisaill|cizall|taglio|剪切|せん断"),
+    ("biaxial", r"biax|zweiachs|双轴"), ("volumetric", r"volumetr|hydrostat|体积|静水"),
+    ("uniaxial", r"uniax|compres|tension|tensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
+                 r"|\bzug\b|\bdruck\b|traction|tracci[óo]n|trazione|单轴|压缩|拉伸|圧縮|引張"),
+)
+
+
+def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
+    """(kind, sentence saying why) of the recordings of one test; TestFileError where nothing tells, ValueError for an
+    unknown explicit kind."""
+    if explicit is not None:
+        path = recordings[0].paths[0]
+        return _known(explicit, f"{explicit}={path.name}"), f"{recordings[0].label}: {explicit}, as given."
+    for recording in recordings:
+        if (told := _told_by(recording)) is not None:
+            return told
+    path = recordings[0].paths[0]
+    raise TestFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
+                              f"{', '.join(KINDS)}.")
+
+
+def _told_by(recording: Recording) -> tuple[str, str] | None:
+    path = recording.paths[0]
+    for key, value in recording.titles:
+        if (kind := _from_words(value)) is not None:
+            return kind, f"{recording.label}: {kind}, from its own line '{key}: {value.strip()}'."
+    sidecar = path.with_suffix(".toml")
+    if sidecar.exists() and "kind" in (table := read_toml(sidecar)):
+        return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."
+    if {"current", "conductivity"} & set(recording.columns):
+        return "conductivity", f"{recording.label}: conductivity, from its columns."
+    if {"volume_ratio", "pressure"} & set(recording.columns) and "displacement" not in recording.columns:
+        return "volumetric", f"{recording.label}: volumetric, from its columns."
+    if (kind := _from_words(path.stem)) is not None:
+        return kind, f"{recording.label}: {kind}, from its name."
+    # the controller calls every file specimen.dat and the folder by the name of the test
+    if recording.vendor == "mts_793" and (kind := _from_words(path.absolute().parent.name)) is not None:
+        return kind, f"{recording.label}: {kind}, from the name of its folder, '{path.absolute().parent.name}'."
+    return None
+
+
+def _known(kind: str, where: str) -> str:
+    if kind not in KINDS:
+        raise ValueError(f"{where}: the kind '{kind}' is unknown; known: {', '.join(KINDS)}.")
+    return kind
+
+
+def _from_words(text: str) -> str | None:
+    text = re.sub(r"[_\-.\d]+", " ", text.lower())
+    return next((kind for kind, pattern in _WORDS if re.search(pattern, text)), None)

@@ -1,0 +1,1 @@
+"""Correlation of residuals, linear marginalisation, block means."""

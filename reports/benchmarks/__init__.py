@@ -1,0 +1,1 @@
+"""Error against run time and stability, from the stored tables of benchmarks."""

@@ -1,0 +1,68 @@
+"""The report of stiff and extreme cases, from stored tables: what holds, holds with a caution, or is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from reports.benchmarks import stability_laws, stability_numerics, stability_readings, stability_scenes, staleness
+from reports.benchmarks.stored_tables import Rows, condition_table, frame, read_rows
+from reports.document import provenance
+from reports.document.numerals import counted
+from reports.document.page import Plate, Report, Table
+from touchcal.errors import TestFileError
+
+# stem of a stored table -> benchmark that writes it
+WRITERS = {"stable_ranges": "stable_ranges", "stable_functions": "stable_ranges", "stiff": "stiff",
+           "random_scenes": "random_scenes", "relaxation_stiff": "relaxation_stiff",
+           "electrics_stiff": "electrics_stiff", "surrogate_noise": "surrogate_noise"}
+_PLATES: dict[str, Callable[[Rows, str], Plate]] = {
+    "stable_ranges": stability_laws.ranges, "stable_functions": stability_laws.functions,
+    "random_scenes": stability_scenes.scenes, "relaxation_stiff": stability_numerics.relaxation,
+    "electrics_stiff": stability_numerics.electrics}
+_TABLES: dict[str, tuple[str, Callable[[Rows], Table | None]]] = {
+    "random_scenes": ("lost_scenes", stability_scenes.lost_table),
+    "electrics_stiff": ("skins", stability_numerics.others), "stiff": ("cases", stability_numerics.cases)}
+# what a stored table is shown as where it is there
+_SHOWN = {"stable_ranges": "laws", "stable_functions": "functions", "random_scenes": "scenes", "stiff": "cases",
+          "relaxation_stiff": "relaxation", "electrics_stiff": "electrics", "surrogate_noise": "readings"}
+
+
+def report(results: Path) -> Report:
+    """Everything that the template `stability.typ` shows; TestFileError where a table lacks a column."""
+    stored = {stem: read_rows(results / f"{stem}.csv") for stem in WRITERS if (results / f"{stem}.csv").is_file()}
+    absent = {_SHOWN[stem]: f"Not there: {stem}.csv. Run benchmarks/{writer}.py, which writes it."
+              for stem, writer in WRITERS.items() if stem not in stored}
+    read = [(f"{stem}.csv", table := frame(rows), staleness.state(table, f"{stem}.csv", WRITERS[stem]))
+            for stem, rows in stored.items()]
+    plates, tables = [], dict[str, Table]()
+    for stem, rows in stored.items():
+        try:
+            plates += _plates(stem, rows)
+            tables |= _tables(stem, rows)
+        except KeyError as missing:
+            raise TestFileError(results / f"{stem}.csv", f"column {missing} is not there; run benchmarks/"
+                                f"{WRITERS[stem]}.py again.") from None
+    if stored:
+        tables["conditions"] = condition_table(read)
+    sources = [provenance.source(results / f"{stem}.csv") for stem in stored]
+    return Report("stability", "Stiff and extreme cases", f"{len(stored)} of {counted(len(WRITERS), 'stored table')}",
+                  provenance.footer(sources, "seeds fixed in benchmarks/"), _findings(plates), plates, tables, absent,
+                  cautions=staleness.cautions([state for *_, state in read]))
+
+
+def _plates(stem: str, rows: Rows) -> list[Plate]:
+    if stem == "surrogate_noise":
+        return stability_readings.readings(rows, stem)
+    return [_PLATES[stem](rows, stem)] if stem in _PLATES else []
+
+
+def _tables(stem: str, rows: Rows) -> dict[str, Table]:
+    name, make = _TABLES.get(stem, ("", None))
+    made = make(rows) if make is not None else None
+    return {} if made is None else {name: made}
+
+
+def _findings(plates: list[Plate]) -> list[str]:
+    """The first sentence of every plate's caption."""
+    return [plate.caption.split(". ")[0].rstrip(".") + "." for plate in plates] or ["No benchmark has been run."]

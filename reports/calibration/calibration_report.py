@@ -1,0 +1,220 @@
+"""The calibration report, from a card and the folder that `matcal fit` wrote beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from matcal.card import MaterialCard, grouped, with_moduli
+from matcal.laws.deformation_modes import MODES
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.record.cautions import cautions, relative_rms, tests
+from reports.calibration import calibration_tables as tables_of
+from reports.calibration import (
+    conductivity_figure,
+    cycle_figures,
+    mode_figures,
+    overview_figure,
+    posterior_figures,
+    stability_figure,
+    stress_figures,
+)
+from reports.calibration import first_page as summary
+from reports.calibration.card_record import Record, read_record, rows_where
+from reports.document import provenance
+from reports.document.numerals import counted, number, typeset
+from reports.document.page import Plate, Report, Table, write_pdf
+from reports.document.style import house
+
+NOT_FITTED = {"hyperfoam": "The card has no hyperfoam law: no stress-strain curve was fitted.",
+              "prony": "The card has no Prony series: no relaxation test was fitted.",
+              "conductivity": "The card has no conductivity law: no conductivity test was fitted."}
+
+
+def write(card_path: Path, out: Path) -> None:
+    """Write the PDF of a card: data, fits, residuals, parameters, stability, provenance.
+
+    TestFileError where the card cannot be used; ValueError where the folder of `out` is missing.
+    """
+    with house():
+        write_pdf(report(card_path), out)
+
+
+def report(card_path: Path) -> Report:
+    """Everything that the template `calibration.typ` shows of a card."""
+    record = read_record(card_path)
+    card, absent = record.card, {}
+    draws, why = posterior_figures.draws_of(card_path, card)
+    if draws is None:
+        absent["posterior"] = why
+    overview = overview_figure.strip(record)
+    plates = [*([overview] if overview else []), *_mode_plates(record, absent),
+              *_relaxation_plates(record, absent), *_skin_plates(record, absent), *_predicted_plates(record),
+              *_cycle_plates(record), *_order_plates(card), *_band_plates(record), *_stability_plates(card, absent),
+              *([posterior_figures.derived(draws, card)] if draws is not None else [])]
+    footer = provenance.footer(_sources(record), provenance.seed_words(card.provenance.get("seed")))
+    return Report("calibration", "Material calibration", _subtitle(card), footer, summary.findings(card), plates,
+                  _tables(record, absent), absent, _prose(record), [typeset(s) for s in cautions(card)],
+                  {"decisions": grouped(card)})
+
+
+def _sources(record: Record) -> list[provenance.Source]:
+    beside = [provenance.source(path) for path in record.files]
+    name = f"{counted(len(beside), 'file')} in {record.card.data}, hash of their hashes"
+    card = provenance.source(record.path)
+    return [replace(card, name=f"file {card.name}"), *([provenance.combined(name, beside)] if beside else [])]
+
+
+def _subtitle(card: MaterialCard) -> str:
+    date = str(card.provenance.get("date", "")).replace("T", " ").replace("+00:00", " UTC")
+    data = " to synthetic data" if card.provenance.get("synthetic") else ""
+    return f"Card “{card.name}”" + (f", fitted{data} on {date}" if date else "")
+
+
+def _alone(card: MaterialCard) -> dict[str, Hyperfoam]:
+    """Mode -> the law fitted to it alone."""
+    found = card.fit.get("cross_prediction", {})
+    return {mode: Hyperfoam(law["mu_Pa"], law["alpha"], law["nu"], "longterm") for mode, law in found.items()}
+
+
+def _mode_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
+    card = record.card
+    if card.hyperfoam is None:
+        absent["modes"] = NOT_FITTED["hyperfoam"]
+        return []
+    kinds = [kind for kind in MODES if record.fitted(kind)]
+    if not kinds:
+        absent["modes"] = record.missing or "The card's folder holds no fitted stress-strain curve."
+    errors = card.fit.get("cross_prediction", {})
+    law = with_moduli(card, "longterm") if card.prony is not None else card.hyperfoam
+    bands, plates = record.tables.get("bands"), []
+    for kind in kinds:
+        here = {mode: found["relative_rms"][kind] for mode, found in errors.items()}
+        band = None if bands is None else rows_where(bands, bands["mode"] == kind)
+        plates.append(stress_figures.mode(record.fitted(kind), law, card.prony, _alone(card),
+                                            {"all": relative_rms(card, kind)} | here, band, _band_source(card)))
+    return plates
+
+
+def _band_source(card: MaterialCard) -> str:
+    return "from the posterior" if card.posterior else "linearised about the fit"
+
+
+def _predicted_plates(record: Record) -> list[Plate]:
+    tested = record.card.fit.get("predicted", ())
+    return [stress_figures.predicted(f"predicted_{k}", row, record.tables[f"predicted_{k}"])
+            for k, row in enumerate(tested, 1) if f"predicted_{k}" in record.tables]
+
+
+def _cycle_plates(record: Record) -> list[Plate]:
+    tables = {stem.removesuffix("_cycles"): table for stem, table in record.tables.items() if stem.endswith("_cycles")}
+    return [cycle_figures.cycles(label, table, record.card.fit.get(label, {})) for label, table in tables.items()
+            if len(table)]
+
+
+def _order_plates(card: MaterialCard) -> list[Plate]:
+    tried = card.fit.get("orders", ())
+    return [mode_figures.orders(tried, card.hyperfoam.mu_Pa.size)] if card.hyperfoam and len(tried) > 1 else []
+
+
+def _band_plates(record: Record) -> list[Plate]:
+    bands = record.tables.get("bands")
+    return [] if bands is None else [mode_figures.every_mode(bands, _band_source(record.card))]
+
+
+def _relaxation_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
+    card = record.card
+    tests = [t for t in record.fitted("relaxation") if t.time_s is not None]
+    if card.prony is None:
+        absent["relaxation"] = NOT_FITTED["prony"]
+    elif not tests:
+        absent["relaxation"] = record.missing or "The card's folder holds no fitted relaxation test."
+    else:
+        return [stress_figures.relaxing(tests, card.prony, [card.fit[t.label]["relative_rms"] for t in tests])]
+    return []
+
+
+def _skin_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
+    card, tests = record.card, record.fitted("conductivity")
+    if card.conductivity is None:
+        absent["conductivity"] = NOT_FITTED["conductivity"]
+    elif not tests:
+        absent["conductivity"] = record.missing or "The card's folder holds no fitted conductivity test."
+    else:
+        errors = [card.fit[t.label]["relative_rms"] for t in tests]
+        band = record.tables.get("conductivity_band")
+        return [conductivity_figure.conductivity_law(tests, card.conductivity, errors, band)]
+    return []
+
+
+def _stability_plates(card: MaterialCard, absent: dict[str, str]) -> list[Plate]:
+    if card.stability and card.hyperfoam is not None:
+        records = card.fit.get("data_stability", ())
+        return [stability_figure.ranges(card.stability, card.hyperfoam.strain_range, records)]
+    absent["stability"] = "The card holds no stability ranges; matcal check computes them."
+    return []
+
+
+def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
+    card, tables = record.card, {}
+    if card.hyperfoam is not None or card.prony is not None:
+        tables["parameters"] = tables_of.parameters(card)
+    else:
+        absent["parameters"] = NOT_FITTED["hyperfoam"]
+    if card.hyperfoam is not None or card.prony is not None or card.conductivity is not None:
+        tables["results"] = summary.results(record)
+    if card.conductivity is not None:
+        tables["skin"] = tables_of.skin(card)
+    if tests(card):
+        tables["tested"] = summary.tested(card)
+    else:
+        absent["tested"] = "The card holds no errors of fit: it was not written by matcal fit."
+    if card.fit.get("cross_prediction"):
+        tables["cross"] = tables_of.cross(card)
+        first = next(iter(card.fit["cross_prediction"].values()))
+        if len(first.get("relative_rms_of", ())) > len(first["relative_rms"]):
+            tables["by_test"] = tables_of.by_test(card)
+    tables |= _checks(card)
+    if card.hyperfoam is not None and card.fit.get("orders"):
+        tables["orders"] = tables_of.orders(card)
+    if card.stability:
+        tables["unstable"] = tables_of.stability(card.stability)
+    if card.hyperfoam is not None:
+        tables["exports"] = tables_of.exports(card)
+    if card.provenance.get("files"):
+        tables["files"] = tables_of.files(card.provenance)
+    else:
+        absent["files"] = "The card names no measurement files."
+    return tables
+
+
+def _checks(card: MaterialCard) -> dict[str, Table]:
+    """Tables of what was checked beside the fit, where the card holds it."""
+    made = {"predicted": tables_of.predicted, "data_stability": tables_of.data_stability,
+            "without_stability": tables_of.stability_cost}
+    out = {name: make(card) for name, make in made.items() if card.fit.get(name)}
+    if any("stiffness_factor" in row for row in tests(card).values()):
+        out["replicates"] = tables_of.replicates(card)
+    if len(card.fit.get("prony", {}).get("orders", ())) > 1:
+        out["series_orders"] = tables_of.series_orders(card)
+    return out
+
+
+def _prose(record: Record) -> dict[str, Any]:
+    card, prose = record.card, {}
+    for part in ("hyperfoam", "prony", "conductivity"):
+        if getattr(card, part) is not None:
+            prose[part] = ""
+    if "prior" in card.posterior:
+        prose["prior"] = f"Prior: {card.posterior['prior']}"
+    if record.missing:
+        prose["missing"] = record.missing
+    prose["decisions"] = ("Every correction that was applied and every choice that was made, by test and by stage."
+                          if card.provenance.get("decisions") else "The card records no decisions.")
+    if versions := card.provenance.get("versions"):
+        prose["versions"] = f"Fitted with {provenance.version_lines(versions)}."
+    if cost := card.provenance.get("cpu_s"):
+        spent = [f"{stage} {number(value)} s" for stage, value in cost.items() if value > 0.005]
+        prose["cost"] = f"CPU time: {', '.join(spent) or 'under 5 ms'}."
+    return prose

@@ -1,0 +1,183 @@
+"""The first page of a calibration: what was found with its intervals, where it holds, what was tested."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from matcal.card import MaterialCard
+from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.record.bands import conductivity_at
+from matcal.record.cautions import relative_rms, tests
+from reports.calibration.card_record import Record
+from reports.document.numerals import counted, interval, number, pascals, percent, r_squared, within
+from reports.document.page import Table
+
+NAMES = {"mu_0_Pa": "initial shear modulus μ₀", "E_0_Pa": "initial Young's modulus E₀",
+         "plateau_Pa": "plateau stress at 40 % strain"}
+PLATEAU_STRAIN = -0.4
+SYMBOLS = {"shear": "γ", "volumetric": "J"}
+
+
+def law_values(law: Hyperfoam) -> dict[str, float]:
+    """The derived quantities of a law, Pa, where the card holds none."""
+    return {"mu_0_Pa": law.mu_0_Pa, "E_0_Pa": law.E_0_Pa,
+            "plateau_Pa": -float(nominal_stress(law, "uniaxial", PLATEAU_STRAIN))}
+
+
+def moduli(law: Hyperfoam) -> str:
+    """The label of the moduli, as a word."""
+    return law.moduli.replace("longterm", "long-term")
+
+
+def ranges(card: MaterialCard) -> str:
+    """The strains fitted in each mode, in words."""
+    fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
+    return ", ".join(f"{mode} {SYMBOLS.get(mode, '')} {interval(ends[0], ends[1])}".replace("  ", " ")
+                     for mode, ends in fitted.items())
+
+
+def results(record: Record) -> Table:
+    """Every number that an engineer asks for first, with its 95 % interval and where it holds."""
+    rows = [*_foam_rows(record.card), *_series_rows(record.card), *_skin_rows(record)]
+    head = ["quantity", "unit", "value", "95 % interval", *(["95 %, posterior"] if _drawn(record.card) else []),
+            "holds for"]
+    return Table(_caption(record.card), head, rows, "wl" + "r" * (len(head) - 3) + "w")
+
+
+def _drawn(card: MaterialCard) -> Mapping[str, Any]:
+    return card.posterior.get("derived", {})
+
+
+def _caption(card: MaterialCard) -> str:
+    known = [(row["hi"] - row["lo"]) / 2 / abs(row["value"]) for row in card.fit.get("derived", {}).values()
+             if row["value"]]
+    if not known:
+        return "Results; the card holds no intervals." if card.hyperfoam else "Results."
+    return f"Results: what the tests determine, the moduli to ± {percent(max(known))} or better at 95 %."
+
+
+def _foam_rows(card: MaterialCard) -> list[list[str]]:
+    law, rows = card.hyperfoam, []
+    if law is None:
+        return rows
+    known, drawn = card.fit.get("derived", {}), _drawn(card)
+    factor, unit = pascals(law.mu_0_Pa)
+    values = law_values(law) if not known else {name: row["value"] for name, row in known.items()}
+    for name, value in values.items():
+        middle, ends = _within(known.get(name), value, factor)
+        rows.append([NAMES.get(name, name), unit, middle, ends, *_sampled(drawn, name, factor), _where(card, name)])
+    if "mu_0_new_specimen_Pa" in drawn:
+        row = drawn["mu_0_new_specimen_Pa"]
+        middle, ends = within(factor * row["median"], factor * row["lo"], factor * row["hi"])
+        rows.append(["μ₀ of a further specimen", unit, middle, "–", ends, "specimens like those tested"])
+    return rows
+
+
+def _sampled(drawn: Mapping[str, Any], name: str, factor: float = 1.0) -> list[str]:
+    """The cell of the posterior's interval; none where nothing was sampled."""
+    if not drawn:
+        return []
+    row = drawn.get(name)
+    return ["–" if row is None else within(factor * row["median"], factor * row["lo"], factor * row["hi"])[1]]
+
+
+def _within(row: Mapping[str, float] | None, value: float, factor: float) -> tuple[str, str]:
+    if row is None:
+        return number(factor * value, 4), "not in the card"
+    return within(factor * value, factor * row["lo"], factor * row["hi"])
+
+
+def _where(card: MaterialCard, name: str) -> str:
+    assert card.hyperfoam is not None
+    if name != "plateau_Pa":
+        return f"small strain, {moduli(card.hyperfoam)}"
+    lo, hi = card.hyperfoam.strain_range.get("uniaxial", (0.0, 0.0))
+    inside = lo <= PLATEAU_STRAIN <= hi
+    return f"uniaxial, {moduli(card.hyperfoam)}" + ("" if inside else "; extrapolated")
+
+
+def _series_rows(card: MaterialCard) -> list[list[str]]:
+    if card.prony is None:
+        return []
+    sd, value = card.fit.get("prony", {}).get("g_infinity_sd"), card.prony.g_infinity
+    middle, ends = (within(value, value - 1.96 * sd, value + 1.96 * sd) if sd else (number(value, 4), "–"))
+    last = max((row["time_s"] for row in tests(card).values() if row["kind"] == "relaxation" and "time_s" in row),
+               default=None)
+    return [["long-term share of the modulus", "–", middle, ends, *_sampled(_drawn(card), "g_infinity"),
+             f"{number(last)} s of relaxation" if last else "the recorded hold"]]
+
+
+def _skin_rows(record: Record) -> list[list[str]]:
+    card = record.card
+    if card.conductivity is None:
+        return []
+    sd, drawn = card.fit.get("conductivity", {}).get("c0_sd_S_per_m"), _drawn(card)
+    c0, (lo, hi) = card.conductivity.c0_S_per_m, card.conductivity.strain_range
+    middle, ends = within(c0, c0 - 1.96 * sd, c0 + 1.96 * sd) if sd else (number(c0, 4), "not in the card")
+    rows = [["unstrained conductivity c₀", "S/m", middle, ends, *_sampled(drawn, "c0_S_per_m"),
+             f"strain {interval(lo, hi)}"]]
+    band = record.tables.get("conductivity_band")
+    if band is not None:
+        value, low, high = conductivity_at(band, -0.5)
+        middle, ends = within(value, low, high)
+        rows.append(["conductivity at a strain of −0.5", "S/m", middle, ends, *(["–"] if drawn else []),
+                     "extrapolated" if lo > -0.5 else "measured"])
+    return rows
+
+
+def tested(card: MaterialCard) -> Table:
+    """What was tested and how well it is met, one row a test."""
+    found = tests(card)
+    rows = [[label, ", ".join(row.get("source", [])), str(row["n"]), _range(row), f"{number(row['rms'])} {row['unit']}",
+             percent(row["relative_rms"]), "–" if row["r2"] is None else r_squared(row["r2"])]
+            for label, row in found.items()]
+    worst = max(found, key=lambda label: found[label]["relative_rms"])
+    caption = (f"Tests and errors of fit: the largest relative RMS is {percent(found[worst]['relative_rms'])}, of "
+               f"{worst}. Relative RMS is rms(residual)/rms(measured), of a relaxation over its holds.")
+    return Table(caption, ["test", "file", "points", "strain", "RMS", "relative RMS", "R²"], rows, "lwrrrrr")
+
+
+def _range(row: Mapping[str, Any]) -> str:
+    return interval(*row["strain_range"]) if "strain_range" in row else "–"
+
+
+def findings(card: MaterialCard) -> list[str]:
+    """The card in a few sentences."""
+    found = [*_foam_findings(card), *_series_findings(card), *_skin_findings(card)]
+    return found or ["The card is empty: nothing was fitted."]
+
+
+def _foam_findings(card: MaterialCard) -> list[str]:
+    if card.hyperfoam is None:
+        return []
+    law, known = card.hyperfoam, card.fit.get("derived", {}).get("mu_0_Pa")
+    factor, unit = pascals(law.mu_0_Pa)
+    middle, ends = _within(known, law.mu_0_Pa, factor)
+    said = [f"Foam: hyperfoam law of {counted(law.mu_Pa.size, 'term')}, initial shear modulus μ₀ = {middle} {unit}"
+            + (f" (95 %: {ends})" if known else "") + f", {moduli(law)}."]
+    kinds = [kind for kind in MODES if any(row["kind"] == kind for row in tests(card).values())]
+    errors = [f"{percent(relative_rms(card, kind))} in {kind}" for kind in kinds]
+    return said + ([f"It misses the data by {', '.join(errors)} (relative RMS), fitted over {ranges(card)}."]
+                   if errors else [])
+
+
+def _series_findings(card: MaterialCard) -> list[str]:
+    if card.prony is None:
+        return []
+    times = ", ".join(number(t) for t in card.prony.tau_s)
+    return [f"Relaxation: held at constant strain the stress falls by {percent(1 - card.prony.g_infinity, 3)}, with "
+            f"times of {times} s."]
+
+
+def _skin_findings(card: MaterialCard) -> list[str]:
+    if card.conductivity is None:
+        return []
+    law = card.conductivity
+    lo, hi = law.strain_range
+    end = law.c0_S_per_m * (1 + float(np.dot(law.a, [hi, hi**2, hi**3])))
+    return [f"Skin: {number(law.c0_S_per_m)} S/m unstrained, {number(end)} S/m at a strain of {number(hi)}; measured "
+            f"for strains of {interval(lo, hi)}, everything beyond is extrapolated."]

@@ -1,0 +1,128 @@
+"""Figure of the derived quantities over the whole-parameter draws of a card."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from matcal.card import MaterialCard
+from matcal.laws.deformation_modes import nominal_stress
+from matcal.posterior.draws import Draws, law_of, read_draws
+from reports.calibration.card_record import Array
+from reports.calibration.first_page import PLATEAU_STRAIN
+from reports.document import style
+from reports.document.numerals import counted, number, pascals, within
+from reports.document.page import Plate
+
+# subscripts of captions, as the figures' mathematics has them
+_SUBSCRIPTS = str.maketrans({"₀": "$_0$"})
+
+
+def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
+    """The draws of a card, or why there are none."""
+    if not card.posterior:
+        return None, "The card has no posterior; matcal fit --posterior samples one."
+    file = path.parent / str(card.posterior["file"])
+    if not file.is_file():
+        return None, f"The posterior {card.posterior['file']} that the card names is not beside it."
+    return read_draws(path), ""
+
+
+def derived(draws: Draws, card: MaterialCard) -> Plate:
+    """Histograms of the derived quantities over the draws, each with its middle 95 % and the linearised result."""
+    quantities = _quantities(draws)
+    count = len(quantities) + (draws.alpha.shape[1] > 0)
+    columns = count if count <= 4 else 3
+    figure = style.sheet(44 * -(-count // columns))
+    panels = list(figure.subplots(-(-count // columns), columns, squeeze=False).flat)
+    for axes, (name, column) in zip(panels, quantities.items(), strict=False):
+        _histogram(axes, name, column, card)
+    if draws.alpha.shape[1]:
+        _exponents(panels[len(quantities)], draws.alpha)
+    for axes in panels[count:]:
+        axes.axis("off")
+    said = "; ".join(f"{column.words} {_middle(column.values)} {column.unit}".replace(" –", "")
+                     for column in quantities.values())
+    linear = ", in orange the linearised intervals" if card.fit.get("derived") else ""
+    spans = ", ".join(_middle(draws.alpha[:, i]) for i in range(draws.alpha.shape[1]))
+    caption = (f"Posterior over {counted(len(draws), 'draw')}, 95 % shaded{linear}: {said}."
+               + (f" The exponents run over {spans}." if spans else "") + _checked(card))
+    data = pd.DataFrame({name: column.values for name, column in quantities.items()}
+                        | {f"alpha_{i + 1}": draws.alpha[:, i] for i in range(draws.alpha.shape[1])})
+    return Plate("posterior", figure, caption, {"posterior": data})
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A derived quantity over the draws."""
+
+    # what it is, for a caption and an axis
+    words: str
+    unit: str
+    # (D,) in that unit
+    values: Array
+    # key of card.fit["derived"] and the factor from it to the unit, where the card has it
+    key: str = ""
+    factor: float = 1.0
+
+
+def _quantities(draws: Draws) -> dict[str, _Column]:
+    """Name with unit -> what the draws say of it."""
+    out = _foam_quantities(draws) if draws.mu_Pa.shape[1] else {}
+    if draws.g is not None:
+        out["g_infinity"] = _Column("Long-term share", "–", 1 - draws.g.sum(axis=1))
+    if draws.conductivity_S_per_m is not None:
+        c = draws.conductivity_S_per_m
+        out["c0_S_per_m"] = _Column("c₀", "S/m", c[:, 0])
+        out["c_at_minus_half_S_per_m"] = _Column("c at a strain of −0.5", "S/m", c @ (-0.5) ** np.arange(4))
+    return out
+
+
+def _foam_quantities(draws: Draws) -> dict[str, _Column]:
+    mu_0 = draws.mu_Pa.sum(axis=1)
+    plateau = np.array([-float(nominal_stress(law_of(draws, k), "uniaxial", PLATEAU_STRAIN))
+                        for k in range(len(draws))])
+    (factor, unit), (second, other) = pascals(mu_0), pascals(plateau)
+    return {f"mu_0_{unit}": _Column("μ₀, long-term", unit, factor * mu_0, "mu_0_Pa", factor),
+            f"plateau_{other}": _Column("Plateau stress", other, second * plateau, "plateau_Pa", second)}
+
+
+def _histogram(axes: Axes, name: str, column: _Column, card: MaterialCard) -> None:
+    lo, hi = np.quantile(column.values, [0.025, 0.975])
+    axes.axvspan(lo, hi, color=style.ACCENT, alpha=0.12, lw=0)
+    axes.hist(column.values, bins=30, histtype="stepfilled", color=style.ACCENT)
+    if known := card.fit.get("derived", {}).get(column.key):
+        axes.set_ylim(top=1.2 * axes.get_ylim()[1])
+        height = 0.93 * axes.get_ylim()[1]
+        axes.errorbar(column.factor * known["value"], height, capsize=2, fmt="o", ms=2.5, color=style.SECOND, lw=1,
+                      xerr=[[column.factor * (known["value"] - known["lo"])],
+                            [column.factor * (known["hi"] - known["value"])]])
+    axes.locator_params(axis="x", nbins=4)
+    style.label(axes, f"{column.words.translate(_SUBSCRIPTS)} ({column.unit})", "Draws (–)")
+
+
+def _exponents(axes: Axes, alpha: Array) -> None:
+    edges = np.linspace(alpha.min(), alpha.max(), 60)
+    for i in range(alpha.shape[1]):
+        axes.hist(alpha[:, i], bins=list(edges), histtype="step", color=style.SERIES[i % 4], ls=style.DASHES[i % 4],
+                  label=f"α$_{i + 1}$")
+    axes.legend()
+    style.label(axes, "Exponents (–)", "Draws (–)")
+
+
+def _middle(values: Array) -> str:
+    """The middle 95 % of some draws."""
+    lo, middle, hi = np.quantile(values, [0.025, 0.5, 0.975])
+    return within(float(middle), float(lo), float(hi))[1]
+
+
+def _checked(card: MaterialCard) -> str:
+    checks = card.posterior.get("checks", {})
+    if not {"rhat", "ess"} <= checks.keys():
+        return ""
+    state = "The chains converged" if checks.get("converged") else "The chains did NOT converge"
+    return f" {state}: R-hat {number(checks['rhat'], 4)}, effective sample size {number(checks['ess'], 2)}."

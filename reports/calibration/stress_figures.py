@@ -1,0 +1,189 @@
+"""Figures of stress: each mode with its fits and residuals (paper, figures 3b and 4b), and the relaxation (5b)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony, relaxation
+from reports.calibration.card_record import Array, Test, rows_where
+from reports.document import style
+from reports.document.numerals import number, pascals, percent
+from reports.document.page import Plate
+
+STRAIN = {"shear": "Shear strain γ (–)", "volumetric": "Volume ratio J (–)"}
+# one mark a specimen
+MARKS = ("o", "s", "^", "D", "v", "P")
+
+
+def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
+    """Stress of a long-term law along a test's own history, Pa: relaxing where there is a series and a clock."""
+    if prony is None or test.time_s is None:
+        return nominal_stress(law, test.kind, test.strain)
+    fast = Hyperfoam(law.mu_Pa / prony.g_infinity, law.alpha, law.nu, "instantaneous")
+    return hereditary_stress(fast, prony, test.kind, test.time_s, test.strain)
+
+
+def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapping[str, Hyperfoam],
+         errors: Mapping[str, float], band: pd.DataFrame | None, source: str) -> Plate:
+    """One mode: data, the law of all modes with its band, the laws of single modes, residuals.
+
+    `law` and `alone` (mode -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode; `band`: the
+    mode's rows of bands.parquet, from `source` in words.
+    """
+    kind = tests[0].kind
+    sign = -1.0 if all(test.compressed for test in tests) else 1.0
+    factor, unit = pascals(np.concatenate([test.value for test in tests]))
+    figure = style.sheet(82)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
+    data = _draw_tests(upper, tests, sign, factor, "fitted to all modes" if alone else "fitted")
+    fine_unit = _draw_residuals(lower, tests, sign)
+    for k, (name, other) in enumerate(alone.items()):
+        for i, test in enumerate(tests):
+            stress = along_history(other, prony, test)
+            upper.plot(sign * test.strain, sign * factor * stress, color=style.SERIES[(k + 1) % 4],
+                       ls=style.DASHES[(k + 1) % 4], label=f"fitted to {name} alone" if i == 0 else None)
+            data[test.label][f"{name}_alone_stress_Pa"] = stress
+    data |= _draw_longterm(upper, kind, law, tests, sign, factor, band)
+    _frame_data(upper, [sign * factor * test.value for test in tests])
+    what = "compressive" if sign < 0 else "nominal"
+    style.label(upper, "", f"{what.capitalize()} stress ({unit})")
+    style.label(lower, STRAIN.get(kind, f"{what.capitalize()} strain (–)"), f"Residual ({fine_unit})")
+    upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
+    return Plate(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
+
+
+def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> Plate:
+    """A test that was kept out of the fit, and what the laws say of it; `row` of the card's fit.predicted."""
+    factor, unit = pascals(table["stress_Pa"].to_numpy())
+    figure = style.sheet(62)
+    axes = figure.subplots()
+    axes.plot(table["strain"], factor * table["stress_Pa"], "o", color=style.INK, ms=2, mew=0, label="measured")
+    axes.plot(table["strain"], factor * table["predicted_stress_Pa"], color=style.ACCENT,
+              label="predicted by the law of all modes")
+    alone = [column for column in table if str(column).endswith("_alone_stress_Pa")]
+    for k, column in enumerate(alone, 1):
+        axes.plot(table["strain"], factor * table[column], color=style.SERIES[k % 4], ls=style.DASHES[k % 4],
+                  label=f"by that of {str(column).removesuffix('_alone_stress_Pa')} alone")
+    _frame_data(axes, [factor * table["stress_Pa"].to_numpy()])
+    style.label(axes, STRAIN.get(row["kind"], "Nominal strain (–)"), f"Nominal stress ({unit})")
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
+    missed = [f"the law of all modes misses it by {percent(row['relative_rms']['combined'], 3)}"]
+    missed += [f"that of {law} by {percent(share, 3)}" for law, share in row["relative_rms"].items()
+               if law.endswith("alone")]
+    caption = (f"Predicted, not fitted: {', '.join(row['source'])}, {row['kind']}: {'; '.join(missed)} "
+               "(relative RMS).")
+    return Plate(name, figure, caption, {name: table})
+
+
+def _draw_tests(axes: Axes, tests: Sequence[Test], sign: float, factor: float, title: str) -> dict[str, pd.DataFrame]:
+    data = {}
+    for i, test in enumerate(tests):
+        said = "measured" if len(tests) == 1 else f"measured, {test.label}"
+        axes.plot(sign * test.strain, sign * factor * test.value, MARKS[i % len(MARKS)], color=style.INK, ms=2, mew=0,
+                  alpha=1 - 0.5 * i / len(tests), label=said)
+        data[test.label] = pd.DataFrame({"strain": test.strain, "stress_Pa": test.value})
+        if test.fitted is not None:
+            axes.plot(sign * test.strain, sign * factor * test.fitted, color=style.ACCENT,
+                      label=title if i == 0 else None)
+            data[test.label]["fit_stress_Pa"] = test.fitted
+    return data
+
+
+def _draw_residuals(axes: Axes, tests: Sequence[Test], sign: float) -> str:
+    """Measured minus fitted; the unit in which they are drawn."""
+    residuals = [test.value - test.fitted for test in tests if test.fitted is not None]
+    factor, unit = pascals(np.concatenate(residuals) if residuals else [0.0])
+    for i, test in enumerate(t for t in tests if t.fitted is not None):
+        axes.plot(sign * test.strain, sign * factor * residuals[i], MARKS[i % len(MARKS)], color=style.ACCENT, ms=1.6,
+                  mew=0, alpha=1 - 0.5 * i / len(tests))
+    axes.axhline(0, color=style.GREY, lw=0.6)
+    return unit
+
+
+def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test], sign: float, factor: float,
+                   band: pd.DataFrame | None) -> dict[str, pd.DataFrame]:
+    lo, hi = min(t.strain.min() for t in tests), max(t.strain.max() for t in tests)
+    strain = np.linspace(lo, hi, 200)
+    axes.plot(sign * strain, sign * factor * nominal_stress(law, kind, strain), color=style.ACCENT, lw=0.8, ls="-.",
+              label="long-term law")
+    if band is None:
+        return {}
+    rows = rows_where(band, (band["strain"] >= lo - 1e-9) & (band["strain"] <= hi + 1e-9))
+    axes.fill_between(sign * rows["strain"], sign * factor * rows["stress_lo_Pa"], sign * factor * rows["stress_hi_Pa"],
+                      color=style.ACCENT, alpha=0.2, lw=0, label="95 % band of the long-term law")
+    return {f"{kind}_band": rows.drop(columns="mode")}
+
+
+def _frame_data(axes: Axes, values: Sequence[Array]) -> None:
+    """Limits that hold the data; a law that runs away leaves the frame."""
+    low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+    margin = 0.08 * (high - low) or 1.0
+    axes.set_ylim(low - margin, high + 2.5 * margin)
+
+
+def _mode_caption(kind: str, tests: Sequence[Test], errors: Mapping[str, float], prony: Prony | None,
+                  band: pd.DataFrame | None, source: str) -> str:
+    others = {name: error for name, error in errors.items() if name != "all"}
+    to_all = " fitted to all modes" if others else ""
+    said = [f"{kind.capitalize()}: the law{to_all} misses these data by {percent(errors['all'], 3)} (relative RMS)"]
+    said += [f"fitted to {name} alone it misses them by {percent(error, 3)}" for name, error in others.items()]
+    caption = "; ".join(said) + "."
+    if prony is not None and all(test.time_s is not None for test in tests):
+        caption += (" The fits follow the test's own rate through the Prony series; the long-term law is what is left "
+                    "when everything has relaxed.")
+    if band is None:
+        return caption + " No band is drawn: the card's folder holds none."
+    width = half_width(rows_where(band, ~band["extrapolated"]))
+    return caption + f" The 95 % band, {source}, is at most ± {percent(width)} of the largest stress."
+
+
+def half_width(rows: pd.DataFrame) -> float:
+    """Widest half band over the largest stress, of rows of bands.parquet."""
+    half = (rows["stress_hi_Pa"].to_numpy() - rows["stress_lo_Pa"].to_numpy()) / 2
+    return float(half.max() / np.abs(rows["stress_Pa"].to_numpy()).max())
+
+
+def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> Plate:
+    """Stress over the stress of an ideal step, measured and fitted with the recorded ramp, against time."""
+    figure = style.sheet(84)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
+    data, ramps = {}, []
+    for i, test in enumerate(tests):
+        time, stress, model = test.history()
+        unit, ramp = _step_stress(test, prony)
+        ramps.append(ramp)
+        seen = time > 0.02 * ramp
+        time, value, fitted = time[seen], stress[seen] / unit, model[seen] / unit
+        upper.plot(time, value, "o", color=style.INK, ms=2, mew=0, label="measured" if i == 0 else None)
+        upper.plot(time, fitted, color=style.ACCENT, label="fitted with the recorded ramp" if i == 0 else None)
+        hold = time >= ramp
+        lower.plot(time[hold], 100 * (value - fitted)[hold], "o", color=style.ACCENT, ms=1.6, mew=0)
+        data[test.label] = pd.DataFrame({"time_s": time, "normalised_stress": value, "fit_normalised_stress": fitted})
+    last = max(float(test.history()[0][-1]) for test in tests)
+    time = np.geomspace(0.02 * min(ramps), last, 300)
+    upper.plot(time, relaxation(prony, time), color=style.SECOND, ls="--", label="G(t)/G$_0$ after an ideal step")
+    lower.axhline(0, color=style.GREY, lw=0.6)
+    upper.set_xscale("log")
+    upper.legend(loc="lower right")
+    style.label(upper, "", "Normalised stress (–)")
+    style.label(lower, "Time from the start of loading (s)", "Residual (%)")
+    peak = max(float(np.max(data[test.label]["normalised_stress"])) for test in tests)
+    caption = (f"Relaxation: the series misses the hold by {percent(max(errors))} (relative RMS). After a ramp of "
+               f"{', '.join(number(r) for r in ramps)} s the stress peaks at {number(peak)} of that after an ideal "
+               f"step, and {number(prony.g_infinity)} of it stays for good. Stress is normalised where fit and ideal "
+               "step meet, at the end of the hold.")
+    return Plate("relaxation", figure, caption, data)
+
+
+def _step_stress(test: Test, prony: Prony) -> tuple[float, float]:
+    """Stress right after an ideal step, Pa, that would relax to the fit's last value; and the ramp time, s."""
+    time, _, model = test.history()
+    ramp = float(time[np.argmax(np.abs(test.strain) >= 0.999 * np.abs(test.strain).max())])
+    return float(model[-1] / relaxation(prony, time[-1] - ramp / 2)), ramp

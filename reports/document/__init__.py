@@ -1,0 +1,1 @@
+"""Page template, style and numbers of every report."""

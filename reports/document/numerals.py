@@ -1,0 +1,92 @@
+"""Numbers as they stand on a page: significant digits, a true minus sign, powers of ten, prefixes of units."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from touchcal import number_words
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float, digits: int = 3) -> str:
+    """`value` to `digits` significant digits; ValueError for one that is not finite, so that none reaches a page."""
+    value = float(value)
+    if not math.isfinite(value):
+        raise ValueError(f"a report cannot print {value}: its source holds a value that is not a finite number.")
+    if value == 0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = int(exponent)
+    if -3 <= power < 5:
+        return f"{float(f'{value:.{digits - 1}e}'):.{max(digits - 1 - power, 0)}f}".replace("-", "−")
+    return f"{mantissa.replace('-', '−')} × 10{exponent_mark(power)}"
+
+
+def exponent_mark(power: int) -> str:
+    """A whole power as superscript characters."""
+    return str(power).translate(_SUPERSCRIPTS)
+
+
+def percent(fraction: float, digits: int = 2) -> str:
+    """A fraction as per cent."""
+    return f"{number(100 * fraction, digits)} %"
+
+
+def interval(lo: float, hi: float, digits: int = 3) -> str:
+    """Two ends of an interval; an end below 1e-4 of the other is printed as 0."""
+    ends = [0.0 if abs(end) < 1e-4 * max(abs(lo), abs(hi)) else end for end in (lo, hi)]
+    return f"{number(ends[0], digits)} to {number(ends[1], digits)}"
+
+
+def within(value: float, lo: float, hi: float) -> tuple[str, str]:
+    """A value and its interval "lo to hi", all to the second significant digit of half the interval's width."""
+    middle, ends = number_words.within(value, lo, hi)
+    return typeset(middle), typeset(ends)
+
+
+def typeset(words: str) -> str:
+    """Words with a true minus sign before each number that is negative, powers of ten as they are written."""
+    words = re.sub(r"(\d)e([+-]\d+)", lambda m: f"{m[1]} × 10{exponent_mark(int(m[2]))}", words)
+    return re.sub(r"(?<![\w.)-])-(?=\d)", "−", words)
+
+
+def plus_minus(value: float, error: float) -> str:
+    """A value and its standard error, both to the second significant digit of the error."""
+    middle, own = number_words.with_error(value, error)
+    return typeset(f"{middle} ± {own}")
+
+
+def r_squared(value: float) -> str:
+    """R² to four digits, or, close to 1, to the second digit of what it lacks."""
+    lack = 1 - value
+    if not 0 < lack < 1e-3:
+        return number(value, 4)
+    return f"{value:.{min(1 - math.floor(math.log10(lack)), 12)}f}"
+
+
+counted = number_words.counted
+
+
+def prefixed(values: ArrayLike, unit: str,
+             prefixes: Sequence[str] = ("G", "M", "k", "", "m", "µ")) -> tuple[float, str]:
+    """Factor and unit in which the largest of these values has one to three digits before its point, where it can."""
+    largest = float(np.max(np.abs(np.asarray(values, dtype=float)), initial=0.0))
+    powers = {"G": 9, "M": 6, "k": 3, "": 0, "m": -3, "µ": -6}
+    chosen = next((p for p in prefixes if largest >= 0.9995 * 10 ** powers[p]), prefixes[-1])
+    return 10.0 ** -powers[chosen], chosen + unit
+
+
+def volts(values: ArrayLike) -> tuple[float, str]:
+    """Factor and unit (V, mV, µV) in which the largest of these voltages has at most three digits before its point."""
+    return prefixed(values, "V", ("", "m", "µ"))
+
+
+def pascals(values: ArrayLike) -> tuple[float, str]:
+    """Factor and unit (GPa, MPa, kPa, Pa) in which the largest of these stresses reads best."""
+    return prefixed(values, "Pa", ("G", "M", "k", ""))

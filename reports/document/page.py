@@ -1,0 +1,155 @@
+"""Pages: a Typst template of this package, values as JSON beside it, figures as vector PDF; compiled in-process."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import typst
+from matplotlib.figure import Figure
+
+from reports.document import style
+
+CONTENTS = "contents.json"
+# a last page whose text ends above this is not worth a page
+NEARLY_EMPTY_MM = 90.0
+
+
+@dataclass(frozen=True)
+class Plate:
+    """One figure of a report."""
+
+    # its name in the template and its file name
+    name: str
+    figure: Figure
+    # one or two sentences that state what the figure shows, numbers formatted from its data
+    caption: str
+    # file stem -> the numbers drawn, units in the column names
+    data: Mapping[str, pd.DataFrame]
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of a report, cells already formatted."""
+
+    # what it finds
+    caption: str
+    # column heads, units included
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    # one letter a column: l left, r right, w wide (left, takes the remaining width)
+    align: str
+
+    def __post_init__(self) -> None:
+        widths = {len(self.head), len(self.align), *(len(row) for row in self.rows)}
+        if len(widths) != 1 or set(self.align) - set("lrw"):
+            raise ValueError(f"table '{self.caption}': head, align (letters l, r, w) and rows must have one width.")
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything that a template is filled with."""
+
+    # name of the template without its ending
+    template: str
+    title: str
+    subtitle: str
+    # what `provenance.footer` returns
+    footer: Mapping[str, Any]
+    # the most important findings, one sentence each
+    findings: Sequence[str]
+    plates: Sequence[Plate] = ()
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    # plate or table -> one sentence that says why it is not there
+    absent: Mapping[str, str] = field(default_factory=dict)
+    # further paragraphs or lists of sentences, by name
+    prose: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
+    # what the reader must know before the numbers are used, one sentence each
+    cautions: Sequence[str] = ()
+    # lists of sentences under headings, by name
+    groups: Mapping[str, Sequence[tuple[str, Sequence[str]]]] = field(default_factory=dict)
+
+
+def write_pdf(report: Report, out: Path) -> None:
+    """Write `out` (PDF) and, in `<stem>_files/` beside it, each figure as SVG and its numbers as CSV.
+
+    ValueError where the folder of `out` is missing; RuntimeError that names the template where it does not compile.
+    """
+    if not out.parent.is_dir():
+        raise ValueError(f"{out}: the folder {out.parent} does not exist. Create it first.")
+    beside = out.with_name(f"{out.stem}_files")
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        _stage(report, work)
+        written = _export(report.plates, work, beside)
+        pdf = _compile(report.template, work)
+    (beside / CONTENTS).write_text(json.dumps({"inputs": report.footer["inputs"], "files": written}, indent=1) + "\n")
+    out.write_bytes(pdf)
+
+
+def _stage(report: Report, work: Path) -> None:
+    """Templates and values, side by side; values travel as JSON and are never read as markup."""
+    for template in Path(__file__).parents[1].rglob("*.typ"):
+        (work / template.name).write_bytes(template.read_bytes())
+    values = {
+        "title": report.title, "subtitle": report.subtitle, "footer": report.footer, "findings": report.findings,
+        "plates": {plate.name: plate.caption for plate in report.plates},
+        "tables": {name: asdict(table) for name, table in report.tables.items()},
+        "absent": report.absent, "prose": report.prose, "cautions": report.cautions, "groups": report.groups,
+        "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK,
+                  "warning": style.SECOND},
+    }
+    (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
+
+
+def _export(plates: Sequence[Plate], work: Path, beside: Path) -> list[str]:
+    """Draw the plates into `work`, their SVG and CSV into `beside`; what an earlier report left there goes first."""
+    beside.mkdir(exist_ok=True)
+    _forget(beside)
+    written = []
+    for plate in plates:
+        style.save(plate.figure, work / f"{plate.name}.pdf", beside / f"{plate.name}.svg")
+        written.append(f"{plate.name}.svg")
+        for stem, table in plate.data.items():
+            table.to_csv(beside / f"{stem}.csv", index=False)
+            written.append(f"{stem}.csv")
+    return written
+
+
+def _forget(beside: Path) -> None:
+    contents = beside / CONTENTS
+    if contents.is_file():
+        for name in json.loads(contents.read_text(encoding="utf-8"))["files"]:
+            (beside / Path(name).name).unlink(missing_ok=True)
+
+
+def _compile(template: str, work: Path) -> bytes:
+    """The PDF; set a little tighter where its last page would else hold next to nothing."""
+    source = work / f"{template}.typ"
+    pdf = _compiled(source, work, 0)
+    tight = next((step for step in range(3) if not _empty_end(source, work, step)), 0)
+    return _compiled(source, work, tight) if tight else pdf
+
+
+def _compiled(source: Path, work: Path, tight: int) -> bytes:
+    try:
+        pdf, warnings = typst.compile_with_warnings(source, root=work, ignore_system_fonts=True,
+                                                    sys_inputs={"tight": str(tight)})
+    except typst.TypstError as error:
+        raise RuntimeError(f"the report template {source.name} does not compile: {error}") from error
+    if warnings:
+        raise RuntimeError(f"the report template {source.name} compiles with a warning: {warnings[0]}")
+    return pdf
+
+
+def _empty_end(source: Path, work: Path, tight: int) -> bool:
+    """Whether the text ends near the top of a page that is not the first."""
+    found = typst.query(source, "<end>", field="value", one=True, root=work, ignore_system_fonts=True,
+                        sys_inputs={"tight": str(tight)})
+    end = json.loads(found)
+    return end["page"] > 1 and end["y"] < NEARLY_EMPTY_MM

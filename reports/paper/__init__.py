@@ -1,0 +1,1 @@
+"""The source paper walked through, its figures next to ours."""

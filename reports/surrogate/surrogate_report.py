@@ -1,0 +1,142 @@
+"""The surrogate report, from the folder that `surrogate train` wrote."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from reports.document import provenance
+from reports.document.numerals import counted, number, percent, r_squared
+from reports.document.page import Plate, Report, write_pdf
+from reports.document.style import house
+from reports.surrogate import bound_figures, noise_figures, parity_figures, surrogate_tables, training_figures
+from surrogate.bounds import bound_files
+from touchcal.errors import TestFileError
+
+DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
+METHODS = {
+    "trainbr": "One network with one hidden layer an output, on min-max voltages, trained by Levenberg–Marquardt with "
+               "Bayesian regularisation: it minimises β E_D + α E_W, the weighted squares of errors and of weights, "
+               "and takes α and β from the evidence.",
+    "forward": "A learned map from a touch to its signal, inverted by least squares for every frame; the mechanical "
+               "outputs follow from the touch that was found.",
+    "network": "One network with one hidden layer an output, on the direction and the logarithmic size of the signal, "
+               "trained by Levenberg–Marquardt with Bayesian regularisation after a warm-up, anew where it collapses.",
+    "ridge": "Ridge regression on quadratic features of the signal's direction and size.",
+    "mlp": "A network of two hidden layers on the signal's direction and size, trained by gradient descent.",
+    "gp": "A Gaussian process of each output on the signal's direction and size.",
+}
+NO_NOISE = "No noise was added for these scores: the stored evaluation holds no noise level."
+
+
+def write(model_dir: Path, out: Path) -> None:
+    """Write the PDF of a model: predictions against targets, scores, training record.
+
+    TestFileError where `model_dir` lacks what `surrogate train` writes; ValueError where the folder of `out` is
+    missing.
+    """
+    with house():
+        write_pdf(report(model_dir), out)
+
+
+def report(model_dir: Path) -> Report:
+    """Everything that the template `surrogates.typ` shows of a model."""
+    model, evaluation = (_json(model_dir, name) for name in (DESCRIPTION, EVALUATION))
+    predictions = pd.read_parquet(_present(model_dir, PREDICTIONS))
+    sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]
+    scores = evaluation["outputs"]
+    limits, told = _limits(model_dir, evaluation)
+    if limits is not None:
+        sources.append(provenance.source(model_dir / bound_files.LIMITS))
+    plates = [
+        parity_figures.plate(name, parity_figures.points(predictions, name), parts) for name, parts in scores.items()
+    ]
+    plates += _history(model_dir, model)
+    tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
+    absent = {}
+    if (found := bound_files.read_map(model_dir)) is not None:
+        sources.append(provenance.source(model_dir / bound_files.MAP))
+        plates += bound_figures.plates(found)
+    if evaluation["noise"]:
+        tables["noise"] = surrogate_tables.noise(scores, evaluation["noise"], limits)
+        plates.append(noise_figures.plate(scores, evaluation["noise"], limits))
+    else:
+        absent["noise"] = NO_NOISE
+    subtitle = f"Method {model['method']}, {counted(evaluation['dataset']['rows'], 'scene')}"
+    footer = provenance.footer(sources, provenance.seed_words(model.get("seed")))
+    return Report("surrogates", "Surrogate of the touch", subtitle, footer, _findings(model, evaluation), plates,
+                  tables, absent, _prose(model) | told | _scored(evaluation))
+
+
+def _limits(model_dir: Path, evaluation: Mapping[str, Any]) -> tuple[pd.DataFrame | None, dict[str, str]]:
+    """The least possible errors of the evaluated data set, and prose that says why there are none."""
+    found = bound_files.read_limits(model_dir)
+    limits = bound_files.of_dataset(found, evaluation)
+    if limits is not None or not evaluation["noise"]:
+        return limits, {}
+    why = "is not there" if found is None else "is of another data set"
+    told = (f"The least error that any reading can reach is not told: {bound_files.LIMITS} {why}; `surrogate limit "
+            f"CARD --data DIR --out MODEL_DIR/{bound_files.LIMITS}` writes it.")
+    return None, {"limits": told}
+
+
+def _scored(evaluation: Mapping[str, Any]) -> dict[str, str]:
+    """Prose on which rows are scored, where not all are."""
+    words = evaluation.get("scored", "")
+    return {"scored": words[0].upper() + words[1:]} if words else {}
+
+
+def _history(model_dir: Path, model: Mapping[str, Any]) -> list[Plate]:
+    """The plate of how networks were trained; none where the method has no such networks."""
+    from surrogate.model.store import histories
+
+    found = histories(model_dir, [output["name"] for output in model.get("outputs", [])])
+    return [training_figures.history(found, model["dataset"]["split"]["train"])] if found else []
+
+
+def _present(folder: Path, name: str) -> Path:
+    if not (folder / name).is_file():
+        raise TestFileError(folder, f"it holds no {name}. A model is the folder that `surrogate train --out` writes; "
+                                    "train it again.")
+    return folder / name
+
+
+def _json(folder: Path, name: str) -> dict[str, Any]:
+    path = _present(folder, name)
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+
+
+def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[str]:
+    found = []
+    for name, parts in evaluation["outputs"].items():
+        part = parity_figures.unseen(parts)
+        score = parts[part]
+        r2 = "undefined, the targets do not vary" if score["r2"] is None else r_squared(score["r2"])
+        found.append(
+            f"{parity_figures.label(name)}: RMSE {number(score['rmse'])} {parity_figures.unit(parts)} on {score['n']} "
+            f"{parity_figures.TITLES[part]} (R² {r2}); {percent(score['coverage_90'])} lie in their 90 % interval."
+        )
+    found.append(f"Training took {number(model['fit_s'])} s of CPU, a frame takes "
+                 f"{number(evaluation['predict_ms'])} ms.")
+    if evaluation["dataset"]["sha256"] != model["dataset"]["sha256"]:
+        found.append("The scores are of another data set than the one that the model was trained on.")
+    networks = {name: net for name, net in model["training"].items() if isinstance(net, dict)}
+    if collapsed := [parity_figures.label(name) for name, net in networks.items() if net.get("collapsed")]:
+        found.append(f"The evidence collapsed for {', '.join(collapsed)}: there it says little more than the mean.")
+    return found
+
+
+def _prose(model: Mapping[str, Any]) -> dict[str, Any]:
+    split, words = model["dataset"]["split"], {"train": "train", "val": "calibrate the intervals", "test": "test"}
+    rows = ", ".join(f"{counted(split[part], 'row')} {word}" for part, word in words.items())
+    return {"method": METHODS.get(model["method"], f"Method {model['method']}."),
+            "split": f"{rows}; drawn by the seed.",
+            "dataset": f"Data set of {counted(model['dataset']['rows'], 'row')}, sha256 {model['dataset']['sha256']}.",
+            "versions": f"Trained with {provenance.version_lines(model['versions'])}."}

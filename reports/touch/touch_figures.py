@@ -1,0 +1,112 @@
+"""Figures of one touch: the sensor from above, and the deformed surface along the radius."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from eitsim.scene.electrodes import arcs
+from eitsim.scene.scene import scene_from
+from reports.document import style
+from reports.document.numerals import number
+from reports.document.page import Plate
+
+Array = NDArray[np.float64]
+
+
+def sensor(axes: Axes, radius_mm: float, electrodes: Mapping[str, Any]) -> None:
+    """Disc and electrodes from above, to scale, electrode numbers from 0; missing ones in grey."""
+    axes.add_patch(Circle((0, 0), radius_mm, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
+    ring = scene_from({"body": {"radius_mm": radius_mm}, "electrodes": electrodes}).electrodes
+    for k, (start, stop) in enumerate(arcs(radius_mm / 1e3, ring)):
+        arc, middle = np.linspace(start, stop, 9), (start + stop) / 2
+        axes.plot(radius_mm * np.cos(arc), radius_mm * np.sin(arc), solid_capstyle="butt", lw=2.2,
+                  color=style.GREY if k in ring.missing else style.INK)
+        axes.text(1.1 * radius_mm * np.cos(middle), 1.1 * radius_mm * np.sin(middle), str(k), ha="center", va="center",
+                  fontsize=7)
+    axes.set_aspect("equal")
+    axes.set_xlim(-1.19 * radius_mm, 1.19 * radius_mm)
+    axes.set_ylim(-1.19 * radius_mm, 1.19 * radius_mm)
+    style.label(axes, "x (mm)", "y (mm)")
+
+
+def scene(tables: Mapping[str, Any]) -> Plate:
+    """The sensor and the punches from above, to scale; `tables` as in a scene file."""
+    radius = tables["body"]["radius_mm"]
+    figure = style.sheet(74, 80)
+    axes = figure.subplots()
+    sensor(axes, radius, tables["electrodes"])
+    gaps = []
+    for punch in tables["punch"]:
+        axes.add_patch(Circle((punch["x_mm"], punch["y_mm"]), punch["diameter_mm"] / 2, facecolor=style.ACCENT,
+                              edgecolor="none", alpha=0.85))
+        gaps.append(radius - float(np.hypot(punch["x_mm"], punch["y_mm"])) - punch["diameter_mm"] / 2)
+        if len(tables["punch"]) > 1:
+            axes.text(punch["x_mm"], punch["y_mm"], str(len(gaps)), ha="center", va="center", fontsize=7)
+    count = tables["electrodes"]["count"]
+    caption = (f"The sensor from above, to scale, with {count} numbered electrodes and {_punches(tables['punch'])}; "
+               f"{'its edge' if len(gaps) == 1 else 'the nearest edge'} is {number(min(gaps))} mm from the rim.")
+    return Plate("scene", figure, caption, {"scene": pd.DataFrame(tables["punch"])})
+
+
+def _punches(punches: Sequence[Mapping[str, Any]]) -> str:
+    placed = [f"{number(punch['diameter_mm'])} mm at x = {number(punch['x_mm'])} mm, y = {number(punch['y_mm'])} mm"
+              for punch in punches]
+    if len(placed) == 1:
+        return f"the punch of {placed[0]}"
+    return "the punches " + ", ".join(f"{i} of {place}" for i, place in enumerate(placed, 1))
+
+
+def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone: bool) -> Plate:
+    """Displacement, pressure and stretches of the surface along the radius from the axis of punch `index`; `alone`:
+    the rim or a neighbour changes them, which these values do not hold."""
+    fields = {name: np.asarray(values, dtype=float) for name, values in block.items()}
+    r = fields["radius_mm"]
+    figure = style.sheet(108)
+    up, middle, down = figure.subplots(3, 1, sharex=True)
+    up.plot(r, fields["u_z_mm"], color=style.ACCENT, label="vertical")
+    up.plot(r, fields["u_r_mm"], color=style.SECOND, ls="--", label="radial")
+    style.label(up, "", "Displacement (mm)")
+    middle.plot(r, fields["pressure_kPa"], color=style.ACCENT, drawstyle="steps-mid")
+    style.label(middle, "", "Pressure (kPa)")
+    stretches = {"stretch_normal": "through the thickness", "stretch_meridian": "along the radius",
+                 "stretch_hoop": "around the axis"}
+    for (name, text), colour, dash in zip(stretches.items(), style.SERIES, style.DASHES, strict=False):
+        down.plot(r, fields[name], color=colour, ls=dash, label=text)
+    style.label(down, "Radius from the punch axis, undeformed (mm)", "Stretch (–)")
+    up.legend(loc="lower right", ncols=2)
+    down.legend(loc="lower right")
+    reach = _reach(r, fields["u_z_mm"])
+    down.set_xlim(0, reach)
+    name = "profile" if count == 1 else f"profile_{index + 1}"
+    return Plate(name, figure, _profile_caption(fields, reach, index, count, alone), {name: pd.DataFrame(fields)})
+
+
+def _reach(r: Array, u_z: Array) -> float:
+    """Radius from which the surface moves less than 0.5 % of its largest displacement, with a margin."""
+    return float(min(1.25 * _last_above(r, u_z, 0.005), r[-1]))
+
+
+def _last_above(r: Array, u_z: Array, fraction: float) -> float:
+    """Largest radius where |u_z| exceeds this fraction of its maximum; the whole range where nothing moves."""
+    above = np.flatnonzero(np.abs(u_z) > fraction * np.abs(u_z).max())
+    return float(r[above[-1]]) if above.size else float(r[-1])
+
+
+def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, count: int,
+                     alone: bool) -> str:
+    r, u_z, pressure, normal = (fields[k] for k in ("radius_mm", "u_z_mm", "pressure_kPa", "stretch_normal"))
+    which = "" if count == 1 else f"Touch {index + 1}. "
+    if alone:
+        which += "The touch alone, before what the rim or its neighbour changes is added; the table holds it. "
+    peak, least = int(np.argmax(pressure)), int(np.argmin(normal))
+    return (f"{which}The surface sinks by up to {number(-u_z.min())} mm; beyond {number(_last_above(r, u_z, 0.01))} mm "
+            f"from the axis it moves by less than 1 % of that. Contact pressure peaks at {number(pressure[peak])} kPa, "
+            f"{number(r[peak])} mm from the axis; the least stretch through the thickness, {number(normal[least])}, "
+            f"lies at {number(r[least])} mm. Drawn to {number(reach)} mm.")

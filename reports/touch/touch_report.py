@@ -1,0 +1,232 @@
+"""The report of one touch, from the `result.json` of `eitsim run`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reports.document import provenance
+from reports.document.numerals import counted, number, percent
+from reports.document.page import Plate, Report, Table
+from reports.touch import hold_table, reading_figures, skin_maps, touch_figures
+from touchcal.errors import TestFileError
+
+# key of a result -> what it is called, its unit
+MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of the punch face", "mm"),
+             "sigma_max_kPa": ("Peak contact pressure, facet average", "kPa"),
+             "sigma_ave_kPa": ("Mean contact pressure, force over contact area", "kPa"),
+             "A_c_mm2": ("Contact area on the punch face", "mm²"),
+             "wall_contact_mm2": ("Contact area on the wall of the hole", "mm²")}
+# key of an error estimate -> what it is the error of
+ERRORS = {"signal": "signal", "depth": "depth", "sigma_max": "largest pressure", "A_c": "contact area",
+          "strain": "surface strain"}
+RUN_AGAIN = "Run `eitsim run` again with --skin."
+NO_MAPS = ("No maps of the skin: the result names no file of them. `eitsim run --skin skin.vtu --out result.json` "
+           "writes one.")
+NO_VOLTAGES = "No voltages: the result holds no readings, since its outcome is \"{outcome}\"."
+
+
+def report(path: Path) -> Report:
+    """Everything that the template `touch.typ` shows of a result; TestFileError where the file is none."""
+    result = read_result(path)
+    absent: dict[str, str] = {}
+    plates = _plates(result, absent) + _maps(path, result, absent)
+    tables = {"plan": _plan_table(result["plan"])}
+    if "delta_max_mm" in result:
+        tables["mechanics"] = _mechanics_table(result)
+    else:
+        absent["mechanics"] = f"No mechanical outputs: the outcome is \"{result['outcome']}\"."
+    if times := result.get("times", []):
+        tables["hold"] = hold_table.table(times, _voltages(result)[1])
+    if "scene" in result:
+        tables["scene"] = _scene_table(result["scene"])
+    else:
+        absent["scene"] = "The result does not hold its scene."
+    tables["quality"] = _quality_table(result)
+    files = [file for file in (path, _skin_file(path, result)) if file is not None and file.is_file()]
+    footer = provenance.footer([provenance.source(file) for file in files], "no seed: nothing is drawn")
+    return Report("touch", "Touch simulation", _subtitle(result), footer, _findings(result), plates, tables, absent,
+                  _prose(result))
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """A result as its JSON object; TestFileError where it is not one."""
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise TestFileError(path, f"not JSON: {error}. A result is what `eitsim run --out` writes.") from None
+    if not isinstance(result, dict) or not {"outcome", "plan", "cost"} <= result.keys():
+        raise TestFileError(path, "not a result of `eitsim run`: it needs the keys outcome, plan and cost. Give the "
+                                  "file that `eitsim run --out` wrote, or the folder of a sweep.")
+    return result
+
+
+def _subtitle(result: Mapping[str, Any]) -> str:
+    card = result.get("card")
+    return (f"Card {provenance.card_words(card)}, " if card else "") + f"outcome: {result['outcome']}"
+
+
+def touches(result: Mapping[str, Any], key: str) -> list[float]:
+    """The values of a mechanical output, one a touch."""
+    value = result[key]
+    return list(value) if isinstance(value, list) else [value]
+
+
+def _findings(result: Mapping[str, Any]) -> list[str]:
+    found = [] if result["outcome"] == "ok" else [f"Outcome {result['outcome']}: {result.get('message', '')}".strip()]
+    if "delta_max_mm" in result:
+        depths, forces = touches(result, "delta_max_mm"), touches(result, "force_N")
+        peaks = touches(result, "sigma_max_kPa")
+        names = ["the punch"] if len(depths) == 1 else [f"punch {i}" for i in range(1, len(depths) + 1)]
+        at = f"{when.capitalize()}, " if (when := hold_table.when(result)) else ""
+        found += [f"{at}{number(force)} N presses {name} {number(depth, 4)} mm deep; the peak contact pressure is "
+                  f"{number(peak)} kPa." for name, force, depth, peak in zip(names, forces, depths, peaks, strict=True)]
+    if "readings_V" in result:
+        touched, baseline = _voltages(result)
+        lost = int(np.isnan(touched).sum())
+        without = f" ({lost} more need a missing electrode)" if lost else ""
+        size = reading_figures.size_words(touched - baseline, baseline)
+        found.append(f"Of {touched.size - lost} readings{without}: {size}.")
+    if "error_estimate" in result:
+        error = result["error_estimate"]
+        found.append(f"Estimated relative error: {percent(error['signal'])} of the signal, {percent(error['depth'])} "
+                     f"of the depth; cost {number(result['cost']['cpu_s'])} s of CPU.")
+    return found
+
+
+def _voltages(result: Mapping[str, Any]) -> tuple[reading_figures.Array, reading_figures.Array]:
+    return np.array(result["readings_V"], dtype=float), np.array(result["baseline_V"], dtype=float)
+
+
+def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
+    plates = []
+    if "scene" in result:
+        plates.append(touch_figures.scene(result["scene"]))
+    if profiles := result.get("profile", []):
+        alone = _drawn_alone(result["plan"])
+        plates += [touch_figures.profile(block, i, len(profiles), alone) for i, block in enumerate(profiles)]
+    else:
+        absent["profile"] = "No surface profile: the result holds none."
+    if "readings_V" in result:
+        touched, baseline = _voltages(result)
+        plates += [reading_figures.curves(touched, baseline), reading_figures.signal_map(touched, baseline)]
+    else:
+        absent["readings"] = NO_VOLTAGES.format(outcome=result["outcome"])
+    return plates
+
+
+def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
+    """Maps of the skin where the result names the file that holds them; else `absent` says why there are none."""
+    file = _skin_file(path, result)
+    if file is None or "scene" not in result:
+        absent["maps"] = NO_MAPS
+        return []
+    if not file.is_file():
+        absent["maps"] = f"No maps: {file.name}, which the result names, is not beside it."
+        return []
+    if provenance.source(file).sha256 != result["skin_file"]["sha256"]:
+        absent["maps"] = f"No maps: {file.name} is not the file that was written with this result. {RUN_AGAIN}"
+        return []
+    skin = skin_maps.read(file)
+    return [skin_maps.response(skin, result["scene"]),
+            skin_maps.equipotentials(skin, result["scene"], skin_maps.apart(skin.patterns))]
+
+
+def _skin_file(path: Path, result: Mapping[str, Any]) -> Path | None:
+    """The file of `eitsim run --skin` that the result names, beside it."""
+    return path.parent / result["skin_file"]["name"] if "skin_file" in result else None
+
+
+def _drawn_alone(plan: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the rim or a neighbour changes the surface beyond the profile, which is of the touch alone."""
+    return any(words in d["decision"] for d in plan for words in ("mechanics in three dimensions", "solved together"))
+
+
+def _mechanics_table(result: Mapping[str, Any]) -> Table:
+    columns = {key: touches(result, key) for key in MECHANICS if key in result}
+    count = len(next(iter(columns.values())))
+    rows = [[MECHANICS[key][0], MECHANICS[key][1], *(number(v, 4) for v in values)] for key, values in columns.items()]
+    heads = ["value"] if count == 1 else [f"touch {i + 1}" for i in range(count)]
+    at = f" {when}" if (when := hold_table.when(result)) else ""
+    caption = f"The mechanical outputs{at}{_peaks(columns['sigma_max_kPa'], columns['sigma_ave_kPa'])}."
+    return Table(caption, ["output", "unit", *heads], rows, "wl" + "r" * count)
+
+
+def _peaks(peaks: Sequence[float], means: Sequence[float]) -> str:
+    """What the peak pressures are of the means, one a touch; said once where all touches have the same."""
+    ratios = [(i, number(peak / mean)) for i, (peak, mean) in enumerate(zip(peaks, means, strict=True), 1) if mean]
+    if not ratios:
+        return ""
+    if len({ratio for _, ratio in ratios}) > 1:
+        return f"; the peak pressure is {', '.join(f'{ratio} (touch {i})' for i, ratio in ratios)} times the mean"
+    return f"; the peak pressure is {ratios[0][1]} times the mean" + (" in each touch" if len(ratios) > 1 else "")
+
+
+def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
+    rows = [[d["decision"], d["reason"], percent(d["error_bound"]) if d["error_bound"] else "–"] for d in plan]
+    total = sum(d["error_bound"] for d in plan)
+    largest = max(plan, key=lambda d: d["error_bound"], default=None)
+    caption = (f"What the plan decided: {counted(len(plan), 'decision')} that may together cost {percent(total)} of "
+               "the signal")
+    if largest is not None and largest["error_bound"] > 0:
+        caption += f", most of it by “{largest['decision']}”"
+    return Table(caption + ". A dash: no cost is counted.", ["decision", "reason", "may cost"], rows, "wwr")
+
+
+def _scene_table(scene: Mapping[str, Any]) -> Table:
+    rows = []
+    for table, value in scene.items():
+        for i, block in enumerate(value if isinstance(value, list) else [value]):
+            name = f"{table} {i + 1}" if isinstance(value, list) and len(value) > 1 else table
+            rows.append([name, ", ".join(f"{key} = {_cell(v)}" for key, v in block.items())])
+    return Table(f"The scene in full, defaults filled in: {counted(len(rows), 'table')} with units in their keys.",
+                 ["table", "keys"], rows, "lw")
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(_cell(v) for v in value) + "]"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value).lower() if isinstance(value, bool) else str(value)
+    return f"{value:.10g}"
+
+
+def _quality_table(result: Mapping[str, Any]) -> Table:
+    rows = []
+    for key, value in result.get("error_estimate", {}).items():
+        rows.append([f"estimated relative error of the {ERRORS.get(key, key)}", percent(value)])
+    for key, value in result.get("interaction", {}).items():
+        rows.append([f"most that its neighbours change of a touch, {key}", percent(value)])
+    stability = result.get("stability", {})
+    if "fraction_non_elliptic" in stability:
+        rows.append(["quadrature points where strong ellipticity is lost", percent(stability["fraction_non_elliptic"])])
+    if "skin_fraction_extrapolated" in stability:
+        rows.append(["skin area strained beyond the fitted range of the conductivity",
+                     percent(stability["skin_fraction_extrapolated"])])
+    names = {"cpu_s": ("CPU time", "s"), "wall_s": ("wall time", "s"), "peak_MB": ("peak memory of the process", "MB")}
+    cost = result["cost"]
+    rows += [[name, f"{number(cost[key])} {unit}"] for key, (name, unit) in names.items() if key in cost]
+    return Table(_quality_caption(stability), ["quantity", "value"], rows, "wr")
+
+
+def _quality_caption(stability: Mapping[str, Any]) -> str:
+    if "elliptic" not in stability:
+        return "Error, stability and cost, as far as the run reached."
+    held = ("Strong ellipticity holds everywhere" if stability["elliptic"] else
+            f"Strong ellipticity is lost at {percent(stability['fraction_non_elliptic'])} of the quadrature points")
+    beyond = stability.get("skin_fraction_extrapolated", 0.0)
+    return held + (f"; {percent(beyond)} of the skin is strained beyond the range in which the conductivity was "
+                   "measured." if beyond else "; the whole skin stays in the range of the conductivity fit.")
+
+
+def _prose(result: Mapping[str, Any]) -> dict[str, str | Sequence[str]]:
+    prose: dict[str, str | Sequence[str]] = {}
+    if card := result.get("card"):
+        prose["card"] = f"Card “{card['name']}”, sha256 of its material parts {card['sha256']}."
+    if versions := result.get("versions"):
+        prose["versions"] = f"Computed with {provenance.version_lines(versions)}."
+    return prose

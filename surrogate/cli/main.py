@@ -1,0 +1,240 @@
+"""Command line of `surrogate`: train, evaluate, predict, report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from surrogate.cli.limit_command import limit
+from surrogate.cli.predict_command import ModelFolder, predict
+from touchcal.terminal import JsonOption, application, check_out, counter, numbers, print_json, run
+
+if TYPE_CHECKING:
+    from surrogate.model.model import Model
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+app = application("Learn touches from electrode voltages: the paper's networks, a forward map, ridge regression.")
+
+# Training rows that a forward model is scored on, at most: it reads frames at some 15 ms each.
+MOST_TRAINED = 600
+DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
+
+
+@app.command()
+def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of the model.")],
+          method: Annotated[str, typer.Option(help="trainbr (the paper's networks), network (the same made robust), "
+                                                   "forward (learned forward map, inverted), mlp, ridge or gp "
+                                                   "(Gaussian processes).")] = "forward",
+          outputs: Annotated[str, typer.Option(help="all, or names separated by commas: x0, y0, d, F, sigma_max, "
+                                                    "sigma_ave, A_c, delta_max.")] = "all",
+          seed: Annotated[int, typer.Option(help="Seed of the split and of the networks.")] = 0,
+          epochs: Annotated[int | None, typer.Option(help="Most steps of trainbr and network (300 where left out) or "
+                                                           "steps of mlp (2000).")] = None,
+          workers: Annotated[int | None, typer.Option(min=1, help="Processes that share the networks; where left out, "
+                                                                  "one a core from 1,000 rows on.")] = None,
+          calibrate: Annotated[Path | None, typer.Option(help="Data set, as of another mesh, whose rows calibrate the "
+                                                              "intervals in place of 15 % of DIR.")] = None,
+          noise_db: Annotated[str, typer.Option(help="Noise levels that the stored scores hold beside no noise, in dB "
+                                                     "below the RMS of the baseline voltages.")] = "100,80,60",
+          as_json: JsonOption = False) -> None:
+    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test.
+
+    Example: surrogate train sweep --out forward --method forward --seed 1
+    """
+    from surrogate.data.outputs import chosen
+    from surrogate.data.samples import read_samples
+    from surrogate.model import store
+    from surrogate.model.evaluate import evaluate as scored
+    from surrogate.model.model import check_method
+    from surrogate.model.train import train as fit
+
+    check_out(out, folder=True)
+    check_method(method)
+    names, levels = chosen(outputs), _levels(noise_db)
+    samples = read_samples(folder)
+    workers = workers or (_cores() if len(samples) >= 1000 else 1)
+    model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
+                calibrate=None if calibrate is None else read_samples(calibrate))
+    store.save(model, out)
+    result = scored(model, samples, levels, most_trained=_most_trained(model))
+    store.save_evaluation(out, result.scores, result.predictions)
+    if as_json:
+        print_json({"model": out, "training": model.record["training"], **result.scores})
+    else:
+        _print_scores(result.scores)
+        _print_collapses(model)
+        print(f"model: {out}")
+
+
+@app.command()
+def evaluate(model_folder: ModelFolder,
+             folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Data sets that `eitsim sweep` "
+                                                                                  "wrote; several are compared.")],
+             noise_db: Annotated[str, typer.Option(help="Noise levels in dB, separated by commas.")] = "",
+             noise_reference: Annotated[str, typer.Option(help="What a level lies below: the RMS of the baseline "
+                                                               "voltages, or of the signal.")] = "baseline",
+             as_json: JsonOption = False) -> None:
+    """Score a model on data sets; rows it was trained on are told apart. "in 50/90/95 %" is how many per cent of the
+    rows the intervals hold, "+-90 %" the median half width of the 90 % interval. Where `surrogate limit CARD --data DIR
+    --out MODEL_DIR/limits.csv` was run, the least possible errors under noise stand beside those of DIR.
+
+    Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
+    """
+    from surrogate.bounds.bound_files import read_limits, with_limits
+    from surrogate.data.samples import read_samples
+    from surrogate.model import store
+    from surrogate.model.evaluate import evaluate as scored
+    from surrogate.model.evaluate import transfer
+
+    levels, model = _levels(noise_db), store.load(model_folder)
+    limits = read_limits(model_folder)
+    sets = {str(folder): with_limits(scored(model, read_samples(folder), levels, noise_reference,
+                                            _most_trained(model)).scores, limits) for folder in folders}
+    if not as_json:
+        for name, scores in sets.items():
+            if len(sets) > 1:
+                print(f"{name}:")
+            _print_scores(scores)
+        if len(sets) > 1:
+            _print_transfer(transfer(sets))
+    elif len(sets) == 1:
+        print_json({"model": model_folder, **next(iter(sets.values()))})
+    else:
+        print_json({"model": model_folder, "sets": sets, "transfer": transfer(sets)})
+
+
+def _most_trained(model: Model) -> int | None:
+    return MOST_TRAINED if model.method == "forward" else None
+
+
+@app.command()
+def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="TorchScript file to write.")]) -> None:
+    """Write a network as TorchScript: differences to the untouched frame in V to outputs in their units.
+
+    Example: surrogate export network --out network.pt
+    """
+    from surrogate.model import store
+    from surrogate.model import torchscript as script
+
+    check_out(out)
+    script.write(store.load(model_folder), out)
+    print(f"network: {out}")
+
+
+@app.command()
+def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
+    """Write a PDF of a model: predictions against targets, scores, training record; the least possible errors beside
+    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before.
+
+    Example: surrogate report forward --out forward.pdf
+    """
+    from reports.surrogate.surrogate_report import write
+
+    check_out(out)
+    write(model_folder, out)
+    print(f"report: {out}")
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+app.command()(predict)
+app.command()(limit)
+
+
+def _levels(text: str) -> list[float]:
+    return numbers(text, "--noise-db", "80,60") if text else []
+
+
+def _shown(names: tuple[str, ...]) -> Any:
+    def each(items: Iterable[int]) -> Iterator[int]:
+        with counter(len(names), "networks") as advance:
+            for done, item in enumerate(items, start=1):
+                yield item
+                advance(done)
+
+    return each
+
+
+def _print_scores(result: Mapping[str, Any]) -> None:
+    """Tables of the scores: training and unseen rows without noise, unseen rows under noise; --json has them
+    all, and mean absolute errors."""
+    _print_table(f"{result['method']}, no noise", result["outputs"], ("train", "test", "new", "all"), {})
+    for level in result["noise"]:
+        title = (f"{result['method']}, noise {level['db_below_baseline']:.1f} dB below the baseline,\n"
+                 f"{level['db_below_signal']:.1f} dB below the signal")
+        _print_table(title, level["outputs"], ("test", "new", "all"), level.get("limits", {}))
+    print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
+          f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+    if result["scored"]:
+        print(f"scored: {result['scored']}")
+    if result["force_sd"]:
+        told = ", ".join(f"{part} {value:.3g}" for part, value in result["force_sd"].items())
+        print(f"standard deviation of the force, N, RMS before calibration, squares add up: {told}")
+    if result["material"]:
+        print(f"material: {result['material']}")
+    print(f"intervals: {result['intervals']}")
+    units = {name: next(iter(parts.values()))["unit"] for name, parts in result["outputs"].items()}
+    spans = ", ".join(f"{name} {low:.4g} to {high:.4g} {units[name]}"
+                      for name, (low, high) in result["trained_range"].items())
+    print(f"trained range, within which intervals hold: {spans}")
+    for caution in filter(None, (result["few_interval_rows"], result["interval_caution"])):
+        print(f"caution: {caution}")
+
+
+def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
+                 limits: Mapping[str, Mapping[str, float]]) -> None:
+    """limits: material -> output -> least possible error, as `limit_file.at_level`."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from surrogate.bounds.bound_files import MATERIALS
+
+    table = Table("output", "rows", "RMSE", "R2", "in 50/90/95 %", "+-90 %", "n",
+                  *(MATERIALS[name] for name in limits), title=title)
+    for name, parts in scored.items():
+        for part in (p for p in shown if p in parts):
+            s = parts[part]
+            r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
+            least = [f"{of[name]:.4g}" if name in of else "-" for of in limits.values()]
+            table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", r2, _held(s),
+                          f"{s['half_width_90']:.4g}", str(s["n"]), *least)
+    Console().print(table)
+
+
+def _print_transfer(table: Mapping[str, list[dict[str, Any]]]) -> None:
+    """Unseen rows of several sets side by side, without noise."""
+    from rich.console import Console
+    from rich.table import Table
+
+    shown = Table("output", "set", "rows", "RMSE", "over first", "in 50/90/95 %", "+-90 %", "n",
+                  title="transfer, no noise, unseen rows")
+    for name, rows in table.items():
+        for s in rows:
+            over = "-" if s["rmse_over_first"] is None else f"{s['rmse_over_first']:.3g}"
+            shown.add_row(name, s["set"], s["part"], f"{s['rmse']:.4g} {s['unit']}", over, _held(s),
+                          f"{s['half_width_90']:.4g}", str(s["n"]))
+    Console().print(shown)
+
+
+def _held(score: Mapping[str, Any]) -> str:
+    """Per cent of the rows that the three intervals hold."""
+    return "/".join(f"{100 * score[f'coverage_{level}']:.0f}" for level in (50, 90, 95))
+
+
+def _print_collapses(model: Model) -> None:
+    for name, record in model.record["training"].items():
+        if isinstance(record, dict) and record.get("collapsed"):
+            print(f"{name}: the evidence collapsed in every start; this network says little more than the mean.")
+
+
+def main() -> None:
+    """Entry point."""
+    run(app, "surrogate")

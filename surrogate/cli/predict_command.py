@@ -1,0 +1,278 @@
+"""`surrogate predict`: touches from recorded frames, from frames as they come, and one frame in depth."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from touchcal.terminal import JsonOption, check_apart, check_out, counter, print_json
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from surrogate.data.baseline_frame import Untouched
+    from surrogate.data.frame_rows import Lines
+    from surrogate.model.missing_channels import Mask
+    from surrogate.model.model import Model
+    from surrogate.single_frame.simulator_likelihood import Simulator
+
+ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
+CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
+
+
+def predict(model_folder: ModelFolder,
+            frames: Annotated[str, typer.Argument(metavar="FRAMES", help="CSV, one frame of voltages a row; - reads "
+                                                                         "lines from standard input and answers each "
+                                                                         "as it comes.")],
+            baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first row of FRAMES. "
+                                                               "Two or more of them also give the noise.")] = None,
+            noise_v: Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, "
+                                                                            "where known.")] = None,
+            direct: Annotated[bool, typer.Option("--direct", help="Invert the simulator itself, from the learned "
+                                                                  "answer on; needs --card.")] = False,
+            posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior of each frame with "
+                                                                        "emcee, on the learned map, or with "
+                                                                        "--card by the simulator.")
+                                 ] = False,
+            touches: Annotated[int, typer.Option(min=1, max=2, help="2 reads two touches from each frame, and says "
+                                                                    "where one explains it as well.")] = 1,
+            card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
+            data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
+            scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card.")] = None,
+            seed: Annotated[int, typer.Option(help="Seed of --posterior.")] = 0,
+            out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
+            as_json: JsonOption = False) -> None:
+    """Read touches from recorded frames, or from frames as they come.
+
+    A frame is a row of voltages separated by commas, in the order of the readings or under a header that names
+    v_000 ... in any order; a header of other names is refused. A line that is no frame has a row without values
+    whose flag says why, and costs no other; a cell that is empty or no finite number is a dead channel, which the
+    forward method leaves out and other methods cannot read without. A channel that is stuck at one value is noticed
+    in a file of three or more frames, not in a stream. --direct, --posterior and --touches 2 leave frames with dead
+    channels unread.
+
+    Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
+    evaluate` prints. A touch beyond them is flagged where its signal or its answer shows it; in noise a heavier or
+    a thicker punch may look like one within, and then no flag can tell: where an interval of d or F reaches an end
+    of the range, the touch may lie beyond it.
+
+    Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
+    """
+    from surrogate.model import store
+
+    if out is not None:
+        check_out(out)
+        check_apart({"--out": out}, [Path(path) for path in (frames, baseline, card, scene) if path not in (None, "-")])
+    if noise_v is not None and not noise_v >= 0:
+        raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
+    _check_choice(frames, direct, direct or posterior, card, data or scene, posterior or touches == 2 or as_json)
+    if direct + posterior + (touches == 2) > 1:
+        raise ValueError("give one of --direct, --posterior and --touches 2: each reads a frame in its own way.")
+    if direct and card is None:
+        raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
+                         "or --scene FILE for the sensor.")
+    model = store.load(model_folder)
+    if frames == "-":
+        _predict_stream(model, baseline, noise_v, out)
+        return
+    read, reference, dead = _frames(model, Path(frames), baseline)
+    noise = _noise(model, reference, noise_v)
+    if touches == 2:
+        _written(_pairs(model, read, reference, dead, noise), model_folder, out, as_json)
+        return
+    if not (direct or posterior):
+        _written(_plain_table(model, read, reference, dead, noise), model_folder, out, as_json)
+        return
+    simulator = None if card is None else _simulator(model, card, data, scene, reference)
+    rows = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
+    _written(rows, model_folder, out, as_json)
+
+
+def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
+                  whole: bool) -> None:
+    """ValueError where options do not go together."""
+    if frames == "-" and (direct or whole):
+        raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
+                         "--touches 2 and --json need a file of frames.")
+    if (card is not None or sensor is not None) and not simulated:
+        raise ValueError("--card, --data and --scene tell the simulator of --direct or --posterior; add one, or leave "
+                         "them out.")
+    if card is None and sensor is not None:
+        raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
+
+
+def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
+    """A row a frame, by the model alone."""
+    from surrogate.model.predict import prepare, sign_caution, table_of
+
+    _say_intervals(model, noise)
+    table = table_of(prepare(model, reference.volts, noise, dead), frames)
+    if words := sign_caution(table["flag"].tolist()):
+        _say(words)
+    return table
+
+
+def _pairs(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
+    """A row a frame, two touches each."""
+    import pandas as pd
+
+    from surrogate.model.missing_channels import silent
+    from surrogate.single_frame.rows import check_whole, pair_row, whole
+
+    check_whole(dead | silent(reference.volts[None], model.baseline_V)[0])
+    told = whole(frames, model)
+    each = list(zip(told.line.tolist(), told.volts - reference.volts, told.problem, strict=True))
+    rows = [{"line": line, "flag": problem} if problem else pair_row(model, line, signal, noise)
+            for line, signal, problem in _counted_off(each)]
+    names = max((list(row) for row in rows), key=len)
+    return pd.DataFrame(rows, columns=names)
+
+
+def _simulator(model: Model, card: Path, data: Path | None, scene: Path | None, reference: Untouched) -> Simulator:
+    from surrogate.single_frame.rows import check_baseline
+    from surrogate.single_frame.simulator_likelihood import check_sensor, simulator_of, untouched_of
+
+    simulator = simulator_of(card, data=data, scene=scene)
+    check_sensor(simulator, model.ring)
+    check_baseline(untouched_of(simulator), reference.volts)
+    if not simulator.spread.parameters:
+        _say(f"{card} has no posterior, so the material is taken as exact.")
+    return simulator
+
+
+def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, reference: Untouched, dead: Mask,
+              noise: float, seed: int | None) -> pd.DataFrame:
+    """A row a frame, by the posterior where there is a seed; each shows on a terminal as it is done."""
+    import pandas as pd
+
+    from surrogate.model.predict import prepare
+    from surrogate.single_frame.rows import direct_row, learner_of, ones, posterior_row, uncalibrated
+
+    learner_of(model)
+    if seed is not None:
+        whose = ("the learned map's, its error counted, the material the model's" if simulator is None else
+                 "the simulator's, with what the card's posterior leaves open")
+        _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
+             f"punches these share; the likelihood is {whose}.")
+    rows = []
+    ready = prepare if seed is None else uncalibrated
+    for one in _counted_off(list(ones(ready(model, reference.volts, noise, dead), frames))):
+        if seed is not None:
+            rows.append(posterior_row(model, simulator, one, noise, seed))
+        elif simulator is not None:
+            rows.append(direct_row(model, simulator, one, noise))
+    names = dict.fromkeys(name for row in rows for name in row if name != "flag")
+    return pd.DataFrame(rows, columns=[*names, "flag"])
+
+
+def _counted_off(items: list[Any]) -> Iterator[Any]:
+    with counter(len(items), "frames") as advance:
+        for done, item in enumerate(items, start=1):
+            yield item
+            advance(done)
+
+
+def _written(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool) -> None:
+    if out is not None:
+        table.to_csv(out, index=False, float_format="%.6g")
+    if as_json:
+        print_json({"model": model, "frames": [_plain(row) for row in table.to_dict("records")]})
+    elif out is None:
+        print(table.to_csv(index=False, float_format="%.6g"), end="")
+    else:
+        print(f"{out}: {_counted(len(table), sum(bool(flag) for flag in table['flag']))}")
+
+
+def _plain(row: dict[Any, Any]) -> dict[str, Any]:
+    """A row without NaN, which JSON has not."""
+    return {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
+
+
+def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
+    from contextlib import nullcontext
+
+    from surrogate.data.baseline_frame import Untouched
+    from surrogate.model.stream import answer, widen_pipe
+
+    reference, dead = (None, None) if baseline is None else _untouched(model, baseline)
+    noise = _noise(model, reference or Untouched(model.baseline_V, None), noise_V)
+    _say_intervals(model, noise)
+    widen_pipe(sys.stdin.fileno())
+    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
+          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
+        counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say)
+    if out is not None:
+        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
+
+
+def _counted(frames: int, flagged: int) -> str:
+    return f"{frames} frames, {flagged} of them flagged."
+
+
+def _noise(model: Model, reference: Untouched, given: float | None) -> float:
+    """Standard deviation of the noise, V; cautions where it is unknown, and about an untouched frame of elsewhere."""
+    from surrogate.data.baseline_frame import caution
+
+    if words := caution(model.baseline_V, reference.volts):
+        _say(words)
+    noise = given if given is not None else reference.noise_V
+    if noise is None:
+        _say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
+             "untouched frames with --baseline.")
+    return noise or 0.0
+
+
+def _say_intervals(model: Model, noise_V: float) -> None:
+    from surrogate.model.model import calibrated
+    from surrogate.statistics.conformal import few
+
+    if not calibrated(model, noise_V):
+        _say("the intervals are calibrated at this noise first, which takes a while; they are kept for the next time.")
+
+    if words := few(len(model.calibration.target)):
+        _say(words)
+
+
+def _say(words: str) -> None:
+    print(f"surrogate: {words}", file=sys.stderr)
+
+
+def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
+    """The untouched frame of a file, and its dead channels."""
+    from surrogate.data.baseline_frame import untouched
+    from surrogate.data.frame_rows import read_lines
+    from surrogate.model.missing_channels import check_needed, silent, stuck
+    from touchcal.errors import TestFileError
+
+    read = read_lines(baseline, len(model.baseline_V))
+    if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
+        raise TestFileError(baseline, f"{read.problem[bad]}. Mend it, or leave the line out.", line=int(read.line[bad]))
+    dead = stuck(read.volts) | silent(read.volts, model.baseline_V).any(axis=0)
+    check_needed(model, dead, str(baseline))
+    return untouched(read.volts), dead
+
+
+def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Lines, Untouched, Mask]:
+    """Frames of a file, their untouched frame, and channels that are dead in all of them."""
+    from surrogate.data.baseline_frame import Untouched
+    from surrogate.data.frame_rows import first_frame, read_lines
+    from surrogate.model.missing_channels import check_needed, silent, stuck
+
+    read = read_lines(path, len(model.baseline_V))
+    dead = stuck(read.volts)
+    check_needed(model, dead, str(path))
+    if baseline is not None:
+        reference, lost = _untouched(model, baseline)
+        return read, reference, dead | lost
+    first = first_frame(read, str(path))
+    if len(read.line) < 2:
+        raise ValueError(f"{path}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
+                         "put the untouched frame first.")
+    where = f"{path}, line {read.line[0]}"
+    check_needed(model, silent(first[None], model.baseline_V)[0], where)
+    _say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
+    return read.after_first(), Untouched(first, None), dead

@@ -1,0 +1,1 @@
+"""Rows, frames and the sensor that they belong to."""

@@ -1,0 +1,125 @@
+"""Lines of voltages as frames: one form for files and for streams, in which a line that is no frame costs no other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from io import BufferedIOBase
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.scene.frames import column_order
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+# Its number, from 1, and its text
+Line = tuple[int, str]
+
+# Most lines that are answered together: those that wait already, so that none waits for another to come.
+BATCH = 32
+# Bytes that are read at a time, at most.
+CHUNK = 1 << 20
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of some frames."""
+
+    # (n,) number of each line, from 1
+    line: NDArray[np.int64]
+    # (n, readings) V, NaN for a cell that holds no number, and for a line that is no frame
+    volts: Array
+    # (n,) why a line is no frame, empty where it is one
+    problem: list[str]
+
+    def after_first(self) -> Lines:
+        """All but the first."""
+        return Lines(self.line[1:], self.volts[1:], self.problem[1:])
+
+
+def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Line]]:
+    """Lists of whole lines, numbered from 1, as they come: at most `most`, and never one that another waits for."""
+    rest, number = b"", 0
+    while chunk := source.read1(CHUNK):
+        *whole, rest = (rest + chunk).split(b"\n")
+        for first in range(0, len(whole), most):
+            part = whole[first:first + most]
+            yield [(number + i, _text(line)) for i, line in enumerate(part, start=1)]
+            number += len(part)
+    if rest:
+        yield [(number + 1, _text(rest))]
+
+
+def _text(line: bytes) -> str:
+    return line.decode("utf-8-sig", errors="replace").strip()
+
+
+def header_of(text: str, readings: int) -> NDArray[np.intp] | None:
+    """(readings,) place of each reading in a line by a header that names them v_000 ...; None where the line is no
+    header. ValueError for a header of other names."""
+    names = [cell.strip().strip('"') for cell in text.split(",")]
+    try:
+        float(names[0] or "nan")
+    except ValueError:
+        return column_order(names, readings)
+    return None
+
+
+def frame_of(text: str, order: NDArray[np.intp]) -> Array:
+    """(readings,) V of a line whose readings have these places; NaN for an empty cell. ValueError says what is wrong.
+    """
+    cells = text.split(",")
+    if len(cells) != len(order):
+        raise ValueError(f"{len(cells)} columns, expected {len(order)} voltages separated by commas")
+    try:
+        volts = np.array(list(map(float, cells)))
+    except ValueError:
+        volts = np.array([_number(column, cell) for column, cell in enumerate(cells, start=1)])
+    return volts[order]
+
+
+def _number(column: int, cell: str) -> float:
+    try:
+        return float(cell.strip() or "nan")
+    except ValueError:
+        raise ValueError(f"column {column} holds '{cell.strip()[:20]}' and no number") from None
+
+
+def frames_of(lines: Sequence[Line], order: NDArray[np.intp]) -> Lines:
+    """The frames of some lines whose readings have these places."""
+    volts, problem = np.full((len(lines), len(order)), np.nan), [""] * len(lines)
+    for k, (_, text) in enumerate(lines):
+        try:
+            volts[k] = frame_of(text, order)
+        except ValueError as error:
+            problem[k] = f"unreadable: {error}"
+    return Lines(np.array([number for number, _ in lines], np.int64), volts, problem)
+
+
+def read_lines(path: Path, readings: int) -> Lines:
+    """All frames of a file, blank lines left out; TestFileError where it holds none, or its header names anything but
+    readings."""
+    with open(path, "rb") as file:
+        lines = [line for some in waiting_lines(file) for line in some if line[1]]
+    order = np.arange(readings)
+    try:
+        named = header_of(lines[0][1], readings) if lines else None
+    except ValueError as error:
+        raise TestFileError(path, str(error), line=lines[0][0]) from None
+    found = frames_of(lines, order) if named is None else frames_of(lines[1:], named)
+    if not len(found.line):
+        raise TestFileError(path, f"it holds no frame. Expected rows of {readings} voltages, the untouched one first "
+                                  "or in a file for --baseline.")
+    if all(found.problem):
+        raise TestFileError(path, f"{found.problem[0]}; no line of it is a frame.", line=int(found.line[0]))
+    return found
+
+
+def first_frame(lines: Lines, where: str) -> Array:
+    """(readings,) V of the first line, as the untouched frame; ValueError where it is none."""
+    if lines.problem[0]:
+        raise ValueError(f"{where}, line {lines.line[0]}: {lines.problem[0]}. The first frame is the untouched one: "
+                         "mend it, or give --baseline FILE.")
+    return lines.volts[0]

@@ -1,0 +1,159 @@
+"""The rows of a data set as a surrogate sees them: signals, targets, the sensor, a hash that recognises each row."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from eitsim.scene.drive import voltage_columns
+from eitsim.sweeps.dataset.parquet import TOUCH, Dataset, read_dataset
+from eitsim.sweeps.design import nested_design
+from eitsim.sweeps.measurement.instrument_table import TABLE
+from surrogate.data import material_states, outputs
+from surrogate.data.sensor_ring import Ring, ring_of_design
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+PARTS = ("train", "val", "test")
+FRACTIONS = (0.70, 0.15)
+# Fewest touches that give each part a few.
+MIN_TOUCHES = 20
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Solved scenes of one sensor."""
+
+    ring: Ring
+    # (n,) scene numbers
+    scene: NDArray[np.int64]
+    # (n,) number that rows of one touch share, and of a nested design those of one block
+    touch: NDArray[np.int64]
+    # (n, readings) touched minus untouched, V
+    signal_V: Array
+    # (n, readings) untouched, V
+    baseline_V: Array
+    # (n, 8) outputs.ALL in the units of their columns
+    target: Array
+    # (n,) number of each row's card among the draws of the posterior, -1 where one card serves all
+    card: NDArray[np.int64]
+    # (n, q) what each row's card answers, see `surrogate.data.material_states`; q = 0 where one card serves all
+    material: Array
+    # (n,) hash of each row's number and targets: the same however its readings were measured
+    row_hash: NDArray[np.uint64]
+    # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
+    measurement: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.scene)
+
+
+def read_samples(folder: Path | str) -> Samples:
+    """The ok rows of a data set; TestFileError where it is none, has no ok row or one of several touches, or a column
+    lacks numbers."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise TestFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
+    data = read_dataset(folder)
+    try:
+        ring = ring_of_design(data.design["tables"])
+    except ValueError as error:
+        raise TestFileError(folder, str(error)) from None
+    return _samples(folder, data, ring)
+
+
+def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
+    rows = data.ok
+    if rows.empty:
+        counts = ", ".join(f"{n} {name}" for name, n in data.table["outcome"].value_counts().items())
+        raise TestFileError(folder, f"none of its {len(data.table)} rows is ok ({counts}); there is nothing to learn "
+                                    "from. Mend the design and sweep again.")
+    _check_one_touch(folder, rows)
+    readings = len(ring.read)
+    touched = _numbers(folder, rows, voltage_columns(readings))
+    signal = _numbers(folder, rows, voltage_columns(readings, "dv"))
+    target = _numbers(folder, rows, [output.column for output in outputs.ALL])
+    scene = rows["scene"].to_numpy(np.int64)
+    touch = _touches(data.design["sampler"], scene, rows)
+    return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
+                   _material(data, rows), _hashes(scene, target), _measurement(data))
+
+
+def _material(data: Dataset, rows: pd.DataFrame) -> Array:
+    return material_states.answers(rows, "hold" in data.design["tables"])
+
+
+def _measurement(data: Dataset) -> dict[str, Any]:
+    return {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
+
+
+def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
+    if "touches" not in rows.columns:
+        return
+    several = rows.loc[rows["touches"] > 1, ["scene", "touches"]]
+    if len(several):
+        first = several.iloc[0]
+        raise TestFileError(folder, f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
+                                    f"{int(first['touches'])}), and a surrogate learns the place and the force of one. "
+                                    "Sweep a design with one touch a row.")
+
+
+def _touches(sampler: str, scene: NDArray[np.int64], rows: pd.DataFrame) -> NDArray[np.int64]:
+    """(n,) the block of a nested design, else the number of each different place, diameter and force."""
+    if sampler == nested_design.SAMPLER:
+        return scene // nested_design.BLOCK
+    return rows.groupby(list(TOUCH), sort=False, dropna=False).ngroup().to_numpy(np.int64)
+
+
+def _numbers(folder: Path, rows: pd.DataFrame, names: list[str]) -> Array:
+    if missing := [name for name in names if name not in rows.columns]:
+        raise TestFileError(folder, f"the column {missing[0]} is missing; {len(names)} of its kind were expected for "
+                                    "its electrodes and drive.")
+    values = rows[names].to_numpy(np.float64)
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        row, column = bad[0]
+        raise TestFileError(folder, f"{names[column]} of scene {rows['scene'].iloc[row]} is {values[row, column]}, "
+                                    "though the row says ok. Sweep that part again.")
+    return values
+
+
+def _hashes(scene: NDArray[np.int64], target: Array) -> NDArray[np.uint64]:
+    rows = np.ascontiguousarray(np.column_stack([scene, target]))
+    return np.array([int.from_bytes(hashlib.sha256(row.tobytes()).digest()[:8], "little") for row in rows], np.uint64)
+
+
+def content_hash(samples: Samples) -> str:
+    """sha256 of the rows and their signals, in their order."""
+    return hashlib.sha256(samples.row_hash.tobytes() + np.ascontiguousarray(samples.signal_V).tobytes()).hexdigest()
+
+
+def take(samples: Samples, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Samples:
+    """The samples of these rows."""
+    return replace(samples, **{part.name: getattr(samples, part.name)[rows] for part in fields(samples)
+                               if part.name not in ("ring", "measurement")})
+
+
+def split(touch: ArrayLike, seed: int) -> NDArray[np.str_]:
+    """(n,) the part of each row: 70 % of the touches train, 15 % val, the rest test, drawn by the seed.
+
+    touch: (n,) number that rows share which are not to be parted, as one touch with several cards. ValueError for fewer
+    than MIN_TOUCHES different ones.
+    """
+    _, first, place = np.unique(touch, return_index=True, return_inverse=True)
+    count = len(first)
+    if count < MIN_TOUCHES:
+        rows = f"{len(place)} ok rows" + (f" of {count} different touches" if count < len(place) else "")
+        raise ValueError(f"{rows} are too few to train, validate and test on; at least {MIN_TOUCHES} are needed. Sweep "
+                         "more scenes.")
+    train, val = (round(fraction * count) for fraction in FRACTIONS)
+    labels = np.repeat(PARTS, [train, val, count - train - val])
+    drawn = np.random.default_rng(seed).permutation(labels)
+    return drawn[np.argsort(np.argsort(first))][place]

@@ -1,0 +1,99 @@
+"""The ring of electrodes as a surrogate needs it: where they are, and which four make a reading."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.electrics.cem.boundary_integral import solve_rim
+from eitsim.electrics.forward.untouched import sensor_of
+from eitsim.scene.drive import protocol
+from eitsim.scene.electrodes import alike, middles
+from eitsim.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+# Modes of an electrode's field, and the conductivity of a usual skin that they are foreseen with, S/m.
+MODES, USUAL_S_PER_M = 120, 30.0
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Electrodes on the rim of a disc and the readings in the order of the data set's columns."""
+
+    # radius of the disc, mm
+    radius_mm: float
+    # (electrodes,) angle of each electrode from +x, counter-clockwise, rad
+    angle_rad: Array
+    # (readings,) electrode that injects the current
+    source: Index
+    # (readings,) electrode that takes it out
+    sink: Index
+    # (readings,) electrode that is read
+    read: Index
+    # (readings,) electrode that is 0 V
+    ground: Index
+    # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
+    modes: Array
+
+    @cached_property
+    def copies(self) -> float:
+        """Readings over independent ones: by reciprocity two readings with driving and reading exchanged are one
+        impedance, which a map then has wrong twice alike."""
+        unit = np.eye(len(self.angle_rad))
+        drive, read = unit[self.source] - unit[self.sink], unit[self.read] - unit[self.ground]
+        both = drive[:, :, None] * read[:, None, :]
+        return len(read) / int(np.linalg.matrix_rank((both + both.transpose(0, 2, 1)).reshape(len(read), -1)))
+
+
+def same_ring(one: Ring, other: Ring) -> bool:
+    """Whether two rings give the same readings in the same order."""
+    return all(np.array_equal(getattr(one, field.name), getattr(other, field.name)) for field in fields(Ring))
+
+
+def ring_of(scene: Scene) -> Ring:
+    """The ring of a scene's body, electrodes and drive; ValueError where a reading is not one voltage between two
+    electrodes, or a pattern not the current I from one to another."""
+    count = scene.electrodes.count
+    if scene.electrodes.missing:
+        raise ValueError(f"electrodes {', '.join(map(str, scene.electrodes.missing))} (from 0) are missing in "
+                         "[electrodes], and some readings with them; surrogates learn from all readings of a drive. "
+                         "Sweep with all electrodes.")
+    asked = protocol(scene.drive, count)
+    source, sink = _ends(asked.currents_A / scene.drive.current_A, "pattern of currents")
+    read, ground = _ends(asked.weights.reshape(-1, count), "measurement")
+    each = asked.shape[1]
+    return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), np.repeat(source, each), np.repeat(sink, each),
+                read, ground, _modes(scene))
+
+
+def _modes(scene: Scene) -> Array:
+    """q_m of one electrode of a ring of equal line electrodes by the complete electrode model; 1, those of points, for
+    others."""
+    if scene.electrodes.kind != "line" or not alike(scene.electrodes):
+        return np.ones(MODES)
+    driven = solve_rim(scene.body, scene.electrodes, USUAL_S_PER_M * scene.skin.thickness_m).driven[:MODES, 0]
+    field = driven.real * np.arange(1, MODES + 1)
+    return np.asarray(field / field[0])
+
+
+def _ends(rows: Array, what: str) -> tuple[Index, Index]:
+    """Electrodes of the 1 and of the -1 in each row."""
+    first, last = rows.argmax(axis=1), rows.argmin(axis=1)
+    unit = np.eye(rows.shape[1])
+    odd = np.flatnonzero(np.abs(rows - unit[first] + unit[last]).max(axis=1) > 1e-12)
+    if odd.size:
+        raise ValueError(f"{what} {odd[0]} in [drive] is not 1 at one electrode and -1 at another; surrogates learn "
+                         "from pairs alone. Sweep with a named pattern, or with matrices of such rows.")
+    return first.astype(np.int64), last.astype(np.int64)
+
+
+def ring_of_design(tables: Mapping[str, Any]) -> Ring:
+    """The ring of a design's tables; ValueError where the sensor itself varies between rows."""
+    return ring_of(sensor_of(tables))

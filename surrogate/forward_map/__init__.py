@@ -1,0 +1,1 @@
+"""The learned map from a touch to its signal."""

@@ -1,0 +1,1 @@
+"""From a signal back to the touch."""

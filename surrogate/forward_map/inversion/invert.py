@@ -1,0 +1,264 @@
+"""Touches from readings: Levenberg-Marquardt on the learned forward map, many frames at once, with covariance.
+
+Unknowns are (x, y, log d, load g) and one standard normal doubt for each multipole strength, so the map's own error
+is marginalised. The training touches give a Gaussian prior. Punches of different d and F may have nearly one signal, on
+several branches: the start is sought over all of them, and where noise leaves d and F broad, their mean and covariance
+are those of the whole posterior instead of its peak.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.forward_map import electrode_correction
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, floor_at, linearise, strength_doubt
+from surrogate.forward_map.inversion import known_diameters, reading_covariance
+from surrogate.forward_map.inversion.diameter_force_posterior import (
+    Posterior,
+    make_table,
+    moments,
+    posterior,
+    resolved,
+    starts,
+)
+from surrogate.forward_map.inversion.known_diameters import Settled
+from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
+from surrogate.forward_map.inversion.reading_covariance import Uncertainty, of, whitened
+from surrogate.forward_map.inversion.rim_starts import rim_starts
+from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
+from surrogate.forward_map.multipole_series import combined
+from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
+
+Array = NDArray[np.float64]
+
+# Bands of loads that each give one start.
+BANDS = 5
+# Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
+SHORT, MIDDLE, LONG = 6, 12, 100
+# Branches of each frame that known punches are tried from, and the steps of each.
+BRANCHES, HELD = 2, 20
+# Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
+NOISY = 2.0
+# Column of F in a touch, and that of g among the unknowns.
+FORCE, LOAD = 3, 3
+# Standard deviation of g from which known punches are tried aside of an end, too, and how many of these aside.
+WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
+# Least diameter and force that a regression may leave before it is held to the training touches, mm and N.
+TINY = 1e-6
+
+
+@dataclass(frozen=True)
+class Peak:
+    """Laplace's covariance of a touch (x, y, d, F), and what remains of it when less is left unknown."""
+
+    # (n, 4 + k, 4 + k) of the touch and the states of the material
+    joint: Array
+    # (n, 4, 4) were the material known
+    known: Array
+    # (n, 4, 4) were the map exact too, so that noise alone is left
+    noise: Array
+
+
+@dataclass(frozen=True)
+class Inversion:
+    """Most probable touches."""
+
+    # (n, 4) x, y, d in mm, F in N
+    touch: Array
+    # (n, 4, 4) covariance of the touch, widened by the misfit where that exceeds 1
+    covariance: Array
+    # (n, k) most probable states of the material
+    material: Array
+    # the covariance about the peak, as it is where d and F are not broad, and what makes it up
+    peak: Peak
+    # (n,) squared residual over what noise and the map's error explain, a degree of freedom
+    misfit: Array
+    # (n,) whether the solution's radius, d and F lie among those of the training touches
+    inside: NDArray[np.bool_]
+    # (n,) whether d and F are the mean over a broad posterior rather than its peak
+    broad: NDArray[np.bool_]
+    # that posterior
+    punches: Posterior
+
+
+def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
+    """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
+    size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
+    located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
+    punches = posterior(forward, make_table(forward), located)
+    usual = floor_at(forward, np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])) * size
+    short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
+                     _starts(forward, signal, located, punches), SHORT)
+    start = _unknown(forward, _best(short, len(signal), 1).state)
+    floor = floor_at(forward, start) * size
+    sd = reading_covariance.at(forward, start, size, noise_V)
+    branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
+    free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
+    settled = _settled(forward, signal, sd, free, branches)
+    found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, noise_V)
+    return _broadened(_bounded(forward, _mixed(forward, found, settled)))
+
+
+def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
+    """Minima from states (m, p), the same number of each frame."""
+    frames, doubt = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _doubt(forward, state)
+    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]), doubt[which], s),
+                    state, steps, lambda s: _within(forward, s))
+
+
+def _doubt(forward: ForwardMap, state: Array) -> Array:
+    """(m, orders) doubts of the strengths at states (m, p), which are held in a descent from these."""
+    return strength_doubt(forward, _unknown(forward, state))
+
+
+def _best(ends: Minimum, frames: int, most: int) -> Minimum:
+    """The best ends of each frame, in order of their cost."""
+    cost = ends.cost.reshape(frames, -1)
+    rows = (np.argsort(cost, axis=1)[:, :most] + cost.shape[1] * np.arange(frames)[:, None]).ravel()
+    return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
+
+
+def _settled(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum, branches: Minimum) -> Settled:
+    """Known punches tried from the end of the free fit and from the next best branch; the free fit alone where none
+    is known."""
+    if not len(forward.known_mm):
+        return Settled(free, free.state[:, None], np.ones((len(signal), 1)))
+    log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]
+    branches = _spread(branches, WIDE / forward.sd[3])
+    worth = known_diameters.worth_trying(free, branches, log_d).ravel()
+    frames = np.repeat(np.arange(len(signal)), len(branches.cost) // len(signal) * len(log_d))[worth]
+
+    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        frame = frames[which]
+        free = _residuals(forward, signal[frame], of(sd, frame), doubt[which], state)
+        return known_diameters.held(free, signal.shape[1])
+
+    start = _within(forward, known_diameters.starts(branches, log_d).reshape(len(worth), -1))
+    doubt = _doubt(forward, start[worth])
+    tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
+    return known_diameters.settle(free, known_diameters.filled(tried, worth, start), len(log_d),
+                                1 / (forward.rows + 2))
+
+
+def _spread(ends: Minimum, wide: float) -> Minimum:
+    """Each end, and others on either side along its regression on g at the same diameter, of no promise where g is not
+    wide."""
+    sd = np.sqrt(inverse(ends.normal)[:, LOAD, LOAD])
+    along = known_diameters.by_load(ends.normal, LOAD) * sd[:, None]
+    state = ends.state[:, None] + ASIDE[:, None] * along[:, None]
+    cost = np.where((ASIDE == 0) | (sd[:, None] > wide), ends.cost[:, None], np.inf)
+    return Minimum(state.reshape(-1, ends.state.shape[1]), cost.ravel(), np.repeat(ends.normal, len(ASIDE), axis=0),
+                   np.repeat(ends.residual, len(ASIDE), axis=0))
+
+
+def _mixed(forward: ForwardMap, found: Inversion, settled: Settled) -> Inversion:
+    """With the mean over the candidate punches, and what parts them added to the covariance."""
+    if settled.probability.shape[1] == 1:
+        return found
+    mean, covariance = known_diameters.between(settled, lambda state: to_touch(_unknown(forward, state), forward.p0))
+    joint = found.peak.joint.copy()
+    joint[:, :4, :4] += covariance
+    return replace(found, touch=mean, covariance=joint[:, :4, :4],
+                   peak=replace(found.peak, joint=joint, known=found.peak.known + covariance))
+
+
+def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
+    """With forces that may be among those of the training touches held to these, a uniform prior; the covariance is
+    left as wide as it was."""
+    mean = reading_covariance.held(
+        np.column_stack([found.touch, found.material]), found.peak.joint, FORCE, *forward.bounds[:, 2]
+    )
+    unknown = on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
+    touch = to_touch(unknown, forward.p0)
+    return replace(found, touch=touch, material=mean[:, 4:], inside=_inside(forward, touch))
+
+
+def _inside(forward: ForwardMap, touch: Array) -> NDArray[np.bool_]:
+    """(n,) whether radius, d and F of touches (n, 4) lie among those of the training touches."""
+    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
+    return np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
+
+
+def _broadened(found: Inversion) -> Inversion:
+    """With mean and covariance of (d, F) over the table where their posterior is broad."""
+    mean, covariance = moments(found.punches, found.punches.table.touch[:, 2:])
+    touch, spread = found.touch.copy(), found.covariance.copy()
+    touch[found.broad, 2:] = mean[found.broad]
+    spread[found.broad, :2, 2:], spread[found.broad, 2:, :2] = 0.0, 0.0
+    spread[found.broad, 2:, 2:] = covariance[found.broad]
+    return replace(found, touch=touch, covariance=spread)
+
+
+def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDArray[np.bool_],
+               noise_V: float) -> Inversion:
+    state, residual = end.state, end.residual
+    readings = residual.shape[1] - state.shape[1]
+    misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1])
+    unknown = _unknown(forward, state)
+    touch = to_touch(unknown, forward.p0)
+    slope = touch_slope(unknown, forward.p0) * forward.sd
+    peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
+    in_table = noisy & (np.hypot(touch[:, 0], touch[:, 1]) <= INTERIOR * forward.ring.radius_mm)
+    return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit,
+                     _inside(forward, touch), resolved(punches) & in_table, punches)
+
+
+def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
+    """(n, 4, 4) covariance of the scaled touches were the map exact; 0 without noise."""
+    if noise_V == 0:
+        return np.zeros((len(unknown), 4, 4))
+    slope = linearise(forward, unknown).jacobian * forward.sd / noise_V
+    return inverse(slope.transpose(0, 2, 1) @ slope + np.eye(4))
+
+
+def _peak(forward: ForwardMap, normal: Array, slope: Array, widened: Array, noise: Array) -> Peak:
+    """From normal matrices (n, p, p) of the scaled states, derivatives (n, 4, 4) of the touch by them, the factor (n,)
+    by which the misfit widens variances, and the covariance (n, 4, 4) of the scaled touches by noise alone."""
+    n, k, known = len(normal), forward.materials, 4 + len(forward.strengths)
+    to_touch_and_card = np.broadcast_to(np.eye(4 + k), (n, 4 + k, 4 + k)).copy()
+    to_touch_and_card[:, :4, :4] = slope
+    kept = np.r_[:4, known:known + k]
+    return Peak(_carried(to_touch_and_card, inverse(normal)[:, kept[:, None], kept]) * widened[:, None, None],
+                _carried(slope, inverse(normal[:, :known, :known])[:, :4, :4]) * widened[:, None, None],
+                _carried(slope, noise))
+
+
+def _carried(slope: Array, covariance: Array) -> Array:
+    return slope @ covariance @ slope.transpose(0, 2, 1)
+
+
+def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
+    """(n BANDS, 4 + doubts) states with the most probable punch of each band of loads at the located places; of each
+    band the touch that the map foresees most alike where that place is near the rim."""
+    chosen = starts(punches, BANDS)
+    unknown = np.empty((len(chosen), BANDS, 4))
+    unknown[..., :2] = located.place_mm[:, None]
+    unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
+    near = np.hypot(*located.place_mm.T) > INTERIOR * forward.ring.radius_mm
+    if electrode_correction.teaches(forward.beside.rim) and np.any(near):
+        unknown[near] = rim_starts(forward, signal[near], located.place_mm[near], BANDS)
+    scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd
+    return np.column_stack([scaled, np.zeros((len(scaled), forward.doubts))])
+
+
+def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, doubt: Array, state: Array) -> tuple[Array, Array]:
+    """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + doubts: whitened readings, then prior and
+    doubts."""
+    here = linearise(forward, _unknown(forward, state), doubt)
+    misfit = here.signal_V + combined(here.doubt, state[:, 4:]) - signal
+    both = whitened(sd, np.concatenate([misfit[..., None], here.jacobian * forward.sd, here.doubt], axis=2))
+    misfit, jacobian = both[..., 0], both[..., 1:]
+    identity = np.broadcast_to(np.eye(state.shape[1]), (len(state), state.shape[1], state.shape[1]))
+    return np.column_stack([misfit, state]), np.concatenate([jacobian, identity], axis=1)
+
+
+def _unknown(forward: ForwardMap, state: Array) -> Array:
+    return forward.mean + forward.sd * state[:, :4]
+
+
+def _within(forward: ForwardMap, state: Array) -> Array:
+    """States held to the training touches and a margin about them."""
+    return np.column_stack([(on_range(forward, _unknown(forward, state)) - forward.mean) / forward.sd, state[:, 4:]])

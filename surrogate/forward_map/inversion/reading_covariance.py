@@ -1,0 +1,81 @@
+"""What readings are uncertain by: white noise, and the map's own error, which is alike among readings near the rim.
+
+The covariance white^2 I + U diag(sd^2) U' of each frame has orthonormal U of few columns, so that residuals are
+whitened by one product with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from surrogate.forward_map import electrode_correction, rim_covariance
+from surrogate.forward_map.forward_map import ForwardMap, gap, place
+
+Array = NDArray[np.float64]
+# Standard deviations beyond a bound from which it is not believed, as far as errors of the map make one in a hundred
+# touches err; and that count as far within.
+DOUBTED, FAR = 5.0, 30.0
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Covariance of the readings of some frames."""
+
+    # (n,) standard deviation of what is white, V
+    white: Array
+    # (n, readings, k) orthonormal directions of the rest, and (n, k) the part of a component that whitening takes off
+    axes: Array
+    shrink: Array
+
+
+def white(sd: Array, readings: int) -> Uncertainty:
+    """White noise of standard deviations sd (n,), V."""
+    return Uncertainty(sd, np.zeros((len(sd), readings, 0)), np.zeros((len(sd), 0)))
+
+
+def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Uncertainty:
+    """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of norms size
+    (n,), V, as far as known of all readings of the ring."""
+    ring, beside = forward.ring, forward.beside
+    floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
+    near = electrode_correction.reaches(beside.rim, z)
+    directions = min(beside.error.alike.shape[2:])
+    axes, sd = np.zeros((len(z), len(ring.read), directions)), np.zeros((len(z), directions))
+    if np.any(near):
+        gaps = gap(ring, unknown[near])
+        norm = rim_covariance.size_at(beside.error, gaps, unknown[near, 3]) * size[near]
+        axes[near], along, rest = rim_covariance.spread(beside.error, z[near], gaps)
+        sd[near] = along * norm[:, None]
+        left = norm * np.sqrt(rest / len(beside.rim.fill))
+        floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
+    whole = np.hypot(noise_V, floor)
+    return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
+
+
+def whitened(told: Uncertainty, values: Array) -> Array:
+    """Values (n, readings, q) in V times the inverse root of the covariance."""
+    off = told.axes @ (told.shrink[..., None] * (told.axes.transpose(0, 2, 1) @ values))
+    return (values - off) / told.white[:, None, None]
+
+
+def of(told: Uncertainty, frames: NDArray[np.intp]) -> Uncertainty:
+    """Those of some frames."""
+    return Uncertainty(told.white[frames], told.axes[frames], told.shrink[frames])
+
+
+def held(mean: Array, covariance: Array, column: int, lowest: float, highest: float) -> Array:
+    """Means (n, p) of normal estimates of covariances (n, p, p) where one column is known to lie in [lowest, highest],
+    the others by their regression on it; as they are where it is DOUBTED standard deviations outside (Johnson, Kotz,
+    Balakrishnan, Continuous Univariate Distributions 1, 1994, section 13.10.1)."""
+    sd = np.sqrt(np.maximum(covariance[:, column, column], np.finfo(float).tiny))
+    below, above = (lowest - mean[:, column]) / sd, (highest - mean[:, column]) / sd
+    believed = (below < DOUBTED) & (above > -DOUBTED)
+    below, above = np.clip(below, -FAR, DOUBTED), np.clip(above, -DOUBTED, FAR)
+    mass = np.where(below > 0, ndtr(-below) - ndtr(-above), ndtr(above) - ndtr(below))
+    shift = (np.exp(-0.5 * below**2) - np.exp(-0.5 * above**2)) / np.sqrt(2 * np.pi)
+    shift = np.where(believed, shift / np.maximum(mass, np.finfo(float).tiny), 0.0)
+    return mean + covariance[..., column] * (shift / sd)[:, None]

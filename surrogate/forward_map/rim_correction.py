@@ -1,0 +1,133 @@
+"""Learning what the rim adds to the series: the skin's answer, what electrodes add, a step, and the error of all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data.sensor_ring import Ring
+from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_covariance
+from surrogate.forward_map.electrode_correction import RimEffect
+from surrogate.forward_map.rim_covariance import RimError
+from surrogate.statistics import change_point
+from surrogate.statistics.coefficient_process import SharedProcess
+
+Array = NDArray[np.float64]
+
+# Rows whose effect is worked out together, to bound the memory.
+BATCH = 256
+# Parts of the touches, each of which tells the error of what the others teach.
+FOLDS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Touches near the rim, and what the series leaves of their signals."""
+
+    # (n,) place over the disc's radius, (n, 2) log d and load g, (n,) gap to the rim over the radius
+    z: NDArray[np.complex128]
+    punch: Array
+    gap: Array
+    # (n, readings) what the series leaves, V
+    left: Array
+    # (n,) strength of the dipole, the norm of its signal, and that of the whole signal, V
+    dipole: Array
+    size: Array
+    norm: Array
+
+    def some(self, kept: NDArray[np.bool_]) -> Rows:
+        """Those that are kept."""
+        return Rows(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, eq=False)
+class Taught:
+    """What the rim adds."""
+
+    polarization: SharedProcess
+    rim: RimEffect
+    error: RimError
+    # gap over the disc's radius where what made the data changes its method; step.NONE where none is seen
+    step: float
+
+
+def none_of(ring: Ring) -> Taught:
+    """Nothing."""
+    rim = electrode_correction.none_of(ring)
+    return Taught(polarization.none_of(), rim, rim_covariance.none_of(rim.symmetry), change_point.NONE)
+
+
+def without(taught: Taught, ring: Ring, kept: NDArray[np.bool_]) -> Taught:
+    """What the rim adds to the readings of a ring that are kept."""
+    return replace(
+        taught,
+        rim=electrode_correction.without(taught.rim, ring, kept),
+        error=rim_covariance.without(taught.error, kept),
+    )
+
+
+def learn(ring: Ring, field: Array, rows: Rows) -> Taught:
+    """Learn from touches; the effect of electrodes and an error only where enough of them lie near the rim."""
+    near = rows.some(np.abs(rows.z) > polarization.FROM)
+    touch = _touch(near)
+    fewest = (1 - 1 / FOLDS) * len(np.unique(touch))
+    if fewest < electrode_correction.MIN_ROWS:
+        return none_of(ring)
+    answers = fewest >= polarization.MIN_ROWS
+    answer = _answer(ring, field, near, change_point.NONE, answers)
+    where = electrode_correction.step_of(
+        ring, near.z, near.punch, near.gap, _leaves(ring, field, near, answer, change_point.NONE), near.size
+    )
+    answer, rim = _both(ring, field, near, where, answers)
+    error = _left_out(ring, field, near, where, answers, touch % FOLDS)
+    return Taught(answer, rim, rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], error), where)
+
+
+def _touch(near: Rows) -> NDArray[np.intp]:
+    """(n,) which different touch each row is of; a sweep may solve one with several cards."""
+    told = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
+    return np.unique(told, axis=0, return_inverse=True)[1].ravel()
+
+
+def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, RimEffect]:
+    answer = _answer(ring, field, near, where, answers)
+    left = _leaves(ring, field, near, answer, where)
+    return answer, electrode_correction.learn(
+        ring, near.z, near.punch, change_point.side(near.gap, where), left, near.size
+    )
+
+
+def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: NDArray[np.intp]) -> Array:
+    """(n, readings) errors of the signals, over their norms, by what the rows of the other parts (n,) teach, as far as
+    it counts."""
+    out = np.empty_like(near.left)
+    for k in range(FOLDS):
+        asked = near.some(part == k)
+        answer, rim = _both(ring, field, near.some(part != k), where, answers)
+        effect = electrode_correction.effect(rim, ring, asked.z, asked.punch, change_point.side(asked.gap, where))
+        left = _leaves(ring, field, asked, answer, where) - effect.value * asked.size[:, None]
+        left = asked.left + polarization.part_at(asked.z)[:, None] * (left - asked.left)
+        out[part == k] = left / asked.norm[:, None]
+    return out
+
+
+def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> SharedProcess:
+    if not answers:
+        return polarization.none_of()
+    return polarization.learn(
+        ring, field, near.z, near.punch, change_point.side(near.gap, where), near.left, near.dipole, near.norm
+    )
+
+
+def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: float) -> Array:
+    """(n, readings) what series and polarization leave of the signals, V."""
+    left, side = near.left.copy(), change_point.side(near.gap, where)
+    if not len(answer.nodes):
+        return left
+    for rows in np.array_split(np.arange(len(near.z)), len(near.z) // BATCH + 1):
+        fields = multipole_series.electrode_fields(ring, field, near.z[rows], polarization.ORDERS + 1)
+        effect = polarization.effect(answer, ring, fields, near.z[rows], near.punch[rows], side[rows])
+        left[rows] -= effect.value * near.dipole[rows, None]
+    return left

@@ -1,0 +1,93 @@
+"""The Laplace approximation of a regularised network: effective parameters, evidence, draws of the weights.
+
+H = beta J'J + alpha I is half the Hessian of beta E_D + alpha E_W. J J' has the eigenvalues of J'J other than 0, so the
+smaller of the two is formed, once for each set of weights, and serves every alpha, beta and damping.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, cholesky, lapack, solve_triangular
+from torch import Tensor
+
+from surrogate.learners.bayesian_network import layer
+
+Array = NDArray[np.float64]
+
+# Part of its mean diagonal that a matrix may lose to rounding.
+ROUNDING = 1e-14
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """The smaller of J J' and J'J at some weights."""
+
+    # (m, m) its lower triangle
+    gram: Array
+    # numbers of rows n and of weights p; J J' is held where n < p
+    rows: int
+    count: int
+
+    @property
+    def dual(self) -> bool:
+        return self.rows < self.count
+
+
+def curvature(w: Tensor, x: Tensor) -> Curvature:
+    """J J' or J'J of weights (p,) on inputs (n, q)."""
+    if len(x) < len(w):
+        return Curvature(np.asfortranarray(layer.kernel(w, x, x).numpy()), len(x), len(w))
+    return Curvature(layer.normal(w, x), len(x), len(w))
+
+
+def factor(of: Curvature, beta: float, shift: float) -> Array:
+    """Lower Cholesky factor of beta gram + shift I, the shift at least what rounding may take from the matrix."""
+    matrix = beta * of.gram
+    diagonal = np.einsum("ii->i", matrix)
+    diagonal += max(shift, ROUNDING * float(diagonal.mean()))
+    return cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
+
+
+def solve(lower: Array, right: Tensor) -> Tensor:
+    """(L L')^-1 right."""
+    return torch.from_numpy(cho_solve((lower, True), right.numpy(), check_finite=False))
+
+
+def effective_parameters(of: Curvature, alpha: float, beta: float) -> tuple[float, float]:
+    """gamma = p - alpha tr H^-1, and N - gamma without cancellation where N < p; the trace is |L^-1|^2."""
+    lower = factor(of, beta, alpha)
+    inverse, _ = lapack.dtrtri(lower, lower=1, overwrite_c=1)  # pyright: ignore[reportAttributeAccessIssue]
+    lost = alpha * float(np.vdot(inverse, inverse))
+    if of.dual:
+        return of.rows - lost, lost
+    gamma = of.count - lost
+    return gamma, of.rows - gamma
+
+
+def log_evidence(of: Curvature, alpha: float, beta: float, cost: float) -> float:
+    """log of the evidence at weights of this cost, without the constant -N/2 log pi (MacKay 1992, section 4)."""
+    n, p = of.rows, of.count
+    log_det = 2 * float(np.log(factor(of, beta, alpha).diagonal()).sum()) + max(p - n, 0) * math.log(alpha)
+    return -cost - 0.5 * log_det + 0.5 * p * math.log(alpha) + 0.5 * n * math.log(beta)
+
+
+def draws(w: Tensor, x: Tensor, alpha: float, beta: float, count: int, generator: torch.Generator) -> Tensor:
+    """(count, p) departures from the weights, normal with covariance (2H)^-1.
+
+    Where J J' is held, by Matheron's rule: a draw of the prior, less what rows with a draw of the noise tell of it.
+    """
+    of = curvature(w, x)
+    lower = factor(of, beta, alpha)
+    normal = torch.randn(count, of.count, generator=generator, dtype=torch.float64) / math.sqrt(2)
+    if not of.dual:
+        return torch.from_numpy(solve_triangular(lower, normal.numpy().T, lower=True, trans=1)).T.contiguous()
+    prior = normal / math.sqrt(alpha)
+    noise = torch.randn(count, of.rows, generator=generator, dtype=torch.float64) / math.sqrt(2 * beta)
+    seen = torch.stack([layer.times_jacobian(w, x, one) for one in prior]) + noise
+    told = beta * solve(lower, seen.T.contiguous()).T
+    return prior - torch.stack([layer.times_transpose(w, x, one) for one in told])

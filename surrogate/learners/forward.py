@@ -1,0 +1,101 @@
+"""The forward method: invert the learned forward map for the touch, then read its response off the learned response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data import outputs
+from surrogate.data.sensor_ring import Ring
+from surrogate.forward_map import forward_map
+from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.inversion import mechanical_response
+from surrogate.forward_map.inversion.diameter_force_posterior import make_table, moments
+from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
+from surrogate.forward_map.inversion.mechanical_response import Answer, Response
+from surrogate.learners.base import Estimate, Parts
+
+Array = NDArray[np.float64]
+
+# Frames solved together, to bound the memory.
+BATCH = 64
+# What an estimate holds for each frame, beside the parts of its standard deviations.
+_EACH = ("value", "sd", "misfit", "inside")
+
+
+@dataclass(frozen=True, eq=False)
+class TouchInversion:
+    """A forward map and the response of the wanted mechanical outputs, if any."""
+
+    forward: ForwardMap
+    response: Response
+    # positions of the wanted outputs among the touch's four and the response's
+    columns: NDArray[np.int64]
+
+
+def learn(ring: Ring, signal_V: Array, target: Array, names: tuple[str, ...], material: Array) -> TouchInversion:
+    """Learn from signals (n, readings), the targets (n, 8) of outputs.ALL and states (n, k) of the materials, for the
+    outputs of these names."""
+    touch = target[:, :outputs.TOUCH]
+    mechanical = [i for i in range(outputs.TOUCH, len(outputs.NAMES)) if outputs.NAMES[i] in names]
+    learned = mechanical_response.learn(ring.radius_mm, touch, target[:, mechanical],
+                             tuple(outputs.NAMES[i] for i in mechanical), material)
+    order = [*outputs.NAMES[:outputs.TOUCH], *(outputs.NAMES[i] for i in mechanical)]
+    return TouchInversion(forward_map.learn(ring, touch, signal_V, material), learned,
+                          np.array([order.index(n) for n in names]))
+
+
+def estimate(learner: TouchInversion, signal_V: Array, noise_V: float) -> Estimate:
+    """The wanted outputs of signals (n, readings) under white noise."""
+    found = [_estimate(learner, signal_V[i:i + BATCH], noise_V) for i in range(0, len(signal_V), BATCH)]
+    parts = [one.parts for one in found if one.parts is not None]
+    whole = Parts(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("noise", "material")))
+    return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
+
+
+def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
+    found = invert(learner.forward, signal, noise_V)
+    value, sd, slope, own = found.touch, _sd(found.covariance), np.broadcast_to(np.eye(4), (len(signal), 4, 4)), 0.0
+    slope = np.concatenate([slope, np.zeros((len(signal), 4, found.material.shape[1]))], axis=2)
+    if learner.response.processes:
+        answer = mechanical_response.respond(learner.response, found.touch, found.material)
+        mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)
+        slope, own = np.concatenate([slope, mechanical], axis=1), np.column_stack([0 * value, answer.sd])
+        value, sd = (np.column_stack(both) for both in zip((value, sd), _response(learner, found, answer), strict=True))
+    c = learner.columns
+    parts = _parts(found.peak, slope, own, sd)
+    return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, Parts(parts.noise[:, c], parts.material[:, c]))
+
+
+def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
+    """Parts of standard deviations (n, outputs), in the shares that they have about the peak, for outputs of these
+    derivatives (n, outputs, 4 + k) by touch and material and their own standard deviation."""
+    whole, known, noise = (np.einsum("nop,npq,noq->no", slope[..., :c.shape[1]], c, slope[..., :c.shape[1]])
+                           for c in (peak.joint, peak.known, peak.noise))
+    per_variance = sd**2 / (whole + own**2)
+    known = np.minimum(known, whole)
+    return Parts(np.sqrt(np.minimum(noise, known) * per_variance), np.sqrt((whole - known) * per_variance))
+
+
+def _sd(covariance: Array) -> Array:
+    return np.sqrt(np.einsum("npp->np", covariance))
+
+
+def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array]:
+    """Mechanical outputs and their standard deviations; over the whole posterior where that is broad."""
+    carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
+    of_table, doubt = _table_response(learner)
+    mean, covariance = moments(found.punches, of_table)
+    spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ doubt**2)
+    broad = found.broad[:, None]
+    return np.where(broad, mean, answer.value), np.where(broad, spread, np.sqrt(carried + answer.sd**2))
+
+
+@lru_cache(maxsize=8)
+def _table_response(learner: TouchInversion) -> tuple[Array, Array]:
+    touch = make_table(learner.forward).touch
+    answer = mechanical_response.respond(learner.response, touch, np.zeros((len(touch), learner.forward.materials)))
+    return answer.value, answer.sd

@@ -1,0 +1,74 @@
+"""Whether a signal looks like those of the calibration rows, for learners that do not model signals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data.sensor_ring import Ring
+
+Array = NDArray[np.float64]
+
+# Principal directions that familiar signals are made of, where twice as many rows tell them.
+MOST = 80
+# Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
+LEAST = 1e-3
+# Standard deviations of noise beyond which a sign is sure.
+SURE = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Familiar:
+    """The span of the directions of some signals."""
+
+    # (k, readings) orthonormal directions, and what they leave of the worst held-out direction
+    axes: Array
+    worst: float
+    # (readings,) mean direction, zero where signals point both ways
+    mean: Array
+    # norm of the strongest signal, V
+    strongest_V: float
+
+
+def learn_familiar(ring: Ring, signal_V: Array) -> Familiar:
+    """Span of the directions of signals (n, readings) in V of a ring: of every other row, the rest tells how much it
+    leaves; of few rows all that a symmetric impedance matrix can read."""
+    size = np.linalg.norm(signal_V, axis=1)
+    unit = signal_V / size[:, None]
+    axes = np.linalg.svd(unit[::2], full_matrices=False)[2][:MOST] if len(unit) >= 4 * MOST else _reciprocal(ring)
+    mean = unit.mean(axis=0)
+    one_way = bool(np.all(unit @ mean > 0))
+    return Familiar(axes, max(float(_left(axes, unit[1::2] if len(unit) > 1 else unit).max()), LEAST),
+                    mean if one_way else np.zeros_like(mean), float(size.max()))
+
+
+def _reciprocal(ring: Ring) -> Array:
+    """(k, readings) orthonormal readings of symmetric impedance matrices: driving and reading may be exchanged."""
+    unit = np.eye(len(ring.angle_rad))
+    driven, read = unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[ring.ground]
+    product = driven[:, :, None] * read[:, None, :]
+    _, singular, axes = np.linalg.svd((product + product.transpose(0, 2, 1)).reshape(len(read), -1).T,
+                                      full_matrices=False)
+    return axes[singular > 1e-9 * singular[0]]
+
+
+def strangeness(familiar: Familiar, signal_V: Array, noise_V: float) -> Array:
+    """(n,) what the span leaves of the directions of signals (n, readings), over the worst familiar one and what noise
+    leaves; infinite for a signal of the other sign than all familiar ones."""
+    size = np.maximum(np.linalg.norm(signal_V, axis=1), np.finfo(float).tiny)
+    unit = signal_V / size[:, None]
+    free = max(signal_V.shape[1] - len(familiar.axes), 0)
+    expected = np.sqrt(familiar.worst**2 + free * (noise_V / size) ** 2)
+    return np.where(unit @ familiar.mean < 0, np.inf, _left(familiar.axes, unit) / expected)
+
+
+def of_other_sign(familiar: Familiar, signal_V: Array, noise_V: float) -> NDArray[np.bool_]:
+    """(n,) whether signals (n, readings) point away from all familiar ones, by more than noise may."""
+    along = signal_V @ familiar.mean
+    return along < -SURE * noise_V * np.linalg.norm(familiar.mean)
+
+
+def _left(axes: Array, unit: Array) -> Array:
+    return np.linalg.norm(unit - unit @ axes.T @ axes, axis=1)

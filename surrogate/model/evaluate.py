@@ -1,0 +1,214 @@
+"""Scores of a model on a data set: per output, per part of the split, per noise level."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from eitsim.sweeps.measurement.instrument import below, level_db
+from surrogate.data import outputs
+from surrogate.data.samples import PARTS, Samples, content_hash, take
+from surrogate.data.sensor_ring import same_ring
+from surrogate.learners.base import Estimate
+from surrogate.model.model import Model, estimate, interval_scales
+from surrogate.statistics.conformal import few, told
+from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
+
+# Columns of the half widths of intervals, one for each of COVERAGES.
+HALF_WIDTHS = tuple(f"half_width_{coverage:.0%}".rstrip("%") for coverage in COVERAGES)
+# Rows that the model has not seen, by what their part is called, the first that a set has.
+UNSEEN = ("test", "new", "all")
+
+
+def parts_of(model: Model, samples: Samples) -> NDArray[np.str_]:
+    """(n,) the part of the model's own split that each row was in; "new" for others, "all" where no row is known."""
+    known = dict(zip(model.rows.row_hash.tolist(), model.rows.part.tolist(), strict=True))
+    found = np.array([PARTS[known[h]] if h in known else "new" for h in samples.row_hash.tolist()])
+    return np.full(len(samples), "all") if np.all(found == "new") else found
+
+
+def check_sensor(model: Model, samples: Samples) -> None:
+    """ValueError where the data set is of another disc, other electrodes or another drive."""
+    if not same_ring(model.ring, samples.ring):
+        raise ValueError("the data set is of another sensor than the model: its disc, electrodes or drive differ. "
+                         "Evaluate it on a set of the same [body], [electrodes] and [drive].")
+
+
+def interval_caution(model: Model, samples: Samples) -> str:
+    """In words, that intervals are not those of this data set, whose rows are measured otherwise than those that the
+    model was calibrated on; empty where they are not, or the model is too old to tell."""
+    calibrated = model.record.get("calibration", model.record["dataset"]).get("measurement")
+    here = samples.measurement
+    if calibrated is None or calibrated == here:
+        return ""
+    return (f"intervals were calibrated on rows {_measured(calibrated)}, and these are {_measured(here)}: they do not "
+            "count the difference in noise. Train on a set that is measured as this one is.")
+
+
+def _measured(measurement: Mapping[str, Any]) -> str:
+    listed = ", ".join(f"{key} = {value}" for key, value in measurement.items())
+    return f"measured with {listed}" if listed else "without noise"
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Scores, and the noise-free predictions behind them."""
+
+    # scores as JSON
+    scores: Mapping[str, Any]
+    # one row a scene and output: part, scene, output, unit, target, value, HALF_WIDTHS, in the output's unit
+    predictions: pd.DataFrame
+
+
+def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), reference: str = "baseline",
+             most_trained: int | None = None) -> Evaluation:
+    """Score a model; levels in dB lie below the RMS of the baseline voltages, or of the signals.
+
+    Noise is white, added to the touched frame (the untouched one is taken as averaged over many frames), with a
+    standard deviation that the model is told. Under noise the unseen rows alone are scored, where there are any;
+    without noise all of them, of the training rows `most_trained` at most. ValueError for an unknown reference or
+    another sensor.
+    """
+    if reference not in NOISE_REFERENCES:
+        raise ValueError(f"noise reference '{reference}' is unknown; known: {', '.join(NOISE_REFERENCES)}.")
+    check_sensor(model, samples)
+    volts = {"baseline": rms(samples.baseline_V), "signal": rms(samples.signal_V)}
+    part = parts_of(model, samples)
+    clean, noisy = (take(samples, rows) for rows in (_spread(part, most_trained), _unseen(part)))
+    table, predict_ms, force_sd = _predictions(model, clean, 0.0)
+    calibrating = len(model.calibration.target)
+    scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
+              "scored": _scored_words(part, clean, noisy if noise_dB else None),
+              "fit_s": model.fit_s, "predict_ms": predict_ms, "intervals": told(calibrating),
+              "interval_rows": calibrating, "few_interval_rows": few(calibrating),
+              "interval_caution": interval_caution(model, samples), "trained_range": _trained_range(model),
+              "material": material_told(model, samples), "force_sd": force_sd,
+              "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
+              "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
+    return Evaluation(scores, table)
+
+
+def _trained_range(model: Model) -> dict[str, tuple[float, float]]:
+    """Lowest and highest training target of each output, in its unit."""
+    return {name: (float(low), float(high))
+            for name, low, high in zip(model.names, model.trained.lowest, model.trained.highest, strict=True)}
+
+
+def _spread(part: NDArray[np.str_], most_trained: int | None) -> NDArray[np.intp]:
+    """Places of all rows but the training ones, and of at most so many of these, spread evenly."""
+    trained = np.flatnonzero(part == "train")
+    count = len(trained) if most_trained is None else min(most_trained, len(trained))
+    kept = trained[np.linspace(0, len(trained) - 1, count).round().astype(np.intp)]
+    return np.sort(np.concatenate([np.flatnonzero(part != "train"), kept]))
+
+
+def _unseen(part: NDArray[np.str_]) -> NDArray[np.bool_]:
+    """The rows that the model has not seen; all where it has seen each."""
+    found = np.isin(part, UNSEEN)
+    return found if found.any() else np.ones(len(part), bool)
+
+
+def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None) -> str:
+    """In words, which rows have scores where not all have; empty where they do."""
+    left, whole = len(part) - len(clean), int(np.sum(part == "train"))
+    words = [f"{whole - left} of {whole} training rows are scored, spread evenly"] * (left > 0)
+    if noisy is not None and len(noisy) < len(part):
+        words.append(f"under noise {len(noisy)} unseen rows alone")
+    return "; ".join(words) + "." if words else ""
+
+
+def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
+              volts: dict[str, float]) -> dict[str, Any]:
+    noise = below(level_dB, volts[reference])
+    table, _, force_sd = _predictions(model, samples, noise)
+    return {"noise_db": level_dB, "noise_reference": reference, "noise_V": noise,
+            "db_below_baseline": level_db(noise, volts["baseline"]),
+            "db_below_signal": level_db(noise, volts["signal"]),
+            "outputs": _scores(model, table), "force_sd": force_sd}
+
+
+def material_told(model: Model, samples: Samples) -> str:
+    """In words, whether intervals hold what is not known of the material, as far as the model remembers."""
+    cards = model.record["dataset"].get("cards")
+    if cards is None:
+        return ""
+    here = len(np.unique(samples.card))
+    if cards > 1 and model.record.get("calibration", {}).get("cards", cards) == 1:
+        return (f"the training rows have {cards} cards, but intervals are scaled to rows of one card, and may be too "
+                "narrow for others. Calibrate on a set with draws in [material].")
+    if cards > 1:
+        return f"intervals hold the spread of {cards} cards of the posterior" + (
+            "." if model.method == "forward" else ", as one of all errors: only the forward method tells it apart.")
+    return "material uncertainty is not in the intervals: the training rows have one card." + (
+        f" These rows have {here}: train on a sweep with draws in [material]." if here > 1 else "")
+
+
+def _force_sd(model: Model, found: Estimate, part: NDArray[np.str_]) -> dict[str, float] | None:
+    """RMS over the unseen rows, or all, of the parts of the force's standard deviation before calibration, N; None
+    where the model does not tell them."""
+    if found.parts is None or "F" not in model.names:
+        return None
+    rows, k = _unseen(part), model.names.index("F")
+    each = {"noise": found.parts.noise, "material": found.parts.material, "model": found.parts.model(found.sd),
+            "whole": found.sd}
+    return {name: rms(sd[rows, k]) for name, sd in each.items()}
+
+
+def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataFrame, float, dict[str, float] | None]:
+    """The table of predictions under noise, the CPU time of one, ms, and the parts of the force's sd."""
+    noisy = samples.signal_V + noise * np.random.default_rng(model.seed).normal(size=samples.signal_V.shape)
+    begun = time.process_time()
+    found = estimate(model, noisy, noise)
+    predict_ms = (time.process_time() - begun) / len(samples) * 1e3
+    half_width = found.sd * interval_scales(model, noise, COVERAGES)[:, None]
+    chosen = [outputs.NAMES.index(name) for name in model.names]
+    part = parts_of(model, samples)
+    tables = [_long(model, samples.scene, part, k, samples.target[:, column], found.value[:, k], half_width[..., k])
+              for k, column in enumerate(chosen)]
+    return pd.concat(tables, ignore_index=True), predict_ms, _force_sd(model, found, part)
+
+
+def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int, target: Array, value: Array,
+          half_width: Array) -> pd.DataFrame:
+    table = pd.DataFrame({"part": part, "scene": scene, "output": model.names[k], "unit": model.units[k],
+                          "target": target, "value": value, **dict(zip(HALF_WIDTHS, half_width, strict=True))})
+    order = [*PARTS, "new", "all"]
+    return table.iloc[np.argsort([order.index(p) for p in part], kind="stable")]
+
+
+def _scores(model: Model, table: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    scored: dict[str, dict[str, Any]] = {}
+    for name, unit in zip(model.names, model.units, strict=True):
+        rows = table.loc[table["output"] == name]
+        scored[name] = {str(part): asdict(_score(group, unit)) for part, group in rows.groupby("part", sort=False)}
+    return scored
+
+
+def _score(group: pd.DataFrame, unit: str) -> Score:
+    target, value, *half_widths = (group[key].to_numpy(np.float64) for key in ("target", "value", *HALF_WIDTHS))
+    return score(target, value, np.array(half_widths), unit)
+
+
+def transfer(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Scores of several sets side by side, without noise: of each output, the unseen rows of each set, with the RMSE
+    over that on the first set.
+
+    sets: name -> scores as `evaluate` gives them; one that holds seen rows alone is left out.
+    """
+    table: dict[str, list[dict[str, Any]]] = {}
+    for name, scores in sets.items():
+        for output, parts in scores["outputs"].items():
+            part = next((p for p in UNSEEN if p in parts), None)
+            if part is None:
+                continue
+            rows = table.setdefault(output, [])
+            first = rows[0]["rmse"] if rows else parts[part]["rmse"]
+            rows.append({"set": name, "part": part, **parts[part],
+                         "rmse_over_first": parts[part]["rmse"] / first if first > 0 else None})
+    return table

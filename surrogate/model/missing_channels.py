@@ -1,0 +1,89 @@
+"""Channels that read nothing, and what a model can still tell without them."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data.sensor_ring import Ring
+from surrogate.forward_map import rim_correction
+from surrogate.learners.forward import TouchInversion
+from surrogate.model.model import Model
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A reading this far below the RMS of its frame reads nothing.
+DEAD = 1e-9
+# Most readings, as a part of all, that a model can do without.
+MOST_DEAD = 0.5
+# Validation rows that calibrate the intervals of a model without some readings.
+CALIBRATION_ROWS = 100
+
+
+def silent(volts: Array, baseline_V: Array) -> Mask:
+    """(n, readings) channels of frames (n, readings), V, that read nothing where the baseline (readings,), V, of the
+    training does, or that are no finite number."""
+    finite = np.where(np.isfinite(volts), volts, 0.0)
+    size, known = (np.sqrt(np.mean(v**2, axis=-1, keepdims=True)) for v in (finite, baseline_V))
+    return ~np.isfinite(volts) | ((np.abs(finite) <= DEAD * size) & (np.abs(baseline_V) > DEAD * known))
+
+
+def stuck(volts: Array) -> Mask:
+    """(readings,) channels that read exactly the same in all of three or more frames (n, readings), while nine in ten
+    others change; cells without a number aside."""
+    finite = np.isfinite(volts)
+    same = np.min(volts, axis=0, initial=np.inf, where=finite) == np.max(volts, axis=0, initial=-np.inf, where=finite)
+    same &= finite.sum(axis=0) > 2
+    return same if np.mean(same) < 0.1 else np.zeros_like(same)
+
+
+def named(dead: Mask) -> str:
+    """In words, which channels of a mask (readings,) are dead, counted from 1."""
+    columns = [str(column + 1) for column in np.flatnonzero(dead)]
+    told = ", ".join(columns[:4]) + (f" and {len(columns) - 4} more" if len(columns) > 4 else "")
+    return f"dead channel: column {told}" if len(columns) == 1 else f"dead channels: columns {told}"
+
+
+def why_not(model: Model, dead: Mask) -> str:
+    """In words, why a model cannot do without these channels (readings,); empty where it can."""
+    if model.method != "forward":
+        return "a model trained on all readings cannot do without it; --method forward can"
+    if np.mean(dead) > MOST_DEAD:
+        return f"{np.sum(dead)} of {len(dead)} readings are dead, and more than half are needed"
+    return ""
+
+
+def check_needed(model: Model, dead: Mask, where: str) -> None:
+    """ValueError where a model cannot do without channels (readings,) that are dead in every frame of a place, such as
+    a file."""
+    if dead.any() and (problem := why_not(model, dead)):
+        raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Mend it: {problem}.")
+
+
+def without(model: Model, dead: Mask) -> Model:
+    """A forward model that leaves these channels (readings,) out of its misfit, its intervals to be calibrated on
+    validation rows that lack them too."""
+    if problem := why_not(model, dead):
+        raise ValueError(f"{named(dead)}: {problem}.")
+    kept = ~dead
+    rows = np.linspace(0, len(model.calibration.target) - 1,
+                       min(CALIBRATION_ROWS, len(model.calibration.target))).round().astype(int)
+    calibration = replace(model.calibration, signal_V=model.calibration.signal_V[rows][:, kept],
+                          target=model.calibration.target[rows])
+    ring = _kept(model.ring, kept)
+    assert isinstance(model.learner, TouchInversion)
+    forward = model.learner.forward
+    beside = rim_correction.without(forward.beside, model.ring, kept)
+    learner = replace(model.learner, forward=replace(forward, ring=ring, beside=beside))
+    weakest = model.trained.weakest_V * float(np.sqrt(np.mean(kept)))
+    return replace(model, ring=ring, learner=learner, calibration=calibration, baseline_V=model.baseline_V[kept],
+                   trained=replace(model.trained, weakest_V=weakest))
+
+
+def _kept(ring: Ring, kept: Mask) -> Ring:
+    readings = len(kept)
+    return replace(ring, **{field.name: value[kept] for field in fields(Ring)
+                            if np.shape(value := getattr(ring, field.name)) == (readings,)})

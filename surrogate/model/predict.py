@@ -1,0 +1,236 @@
+"""Touches from recorded frames: values, 90 % intervals and flags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from surrogate.data.frame_rows import Lines
+from surrogate.learners.base import Estimate
+from surrogate.learners.novelty import Familiar, learn_familiar, of_other_sign, strangeness
+from surrogate.model.missing_channels import Mask, named, silent, why_not, without
+from surrogate.model.model import Model, estimate, interval_scale
+from surrogate.statistics.conformal import COVERAGE, normal
+
+Array = NDArray[np.float64]
+
+NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
+# Where nearly all trained touches lower or raise the readings alike.
+OTHER_SIGN = "signal of the other sign than a touch's"
+# A signal below this part of the weakest training signal is no touch.
+WEAK = 0.5
+# How far beyond the training targets, in their ranges, a value may lie before it is flagged.
+SLACK = 0.02
+# Misfit, or strangeness of a signal, from which a frame is unlike a touch: so often the worst of the validation rows.
+MISFIT_FACTOR = 3.0
+# Largest factor by which a strange signal widens the intervals.
+MOST_WIDENED = 1000.0
+# Norm of a signal, over that of the strongest validation row, from which it is outside the training range, and from
+# which no touch is read from it.
+STRONG, WILD = 1.2, 30.0
+# Least factor by which a touch outside the training range widens the intervals; beside the place, they are as wide as
+# the range of the training there.
+OUTSIDE_WIDENED = 10.0
+# What makes up the standard deviation of a force.
+PARTS = ("noise", "material", "model")
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """A model with what does not change from frame to frame."""
+
+    model: Model
+    # (readings,) the untouched frame, V
+    baseline_V: Array
+    # standard deviation of the noise of a signal, V
+    noise_V: float
+    # (outputs,) standard deviations that make a 90 % interval
+    scale: Array
+    familiar: Familiar
+    # (readings,) channels that are dead whatever a frame reads
+    dead: Mask
+    # predictors of the readings that are left, by the bytes of a mask of dead channels
+    reduced: dict[bytes, Predictor] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """One row a frame; NaN where a frame has no touch to read."""
+
+    # (n, outputs), and the half widths of the 90 % intervals
+    value: Array
+    half_width: Array
+    # (n,) what is to be known of the frame, empty where nothing is
+    flag: list[str]
+    # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
+    # half_width over the normal factor. No columns where the model cannot tell
+    force_parts: Array
+
+
+def prepare(model: Model, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None) -> Predictor:
+    """What predicting frames needs, the calibration of the intervals included, once for a stream of frames.
+
+    dead: (readings,) channels known to be dead, beside those that the baseline shows. ValueError for a noise that is no
+    finite number from 0.
+    """
+    if not 0 <= noise_V < np.inf:
+        raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
+                         "--noise-V VOLTS, or untouched frames that scatter less.")
+    lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
+    return Predictor(model, baseline_V, noise_V, interval_scale(model, noise_V),
+                     learn_familiar(model.ring, model.calibration.signal_V), lost)
+
+
+def predict(predictor: Predictor, volts: Array) -> Predictions:
+    """Predictions of frames (n, readings), V.
+
+    Channels that are dead in a frame are left out of its misfit where the model can do that; its values are then
+    flagged, and intervals calibrated without them, never by less than with them. Else such a frame has no values.
+    """
+    shape = (len(volts), len(predictor.model.names))
+    found = Predictions(np.full(shape, np.nan), np.full(shape, np.nan), [""] * len(volts),
+                        np.full((len(volts), _parts_told(predictor.model)), np.nan))
+    dead = silent(volts, predictor.model.baseline_V) | predictor.dead
+    for mask, rows in _groups(dead):
+        part = _without(predictor, mask, volts[rows]) if mask.any() else _sound(predictor, volts[rows])
+        found.value[rows], found.half_width[rows] = part.value, part.half_width
+        found.force_parts[rows] = part.force_parts
+        for row, flag in zip(rows.tolist(), part.flag, strict=True):
+            found.flag[row] = flag
+    return found
+
+
+def _groups(dead: Mask) -> Iterator[tuple[Mask, NDArray[np.intp]]]:
+    """Masks of dead channels, each with the frames that have it."""
+    if not dead.any():
+        yield dead[0] if len(dead) else np.zeros(dead.shape[1], bool), np.arange(len(dead))
+        return
+    masks, which = np.unique(dead, axis=0, return_inverse=True)
+    for k, mask in enumerate(masks):
+        yield mask, np.flatnonzero(which.ravel() == k)
+
+
+def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
+    if problem := why_not(predictor.model, dead):
+        none = np.full((len(volts), len(predictor.model.names)), np.nan)
+        return Predictions(none, none, [f"{named(dead)}; {problem}"] * len(volts),
+                           none[:, :_parts_told(predictor.model)])
+    key, kept = dead.tobytes(), ~dead
+    if key not in predictor.reduced:
+        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V)
+        predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale))
+    part = _sound(predictor.reduced[key], volts[:, kept])
+    return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
+
+
+def _sound(predictor: Predictor, volts: Array) -> Predictions:
+    """Predictions of frames that have all their channels."""
+    model, signal = predictor.model, volts - predictor.baseline_V
+    size = np.linalg.norm(signal, axis=1)
+    wild = size > WILD * predictor.familiar.strongest_V
+    touched = (size >= WEAK * model.trained.weakest_V) & ~wild
+    shape = (len(signal), len(model.names))
+    value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
+    flags[wild] = f"{OUTSIDE}; {MISFIT}"
+    reverse = touched & of_other_sign(predictor.familiar, signal, predictor.noise_V)
+    reverse |= volts @ predictor.baseline_V < 0
+    parts = np.full((len(signal), _parts_told(model)), np.nan)
+    if np.any(touched):
+        found = estimate(model, signal[touched], predictor.noise_V)
+        strange = strangeness(predictor.familiar, signal[touched], predictor.noise_V) / MISFIT_FACTOR
+        outside = _outside(model, found) | (size[touched] > STRONG * predictor.familiar.strongest_V)
+        value[touched] = found.value
+        half_width[touched] = _widened(model, found.sd * predictor.scale, strange, outside)
+        flags[touched] = _flags(model, found, strange > 1, outside)
+        if parts.shape[1]:
+            parts[touched] = _force_parts(model, found, half_width[touched] / normal(COVERAGE))
+    flags[reverse] += f"; {OTHER_SIGN}"
+    return Predictions(value, half_width, flags.tolist(), parts)
+
+
+def _parts_told(model: Model) -> int:
+    """Number of parts that a model tells of the force's standard deviation."""
+    return len(PARTS) if model.method == "forward" and "F" in model.names else 0
+
+
+def _force_parts(model: Model, found: Estimate, sd: Array) -> Array:
+    """(n, 3) parts of the force's calibrated standard deviations, of sd (n, outputs), in the shares of the estimate."""
+    assert found.parts is not None
+    k = model.names.index("F")
+    each = (found.parts.noise, found.parts.material, found.parts.model(found.sd))
+    return np.column_stack([part[:, k] for part in each]) * (sd / found.sd)[:, k, None]
+
+
+def _widened(model: Model, half_width: Array, strange: Array, outside: Mask) -> Array:
+    """Half widths (n, outputs) of signals that are so many times as strange as trained ones, or outside their range; no
+    coverage is promised there. None is wider than the range of the training."""
+    factor = np.maximum(np.clip(strange, 1.0, MOST_WIDENED), np.where(outside, OUTSIDE_WIDENED, 1.0))
+    span = model.trained.highest - model.trained.lowest
+    told = np.array([name not in ("x0", "y0") for name in model.names])
+    wide = np.maximum(half_width * factor[:, None], np.where(outside[:, None] & told, span, 0.0))
+    return np.minimum(wide, np.where(span > 0, span, np.inf))
+
+
+def _outside(model: Model, found: Estimate) -> Mask:
+    """(n,) whether an estimate lies beyond the training range, SLACK aside."""
+    slack = SLACK * (model.trained.highest - model.trained.lowest)
+    beyond = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
+    return beyond.any(axis=1) | ~found.inside
+
+
+def _flags(model: Model, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
+    odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
+    return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]
+
+
+def columns(model: Model) -> list[str]:
+    """Names of the columns of predictions: line, then value, lowest and highest of the 90 % interval of each output in
+    its unit, parts of the force's standard deviation where the model tells them, then the flag."""
+    each = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
+            for end in ("", "_lo90", "_hi90")]
+    parts = [f"F_sd_{part}_N" for part in PARTS] if _parts_told(model) else []
+    return ["line", *each, *parts, "flag"]
+
+
+def numbers_of(found: Predictions) -> Array:
+    """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
+    ends = (found.value, found.value - found.half_width, found.value + found.half_width)
+    return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
+
+
+def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
+    """Predictions of lines; one that is no frame has no values and tells why in its flag."""
+    sound = np.array([not problem for problem in lines.problem], bool)
+    if sound.all():
+        return predict(predictor, lines.volts)
+    found = predict(predictor, lines.volts[sound])
+    flags = iter(found.flag)
+
+    def spread(part: Array) -> Array:
+        whole = np.full((len(sound), part.shape[1]), np.nan)
+        whole[sound] = part
+        return whole
+
+    return Predictions(spread(found.value), spread(found.half_width),
+                       [problem or next(flags) for problem in lines.problem], spread(found.force_parts))
+
+
+def table_of(predictor: Predictor, lines: Lines) -> pd.DataFrame:
+    """One row a line, with the columns of `columns`; frames without a touch have no values."""
+    found = read_touches(predictor, lines)
+    table = pd.DataFrame(numbers_of(found), columns=columns(predictor.model)[1:-1])
+    table.insert(0, "line", lines.line)
+    table["flag"] = found.flag
+    return table
+
+
+def sign_caution(flags: Sequence[str]) -> str:
+    """In words, the likely cause of signals of the other sign; empty where there is none."""
+    count = sum(OTHER_SIGN in flag for flag in flags)
+    return "" if not count else (
+        f"{count} of {len(flags)} frames differ from the untouched one with the other sign than a touch's: were the "
+        "untouched and a touched frame exchanged, or the leads of the current or of the voltmeter?")

@@ -1,0 +1,106 @@
+"""Frames line by line, each answered as soon as it is there."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BufferedIOBase
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data.baseline_frame import caution
+from surrogate.data.frame_rows import CHUNK, Lines, first_frame, frames_of, header_of, waiting_lines
+from surrogate.model.missing_channels import Mask, check_needed, silent
+from surrogate.model.model import Model
+from surrogate.model.predict import Predictor, columns, numbers_of, prepare, read_touches, sign_caution
+
+Array = NDArray[np.float64]
+
+SOURCE = "standard input"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Frames that a stream held."""
+
+    answered: int
+    flagged: int
+
+
+def widen_pipe(descriptor: int) -> None:
+    """Let a pipe hold more frames than its 64 kB, where the system can, so that a fast writer's are answered together.
+    """
+    with contextlib.suppress(ImportError, AttributeError, OSError):
+        import fcntl
+
+        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, CHUNK)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
+           baseline_V: Array | None = None, dead: Mask | None = None,
+           say: Callable[[str], object] = lambda words: None) -> Counts:
+    """Write one row of predictions for each frame of a stream, flushed as soon as no further one waits.
+
+    baseline_V (readings,), V, is the untouched frame, and dead (readings,) its dead channels; without, the first frame
+    is the untouched one and has no row. `say` takes words on that, on an untouched frame of elsewhere, and on the first
+    signals of the other sign. A line that is no frame has a row without values whose flag tells why; the stream goes
+    on. ValueError where the untouched frame is bad or there is none, or a header names anything but readings.
+    """
+    table = csv.writer(sink, lineterminator="\n")
+    table.writerow(columns(model))
+    sink.flush()
+    order: NDArray[np.intp] | None = None
+    predictor = None if baseline_V is None else prepare(model, baseline_V, noise_V, dead)
+    answered, flagged, warned = 0, 0, False
+    for lines in waiting_lines(source):
+        lines = [line for line in lines if line[1]]
+        if lines and order is None:
+            named = _header(lines[0], len(model.baseline_V))
+            order, lines = (np.arange(len(model.baseline_V)), lines) if named is None else (named, lines[1:])
+        if not lines or order is None:
+            continue
+        read = frames_of(lines, order)
+        if predictor is None:
+            predictor, read = _untouched(model, read, noise_V, say), read.after_first()
+        if len(read.line):
+            rows = answers(predictor, read)
+            table.writerows(rows)
+            sink.flush()
+            flags = [row[-1] for row in rows]
+            answered, flagged = answered + len(rows), flagged + sum(map(bool, flags))
+            if not warned and (words := sign_caution(flags)):
+                say(f"line {rows[0][0]} on: {words}")
+                warned = True
+    if predictor is None:
+        raise ValueError(f"{SOURCE} held no frame. Give the untouched one first, or --baseline FILE.")
+    return Counts(answered, flagged)
+
+
+def _header(line: tuple[int, str], readings: int) -> NDArray[np.intp] | None:
+    number, text = line
+    try:
+        return header_of(text, readings)
+    except ValueError as error:
+        raise ValueError(f"{SOURCE}, line {number}: {error}") from None
+
+
+def _untouched(model: Model, lines: Lines, noise_V: float, say: Callable[[str], object]) -> Predictor:
+    """Predictor by the first line, with words on it."""
+    volts, where = first_frame(lines, SOURCE), f"{SOURCE}, line {lines.line[0]}"
+    check_needed(model, silent(volts[None], model.baseline_V)[0], where)
+    say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
+    if words := caution(model.baseline_V, volts):
+        say(words)
+    return prepare(model, volts, noise_V)
+
+
+def answers(predictor: Predictor, lines: Lines) -> list[list[str]]:
+    """Rows of predictions of some lines, in their order."""
+    found = read_touches(predictor, lines)
+    return [[str(number), *("" if math.isnan(value) else f"{value:.6g}" for value in values), flag]
+            for number, values, flag in zip(lines.line.tolist(), numbers_of(found).tolist(), found.flag, strict=True)]

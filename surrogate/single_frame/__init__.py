@@ -1,0 +1,1 @@
+"""One frame in depth: the simulator itself, the posterior, two touches."""

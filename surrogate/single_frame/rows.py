@@ -1,0 +1,237 @@
+"""Rows of `surrogate predict` with --direct, --posterior or --touches 2: one frame at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data import outputs
+from surrogate.data.baseline_frame import OTHER_BASELINE
+from surrogate.data.frame_rows import Lines
+from surrogate.forward_map.inversion import mechanical_response
+from surrogate.forward_map.inversion.invert import invert
+from surrogate.forward_map.inversion.nonlinearity import bend
+from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.learners.forward import TouchInversion
+from surrogate.learners.novelty import learn_familiar
+from surrogate.model.missing_channels import Mask, named, silent
+from surrogate.model.model import Model
+from surrogate.model.predict import MISFIT, NO_TOUCH, WEAK, Predictions, Predictor, read_touches
+from surrogate.single_frame.posterior import Posterior, posterior_of
+from surrogate.single_frame.simulated_posterior import simulated_posterior
+from surrogate.single_frame.simulator_inversion import Direct, direct
+from surrogate.single_frame.simulator_likelihood import Simulator
+from surrogate.single_frame.two_touches import read_pair
+from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.errors import NotConverged
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+# Misfit of a frame from which neither noise nor what is told of the simulator explains it.
+UNEXPLAINED = 2.0
+# Effective draws below which quantiles are rough.
+FEW = 100.0
+# Standard deviations of the readings by which the corrected map may miss a scene.
+MISSED = 1.0
+# Standard deviations of the readings by which they leave their tangent over an interval that is told too narrow.
+BENT = 1.0
+BENT_WORDS = "readings bend along d and F, whose intervals may be too narrow: ask for --posterior"
+# Standard deviation of a diameter, mm, below which the learned map is sure of a known punch.
+SURE_MM = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class One:
+    """One touched frame and what the learned map makes of it."""
+
+    line: int
+    # (readings,) touched minus untouched, V
+    signal_V: Array
+    learned: Predictions
+
+
+def learner_of(model: Model) -> TouchInversion:
+    """The forward map of a model; ValueError for other methods."""
+    if not isinstance(model.learner, TouchInversion):
+        raise ValueError(f"this asks for a map from touches to readings, and the model is of method {model.method}. "
+                         "Train one with --method forward.")
+    if model.learner.forward.materials:
+        raise ValueError("the model was trained on several cards, whose readings the simulator of one card has not. "
+                         "Train one on a sweep without [material] draws.")
+    if missing := [name for name in outputs.NAMES[:outputs.TOUCH] if name not in model.names]:
+        raise ValueError(f"the model does not tell {missing[0]}, and --direct and --posterior read x0, y0, d and F. "
+                         "Train one with --outputs all.")
+    return model.learner
+
+
+def uncalibrated(model: Model, baseline_V: Array, noise_V: float, dead: Mask) -> Predictor:
+    """As `prepare`, without calibrating intervals that a posterior replaces: that inverts every calibration row."""
+    lost = silent(baseline_V[None], model.baseline_V)[0] | dead
+    return Predictor(model, baseline_V, noise_V, np.ones(len(model.names)),
+                     learn_familiar(model.ring, model.calibration.signal_V), lost)
+
+
+def whole(lines: Lines, model: Model) -> Lines:
+    """Lines with a problem told of each frame that lacks a channel, which these ways of reading do not leave out."""
+    dead = silent(lines.volts, model.baseline_V)
+    problem = [told or (f"{named(mask)}; --direct, --posterior and --touches 2 need all" if mask.any() else "")
+               for told, mask in zip(lines.problem, dead, strict=True)]
+    return replace(lines, problem=problem)
+
+
+def check_whole(dead: Mask) -> None:
+    """ValueError for channels (readings,) that are dead in every frame."""
+    if dead.any():
+        raise ValueError(f"{named(dead)}, in every frame, and --direct, --posterior and --touches 2 need all. Mend it, "
+                         "or predict without them.")
+
+
+def ones(predictor: Predictor, lines: Lines) -> Iterator[One]:
+    """The frames in turn, those that lack a channel and lines that are no frame without values; ValueError where a
+    channel is dead in all."""
+    check_whole(predictor.dead)
+    lines = whole(lines, predictor.model)
+    for k, line in enumerate(lines.line.tolist()):
+        alone = Lines(lines.line[k:k + 1], lines.volts[k:k + 1], lines.problem[k:k + 1])
+        yield One(line, lines.volts[k] - predictor.baseline_V, read_touches(predictor, alone))
+
+
+def check_baseline(simulated_V: Array, baseline_V: Array) -> None:
+    """ValueError where an untouched frame is not the simulator's."""
+    apart = float(np.linalg.norm(simulated_V - baseline_V) / np.linalg.norm(simulated_V))
+    if apart > OTHER_BASELINE:
+        raise ValueError(f"the untouched frame differs by {apart:.0%} from the simulator's: card, scene and frames are "
+                         "not of one sensor, drive and unit. Give the --card and --data or --scene of these frames.")
+
+
+def direct_row(model: Model, simulator: Simulator, one: One, noise_V: float) -> Row:
+    """Values and 90 % intervals of x0, y0, d and F, whose they are, and what they cost.
+
+    The learned map's are kept where the simulator has no readings or does not explain the frame better, where noise
+    leaves d and F on several branches, which one covariance cannot tell, and where they are told better.
+    """
+    learner = learner_of(model)
+    names = outputs.NAMES[:outputs.TOUCH]
+    if not np.isfinite(one.learned.value).any():
+        return _direct_row(one, np.full(4, np.nan), np.full(4, np.nan), "none", None, one.learned.flag[0])
+    found = invert(learner.forward, one.signal_V[None], noise_V)
+    sure = len(learner.forward.known_mm) > 0 and float(np.sqrt(found.covariance[0, 2, 2])) < SURE_MM
+    kept, half = (np.array([part[0, model.names.index(name)] for name in names])
+                  for part in (one.learned.value, one.learned.half_width))
+    flag = one.learned.flag[0]
+    try:
+        own = direct(simulator, learner.forward, one.signal_V, noise_V, found.touch[0], known_d=sure)
+    except NotConverged as error:
+        return _direct_row(one, kept, half, "learned", None, _joined(flag, str(error)))
+    why = _why_learned(own, bool(found.broad[0]), half / normal(COVERAGE))
+    if own.misfit > UNEXPLAINED:
+        flag = _joined(flag, "the simulator does not explain this frame")
+    if why:
+        shared = np.sqrt(np.maximum(np.diag(own.covariance) - np.diag(own.own) * max(own.misfit, 1.0), 0.0))
+        return _direct_row(one, kept, np.hypot(half, shared * normal(COVERAGE)), "learned", own, _joined(flag, why))
+    if not sure and bend(learner.forward, own.touch, own.covariance, own.unknowns.whitening) > BENT:
+        flag = _joined(flag, BENT_WORDS)
+    return _direct_row(one, own.touch, np.sqrt(np.diag(own.covariance)) * normal(COVERAGE), "simulator", own, flag)
+
+
+def _why_learned(own: Direct, broad: bool, learned_sd: Array) -> str:
+    """Why the learned map's answer is kept; empty where it is not."""
+    if broad:
+        return "d and F are broad: ask for --posterior"
+    if not own.converged:
+        return "the simulator's search ended short"
+    told = np.sqrt(np.diag(own.own)) * np.sqrt(max(own.misfit, 1.0))
+    if np.sum(np.log(told / np.maximum(learned_sd, 1e-9))) > 0:
+        return "the learned map tells this touch closer"
+    return ""
+
+
+def pair_row(model: Model, line: int, signal_V: Array, noise_V: float) -> Row:
+    """Two touches of a signal (readings,), V, with standard deviations, and whether it needs two."""
+    forward = learner_of(model).forward
+    if np.linalg.norm(signal_V) < WEAK * model.trained.weakest_V:
+        return {"line": line, "flag": NO_TOUCH}
+    alone = invert(forward, signal_V[None], noise_V).touch
+    found = read_pair(forward, signal_V, noise_V, to_unknown(alone, forward.p0)[0])
+    row: Row = {"line": line, "touches": 2 if found.two else 1}
+    sd = np.sqrt(np.diag(found.covariance)).reshape(2, 4)
+    for k in range(2):
+        for name, value, spread in zip(outputs.NAMES, found.touch[k], sd[k], strict=False):
+            unit = outputs.of(name).unit
+            row |= {f"{name}_{k + 1}_{unit}": value, f"{name}_{k + 1}_sd_{unit}": spread}
+    flag = _joined("" if found.two else "one touch explains this frame as well",
+                   "the two are too near each other to be told apart" if found.too_near else "",
+                   MISFIT if found.misfit > UNEXPLAINED else "")
+    return row | {"gain": found.gain, "misfit": found.misfit, "misfit_of_one": found.misfit_of_one, "flag": flag}
+
+
+def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | None, flag: str) -> Row:
+    row: Row = {"line": one.line}
+    for name, v, h in zip(outputs.NAMES[:outputs.TOUCH], value, half, strict=True):
+        unit = outputs.of(name).unit
+        row |= {f"{name}_{unit}": v, f"{name}_lo90_{unit}": v - h, f"{name}_hi90_{unit}": v + h}
+    cost = {"misfit": np.nan, "residual_V": np.nan, "left_out_error": np.nan, "simulations": 0, "cpu_s": np.nan}
+    if own is not None:
+        cost = {"misfit": own.misfit, "residual_V": float(np.sqrt(np.mean(own.residual_V**2))),
+                "left_out_error": own.told, "simulations": own.simulations, "cpu_s": own.cpu_s}
+    return row | {"by": taken} | cost | {"flag": flag}
+
+
+def posterior_row(model: Model, simulator: Simulator | None, one: One, noise_V: float, seed: int) -> Row:
+    """Median, standard deviation, 5 and 95 % of every output of the model, correlation of d and F, and how good the
+    chains are; without numbers where the frame has no touch or no posterior. Where there is a simulator, by its
+    likelihood."""
+    learner = learner_of(model)
+    if not np.isfinite(one.learned.value).any():
+        return {"line": one.line, "flag": one.learned.flag[0]}
+    try:
+        found, why, by = _posterior(learner, simulator, one, noise_V, seed)
+    except NotConverged as error:
+        return {"line": one.line, "flag": _joined(one.learned.flag[0], str(error))}
+    row: Row = {"line": one.line}
+    for name, values in _values(model, learner, found, seed).items():
+        unit, (low, middle, high) = outputs.of(name).unit, np.quantile(values, (0.05, 0.5, 0.95))
+        row |= {f"{name}_median_{unit}": middle, f"{name}_sd_{unit}": values.std(), f"{name}_q05_{unit}": low,
+                f"{name}_q95_{unit}": high}
+    row |= {"correlation_d_F": float(np.asarray(np.corrcoef(found.draws[:, 2:].T))[0, 1]),
+            "misfit": found.misfit, "effective_draws": found.effective}
+    row |= {key: found.checks[key] for key in ("rhat", "ess", "autocorrelation_steps", "steps", "acceptance")} | by
+    flags = [one.learned.flag[0], why, "" if found.checks["converged"] else "the chains did not converge",
+             "few draws are left of the emulator's" if found.effective < FEW else "",
+             MISFIT if found.misfit > UNEXPLAINED else ""]
+    return row | {"cpu_s": found.cpu_s, "flag": _joined(*flags)}
+
+
+def _posterior(learner: TouchInversion, simulator: Simulator | None, one: One, noise_V: float,
+               seed: int) -> tuple[Posterior, str, Row]:
+    """The posterior, what is to be known of it, and whose it is."""
+    if simulator is None:
+        return posterior_of(learner.forward, one.signal_V, noise_V, seed), "", {"by": "learned"}
+    try:
+        told = simulated_posterior(simulator, learner.forward, one.signal_V, noise_V, seed)
+    except NotConverged as error:
+        own = posterior_of(learner.forward, one.signal_V, noise_V, seed)
+        return own, str(error), {"by": "learned", "simulations": 0, "held_out_error": np.nan}
+    why = "the corrected map misses scenes by more than the noise" if told.held_out_error > MISSED else ""
+    return told.posterior, why, {"by": "simulator", "simulations": told.simulations,
+                                 "held_out_error": told.held_out_error}
+
+
+def _values(model: Model, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:
+    """Draws of every output of the model: the touch, and its learned response with that one's own scatter."""
+    values = dict(zip(outputs.NAMES, found.draws.T, strict=False))
+    mechanical = [name for name in model.names if name in outputs.NAMES[outputs.TOUCH:]]
+    if mechanical:
+        answer = mechanical_response.respond(learner.response, found.draws, np.zeros((len(found.draws), 0)))
+        scatter = np.random.default_rng([seed, 7]).normal(size=answer.sd.shape)
+        values |= dict(zip(mechanical, (answer.value + answer.sd * scatter).T, strict=True))
+    return {name: values[name] for name in model.names}
+
+
+def _joined(*flags: str) -> str:
+    return "; ".join(dict.fromkeys(flag for flag in flags if flag))

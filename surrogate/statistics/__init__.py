@@ -1,0 +1,1 @@
+"""Gaussian processes, Levenberg-Marquardt, conformal intervals, metrics."""

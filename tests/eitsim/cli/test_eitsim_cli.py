@@ -1,0 +1,125 @@
+"""Command line of eitsim: the contract's keys, plain errors with status 2, what was reached with status 3.
+
+Those that call `process` start Python anew; the others call main() in this one.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from eitsim.scene.frames import read_frames
+from matcal.card import MaterialCard, write_card
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm", {"uniaxial": (-0.8, 0.0)})
+SKIN = Conductivity(30.0, [-2, 2, -1], (0.0, 0.4))
+KEYS = {"readings_V", "baseline_V", "force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "outcome",
+        "wall_contact_mm2", "plan", "error_estimate", "stability", "cost", "scene", "card", "versions"}
+
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def process(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "eitsim", *words], cwd=folder, capture_output=True, text=True,
+                          timeout=300)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_card(MaterialCard("Table 1", FOAM, None, SKIN), tmp_path / "card.json")
+    write_card(MaterialCard("dry", FOAM), tmp_path / "dry.json")
+    write_card(MaterialCard("skin", None, None, SKIN), tmp_path / "skin.json")
+    (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
+    (tmp_path / "bare.toml").write_text("[punch]\nforce_N = 0.5\n")
+    (tmp_path / "wrong.toml").write_text("[punch]\nradius = 3\n")
+    (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 98\n")
+    (tmp_path / "stick.toml").write_text('[punch]\nfriction = "stick"\n')
+    (tmp_path / "hopeless.toml").write_text("[punch]\nforce_N = 2000\n")
+    return tmp_path
+
+
+def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
+    done = process(folder, "run", "scene.toml", "--json", "--out", "result.json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result.keys() >= KEYS
+    assert json.loads((folder / "result.json").read_text()) == result
+    assert result["stability"]["fitted_foam_strain"] == [-0.8, 0.0]
+    assert [len(row) for row in result["readings_V"]] == [13] * 16
+
+
+@pytest.mark.parametrize(("words", "named"), [
+    (["run", "absent.toml"], "absent.toml"), (["run", "bare.toml"], "--card"),
+    (["run", "bare.toml", "--card", "absent.json"], "absent.json"),
+    (["run", "wrong.toml", "--card", "card.json"], "radius"), (["run", "rim.toml", "--card", "card.json"], "rim"),
+    (["run", "bare.toml", "--card", "dry.json"], "no conductivity"),
+    (["run", "bare.toml", "--card", "skin.json"], "no hyperfoam"),
+    (["run", "scene.toml", "--fields", "f.txt"], "f.txt: the file is a VTU file; give a name that ends in .vtu"),
+    (["run", "scene.toml", "--skin", "s.vtk"], "--skin s.vtk: the file is a VTU file"),
+    (["run", "scene.toml", "--skin", "s.vtu", "--skin-patterns", "3,16"], "pattern 16 is none of 0 to 15"),
+    (["run", "scene.toml", "--skin-patterns", "3"], "no effect without --skin"),
+    (["run", "stick.toml", "--card", "card.json", "--reuse"], "--reuse"),
+    (["run", "scene.toml", "--report", "touch.pdf"], "--out"), (["report", "nothing", "--out", "x.pdf"], "nothing"),
+    (["sweep", "bare.toml", "--card", "card.json", "--out", "set"], "scenes"),
+    (["sweep", "wrong.toml", "--card", "card.json", "--out", "set"], "radius")])
+def test_mistakes_are_named_with_status_2(command: Command, folder: Path, words: list[str], named: str) -> None:
+    before = sorted(p.name for p in folder.iterdir())
+    done = command("eitsim", *words, cwd=folder)
+    assert done.returncode == 2
+    assert named in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(p.name for p in folder.iterdir()) == before
+
+
+def test_readings_follow_the_drive_into_result_and_frames(command: Command, folder: Path) -> None:
+    text = (folder / "scene.toml").read_text()
+    (folder / "currents.csv").write_text("1,0,0,0,-1,0,0,0\n0,0,1,0,0,0,-1,0\n1,-1,1,-1,1,-1,1,-1\n")
+    drive = '[electrodes]\ncount = 8\n[drive]\ncurrents = "currents.csv"\nmeasurements = [[0, 1, 0, -1, 0, 0, 0, 0]]\n'
+    (folder / "scene.toml").write_text(text + drive)
+    done = command("eitsim", "run", "scene.toml", "--json", "--frames", "frames.csv", "--skin", "skin.vtu",
+                   "--skin-patterns", "2", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert [len(row) for row in result["readings_V"]] == [1] * 3
+    assert result["scene"]["drive"]["currents"][2] == [1, -1] * 4
+    assert b'Name="potential_V_02"' in (folder / "skin.vtu").read_bytes()
+    frames = read_frames(folder / "frames.csv", 3)
+    assert frames.volts.tolist() == [[row[0] for row in result[key]] for key in ("baseline_V", "readings_V")]
+
+
+def test_a_hopeless_touch_saves_what_was_reached_with_status_3(command: Command, folder: Path) -> None:
+    done = command("eitsim", "run", "hopeless.toml", "--card", "card.json", "--out", "result.json", cwd=folder)
+    assert done.returncode == 3
+    assert "deep" in done.stderr
+    result = json.loads((folder / "result.json").read_text())
+    assert result["outcome"] == "bottomed_out"
+    assert 0 < result["load_fraction"] < 1
+    assert result["residuals"]
+
+
+def test_an_exact_run_writes_the_fields(command: Command, folder: Path) -> None:
+    done = command("eitsim", "run", "scene.toml", "--exact", "--out", "result.json", "--fields", "fields.vtu",
+                   cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert b'Name="displacement_m"' in (folder / "fields.vtu").read_bytes()
+    assert "fields.vtu" in done.stdout
+    result = json.loads((folder / "result.json").read_text())
+    assert result["electrics_method"] == "mesh"
+    assert result["plan"][0]["decision"].startswith("exact")
+
+
+def test_run_refuses_to_write_over_its_scene_or_its_card(folder: Path) -> None:
+    before = {name: (folder / name).read_bytes() for name in ("scene.toml", "card.json")}
+    for option, place in (("--frames", "card.json"), ("--out", "scene.toml")):
+        done = process(folder, "run", "scene.toml", option, place)
+        assert done.returncode == 2
+        assert "would be overwritten" in done.stderr
+    assert {name: (folder / name).read_bytes() for name in before} == before

@@ -1,0 +1,315 @@
+"""The clipped disc: its discretisation, its equilibria, and what it changes of a touch near the rim."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eitsim.electrics.sheet.sheet_conductance import changes, sheet_conductance, stretches
+from eitsim.mechanics.axisymmetric import friction_increments
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, pressings, solve_touch, under_force
+from eitsim.mechanics.contact.punch_contact import pressure
+from eitsim.mechanics.harmonics.arcs import Outline, circles
+from eitsim.mechanics.harmonics.clipped_disc import amplitudes, clipped_disc, unknowns_of
+from eitsim.mechanics.harmonics.equilibrium import energy, linearised, product, seen, solve, touching
+from eitsim.mechanics.harmonics.fourier_fields import forces, forces_plainly, gradients, gradients_plainly, stiffened
+from eitsim.mechanics.rim.correction import within_face
+from eitsim.mechanics.rim.solve_near_rim import COARSE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
+from eitsim.mechanics.solid import hyperfoam_3d
+from eitsim.scene.results import RimField
+from eitsim.scene.scene import Body, Punch, Scene, Skin
+from eitsim.simulation.plan import near_rim, rim_effect
+from matcal.laws import hyperfoam
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+FOAM = Hyperfoam(np.array([14.42e3, 16.78e3, -21.67e3]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+BODY = Body()
+SKIN = Conductivity(30.0, np.array([-2.0, 0.0, 0.0]), (-0.5, 0.5))
+TINY, NARROW = Fineness(12.0, 4, 9), Fineness(4.0, 5, 10)
+
+
+def at_gap(gap_m: float, force_N: float = 0.1) -> Punch:
+    return Punch(x_m=0.093 - gap_m, force_N=force_N)
+
+
+def disc_at(gap_m: float, fineness: Fineness, force_N: float = 0.1, reach: float = 4.0, *, sticks: bool = False):
+    (model,) = pressings(FOAM, BODY, Punch(), fineness.element * 6e-5, None)[-1:]
+    force = force_N / force_unit(FOAM, BODY)
+    if sticks:
+        _, found = friction_increments.loaded(model, np.inf, friction_increments.at_rest(model), force)
+        model, state = replace(model, grip=found.grip), found.state
+    else:
+        (state,) = under_force([model], force)
+    return clipped_disc(model, state, Outline(10.0, 9.3 - gap_m * 100), fineness.harmonics, fineness.angles, reach)
+
+
+def strains(*gradient):
+    return np.stack([np.asarray(g).reshape(9) - np.eye(3).ravel() for g in gradient], axis=-1)[None]
+
+
+@pytest.mark.parametrize("stretch", [(1.0, 1.0, 1.0), (0.4, 1.1, 1.1 + 1e-9), (0.3, 0.9, 2.0)])
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+def test_stress_and_tangent_are_derivatives_of_the_energy(stretch, nu):
+    law, rng = replace(FOAM, nu=np.full(3, nu)), np.random.default_rng(1)
+    turn, other = (np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(2))
+    gradient = turn @ np.diag(stretch) @ other * np.linalg.det(turn @ other)
+    step = 1e-6 * np.eye(9).reshape(9, 3, 3)
+
+    def stored(f):
+        return hyperfoam.energy(law, hyperfoam_3d.principal(strains(*f)).log)[0]
+
+    def answer(f, share=1.0):
+        at = hyperfoam_3d.principal(strains(*f))
+        stress, upper = hyperfoam_3d.stress_and_tangent(
+            at, hyperfoam_3d.response(law, at.log, share), np.ones((1, len(f)))
+        )
+        tangent = np.zeros((9, 9))
+        tangent[hyperfoam_3d.UPPER] = upper[0, :, 0]
+        return stress[0], tangent + np.triu(tangent, 1).T
+
+    by_energy = (stored(gradient + step) - stored(gradient - step)) / 2e-6
+    by_stress = (answer(gradient + step)[0] - answer(gradient - step)[0]) / 2e-6
+    stress, tangent = answer(gradient[None])
+    assert np.abs(by_energy - stress[:, 0]).max() < 1e-5 * law.mu_0_Pa
+    assert np.abs(by_stress - tangent).max() < 1e-7 * np.abs(tangent).max()
+    assert np.linalg.eigvalsh(answer(gradient[None], 0.0)[1]).min() > -1e-9 * np.abs(tangent).max()
+
+
+def test_the_kernels_do_what_numpy_does():
+    disc, rng = disc_at(0.002, TINY), np.random.default_rng(2)
+    amplitude = disc.base + 0.01 * amplitudes(disc, rng.normal(size=disc.unknowns))
+    strain = gradients(disc.foam, amplitude)
+    assert np.abs(strain - gradients_plainly(disc.foam, amplitude)).max() < 1e-12
+    found = []
+    for principal, compose in ((hyperfoam_3d.principal, hyperfoam_3d.stress_and_tangent),
+                               (hyperfoam_3d.principal_plainly, hyperfoam_3d.stress_and_tangent_plainly)):
+        at = principal(strain)
+        found.append(compose(at, hyperfoam_3d.response(disc.law, at.log, 0.5), disc.weight))
+    for one, other in zip(*found, strict=True):
+        assert np.abs(one - other).max() < 1e-10 * np.abs(one).max()
+    stress, tangent = found[0]
+    force = forces(disc.foam, stress, amplitude)
+    assert np.abs(force - forces_plainly(disc.foam, stress, amplitude)).max() < 1e-12 * np.abs(force).max()
+    full = np.zeros((len(tangent), 9, 9, tangent.shape[2]))
+    full[:, hyperfoam_3d.UPPER[0], hyperfoam_3d.UPPER[1]] = full[:, hyperfoam_3d.UPPER[1], hyperfoam_3d.UPPER[0]] = (
+        tangent
+    )
+    pulled = forces_plainly(disc.foam, np.einsum("pklj,plj->pkj", full, strain), amplitude)
+    assert np.abs(stiffened(disc.foam, tangent, amplitude) - pulled).max() < 1e-12 * np.abs(pulled).max()
+
+
+def test_cut_circles_fill_the_disc():
+    outline = Outline(10.0, 9.2)
+    t, w = np.polynomial.legendre.leggauss(400)
+    edges = [0.0, 0.8, 19.2]
+    area = 0.0
+    for a, b in itertools.pairwise(edges):
+        radius = (a + b) / 2 - (b - a) / 2 * np.cos(np.pi / 2 * (t + 1))
+        speed = (b - a) / 2 * np.pi / 2 * np.sin(np.pi / 2 * (t + 1))
+        area += float(np.sum(w * speed * 2 * np.pi * radius * circles(outline, radius, 1, 8).inside))
+    assert area == pytest.approx(np.pi * 100, rel=1e-6)
+
+
+def test_homogeneous_deformations_are_exact_on_the_clipped_disc():
+    disc, (first, second) = disc_at(0.001, TINY), (-0.1, 0.25)
+    radius = np.repeat(disc.columns, len(disc.base) // len(disc.columns))
+    mean, half, root = (first + second) / 2, (first - second) / 2, np.sqrt(2)
+    amplitude = np.zeros(disc.base.shape)
+    amplitude[:, 0, 0] = mean * radius
+    amplitude[:, 0, 2], amplitude[:, 1, 2] = half * radius / root, -half * radius / root
+    strain = gradients(disc.foam, amplitude)
+    angle = np.arccos(np.clip(disc.foam.circles.cosine[:, 1] / root, -1, 1))[disc.foam.circle]
+    expected = np.zeros_like(strain)
+    expected[:, 0], expected[:, 4] = mean + half * np.cos(2 * angle), mean - half * np.cos(2 * angle)
+    expected[:, 1] = expected[:, 3] = -half * np.sin(2 * angle)
+    assert np.abs(strain - expected).max() < 1e-12
+    assert np.allclose(hyperfoam_3d.principal(strain).log.max(axis=-1), np.log1p(second))
+    turn = np.zeros(disc.base.shape)
+    turn[:, 0, 1], turn[:, 1, 1] = 0.3 / root, -0.3 / root
+    assert np.abs(gradients(disc.foam, turn)).max() < 1e-12
+
+
+@pytest.mark.parametrize("sticks", [False, True])
+def test_gradient_and_hessian_belong_to_the_energy(sticks):
+    disc, rng = disc_at(0.002, TINY, 0.5, sticks=sticks), np.random.default_rng(3)
+    x = solve(disc).x + 1e-6 * rng.normal(size=disc.unknowns + 1)
+    gradient, tangents = linearised(disc, x)
+    along = gradient / np.linalg.norm(gradient)
+    step = 1e-6 * along
+    slope = (energy(disc, x + step) - energy(disc, x - step)) / 2e-6
+    assert slope == pytest.approx(float(gradient @ along), rel=1e-5)
+    change = (linearised(disc, x + step)[0] - linearised(disc, x - step)[0]) / 2e-6
+    assert np.linalg.norm(product(disc, tangents, along) - change) < 1e-4 * np.linalg.norm(change)
+
+
+def test_at_the_centre_the_disc_finds_the_axisymmetric_touch_from_another_one():
+    fineness = Fineness(4.0, 4, 9)
+    low, high = (disc_at(0.093, fineness, force, reach=10.0) for force in (0.4, 0.5))
+    found = solve(replace(low, force=high.force)).x
+    u = low.base + amplitudes(low, found[:-1])
+    print("depth", low.depth + found[-1], high.depth)
+    assert low.depth + found[-1] == pytest.approx(high.depth, rel=1e-6)
+    assert np.abs(u - high.base).max() < 1e-6 * np.abs(high.base).max()
+    strain, expected = (gradients(high.foam, a) for a in (u, high.base))
+    assert np.abs(strain - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def test_at_the_centre_what_sticks_returns_to_the_axisymmetric_touch_from_a_wrong_start():
+    disc, rng = disc_at(0.093, TINY, 0.5, sticks=True), np.random.default_rng(6)
+    assert np.linalg.norm(linearised(disc, np.zeros(disc.unknowns + 1))[0]) < 1e-9 * disc.force
+    found = solve(disc, 1e-4 * rng.normal(size=disc.unknowns + 1)).x
+    assert np.abs(amplitudes(disc, found[:-1])).max() < 1e-8
+    assert abs(found[-1]) < 1e-8
+
+
+def test_what_sticks_slips_far_less_near_the_rim():
+    slipped = {}
+    for sticks in (True, False):
+        disc = disc_at(0.002, TINY, 0.5, sticks=sticks)
+        x = solve(disc).x
+        if sticks:
+            springs, held = disc.springs, disc.springs.stiffness[:, 0] > 0
+        change = springs.direction @ (seen(disc, x) - seen(disc, np.zeros_like(x)))
+        slipped[sticks] = np.sqrt(np.mean(change[held] ** 2))
+    print("root mean square slip that the rim adds, thicknesses", slipped)
+    assert slipped[True] < 0.1 * slipped[False]
+
+
+def test_the_rim_deepens_a_touch_the_more_the_nearer():
+    added = {}
+    for gap in (0.002, 0.005, 0.012):
+        disc = disc_at(gap, NARROW, 1.0, reach=5.7)
+        found = solve(disc).x
+        added[gap] = float(found[-1]) / disc.depth
+        at = touching(disc, found)
+        reaction = float(np.sum(disc.facing.weight * pressure(disc.tool, at.gap) * at.normal[:, 2]))
+        assert reaction == pytest.approx(disc.force, rel=1e-8)
+    print({gap: f"{part:.2%}" for gap, part in added.items()})
+    # the same touch by another method, hexahedra on a patch, in percent of the depth
+    for (_, part), other in zip(added.items(), (4.9, 1.5, 0.25), strict=True):
+        assert 100 * part == pytest.approx(other, abs=0.06 + 0.05 * other)
+
+
+def test_harmonics_converge_geometrically():
+    added = [float(solve(disc_at(0.003, Fineness(8.0, count, 16))).x[-1]) for count in (3, 5, 7, 9)]
+    steps = np.abs(np.diff(added)) / added[-1]
+    print("relative steps of the added depth", steps)
+    assert np.all(steps[1:] < steps[:-1] / 3)
+
+
+def test_a_touch_near_the_rim_tells_its_error_and_ends_smoothly():
+    touch = solve_touch(FOAM, BODY, Punch(force_N=0.1))
+    got = corrected(touch, FOAM, BODY, at_gap(0.008), coarse=TINY, fine=COARSE)
+    assert got.rim is not None
+    assert got.force_N == touch.force_N
+    assert touch.depth_m < got.depth_m < 1.01 * touch.depth_m
+    assert got.depth_error < 0.003
+    last = got.rim.metric[-1] - [1, 0, 1]
+    assert np.abs(last).max() < 1e-3
+    assert np.abs(got.rim.normal[-1] - 1).max() < 1e-3
+
+
+def test_where_the_rim_is_left_out_the_field_jumps_by_less_than_the_plan_says():
+    gaps = np.arange(0.02, 0.06, 0.0001)
+    gap = float(next(g for g in gaps if not near_rim(Scene(), at_gap(float(g)))))
+    touch = solve_touch(FOAM, BODY, Punch(force_N=1.0))
+    change = rim_change(FOAM, BODY, at_gap(gap, 1.0), COARSE)
+    radius, share = change.field.radius_m, 1 - Outline(0.1, 0.093 - gap).start(change.field.radius_m) / np.pi
+    weight = (radius * np.gradient(radius) * share)[:, None]
+    before = stretches(touch, radius)[2][:, None]
+    jump = np.sqrt(np.sum(weight * (before * (change.field.normal - 1)) ** 2)
+                   / np.sum(weight * np.ones(change.field.normal.shape) * (before - 1) ** 2))
+    bound = rim_effect(gap, BODY.thickness_m)
+    print(f"gap {gap * 1e3:.1f} mm: depth {change.depth_m / touch.depth_m:.1e}, strain {jump:.1e}, bound {bound:.1e}")
+    assert 0 < change.depth_m / touch.depth_m < bound
+    assert 0 < jump < bound
+
+
+def test_a_given_depth_takes_the_force_that_reaches_it():
+    punch = at_gap(0.002, 0.2)
+    by_force = rim_change(FOAM, BODY, punch, COARSE)
+    touch = solve_touch(FOAM, BODY, Punch(force_N=0.2), element_m=3.6e-4)
+    depth = touch.depth_m + by_force.depth_m
+    by_depth = rim_change(FOAM, BODY, replace(punch, force_N=None, depth_m=depth), COARSE)
+    deeper = solve_touch(FOAM, BODY, Punch(force_N=None, depth_m=depth), element_m=3.6e-4)
+    assert by_depth.depth_m == 0
+    assert deeper.force_N * by_depth.force == pytest.approx(0.2, rel=0.002)
+    assert np.abs(by_depth.field.normal - by_force.field.normal).max() < 0.02
+
+
+def test_fields_of_all_gaps_share_their_samples():
+    fields = [rim_change(FOAM, BODY, at_gap(gap), TINY).field for gap in (0.001, 0.01)]
+    assert np.array_equal(fields[0].radius_m, fields[1].radius_m)
+    assert np.array_equal(fields[0].share, fields[1].share)
+
+
+@pytest.mark.parametrize("profile", ["sphere", "cone"])
+def test_other_profiles_deepen_near_the_rim(profile):
+    punch = replace(at_gap(0.002, 0.2), profile=profile)
+    change = rim_change(FOAM, BODY, punch, COARSE)
+    far = rim_change(FOAM, BODY, replace(punch, x_m=0.04), COARSE)
+    assert change.depth_m > 5e-6
+    assert abs(far.depth_m) < 0.01 * change.depth_m
+
+
+def test_what_the_rim_does_not_allow_is_named():
+    assert rim_problem(BODY, at_gap(0.005)) == ""
+    for punch, named in ((at_gap(-0.001), "beyond the rim"),
+                         (replace(at_gap(0.005), friction="coulomb", friction_coefficient=0.5), "sticks")):
+        assert named in rim_problem(BODY, punch)
+        with pytest.raises(ValueError, match=named):
+            solve_near_rim(FOAM, BODY, punch)
+
+
+@pytest.mark.parametrize(("gap", "named"), [
+    (0.0, "on the rim"), (5e-7, "on the rim"), (-1e-5, "on the rim"), (-1e-3, "1.0 mm beyond the rim")])
+def test_an_edge_on_the_rim_is_told_how_far_to_move(gap, named):
+    problem = rim_problem(BODY, at_gap(gap))
+    assert named in problem
+    (inwards,) = re.findall(r"x_mm and y_mm .* (\S+) mm further inwards", problem)
+    assert rim_problem(BODY, at_gap(gap + float(inwards) / 1e3)) == ""
+
+
+def test_the_skin_takes_the_rims_metric_as_it_is():
+    touch, rng = solve_touch(FOAM, BODY, Punch(force_N=0.1)), np.random.default_rng(4)
+    radius, share = np.linspace(0.001, 0.05, 20), np.linspace(0, 1, 9)
+    none = np.tile([1.0, 0.0, 1.0], (20, 9, 1))
+    one = RimField(radius, share, np.zeros((20, 9, 3)), none, np.ones((20, 9)), 0.1, 0.05)
+    punch, points = Punch(x_m=0.03, y_m=0.04), np.array([0.03, 0.04]) + rng.uniform(-0.02, 0.02, (50, 2))
+    plain = sheet_conductance(points, punch, touch, Skin(), SKIN)
+    same = sheet_conductance(points, punch, replace(touch, rim=one), Skin(), SKIN)
+    assert np.abs(same - plain).max() < 1e-12 * np.abs(plain).max()
+    skewed = replace(one, metric=np.tile([1.1, 0.05, 0.9], (20, 9, 1)))
+    metric, _ = changes(skewed, np.array([[0.01, 0.01], [0.01, -0.01], [0.06, 0.0]]))
+    assert metric[0] == pytest.approx(np.array([[1.1, 0.05], [0.05, 0.9]]))
+    assert metric[1] == pytest.approx(np.array([[1.1, -0.05], [-0.05, 0.9]]))
+    assert metric[2] == pytest.approx(np.eye(2))
+
+
+def test_forces_are_the_adjoint_of_the_amplitudes():
+    disc, rng = disc_at(0.002, TINY), np.random.default_rng(5)
+    x, force = rng.normal(size=disc.unknowns), rng.normal(size=disc.base.shape)
+    assert np.sum(amplitudes(disc, x) * force) == pytest.approx(float(x @ unknowns_of(disc, force)))
+
+
+def test_a_contact_is_no_larger_than_the_face_and_the_excess_is_told():
+    far = solve_touch(FOAM, Body(), Punch(force_N=0.1), element_m=0.24e-3)
+    wide = replace(far, contact_area_m2=1.1 * np.pi * 0.007**2, contact_area_error=0.01)
+    kept = within_face(wide, Punch(diameter_m=0.014))
+    assert kept.contact_area_m2 == pytest.approx(np.pi * 0.007**2, rel=1e-12)
+    assert kept.contact_area_error == pytest.approx(0.11)
+    assert kept.sigma_ave_Pa == pytest.approx(far.force_N / kept.contact_area_m2)
+
+
+def test_a_failure_near_the_rim_tells_its_likely_cause():
+    punch = Punch(0.0332501, 0.0854838, 0.0157779, 4.78751, friction="stick")
+    told = r"Likely cause: .*0\.39 mm from the rim, \d\.\d\d mm deep.* move it inwards"
+    touch = solve_touch(FOAM, BODY, replace(punch, friction="none"), element_m=0.24e-3)
+    with pytest.raises(NotConverged, match=told):
+        corrected(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE)

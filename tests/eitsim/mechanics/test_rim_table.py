@@ -1,0 +1,242 @@
+"""What the rim changes, from a table: touches solved afresh are recovered within the error that is told for their gap
+and depth; where the table ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.mechanics.load_paths.build_rim_table import GRID, Grid, build_rim, checked, refined
+from eitsim.mechanics.load_paths.build_table import build
+from eitsim.mechanics.load_paths.load_path import Deviation
+from eitsim.mechanics.load_paths.rim_table import (
+    between,
+    cells_of,
+    changed_diameters,
+    deviation_at,
+    extended,
+    middle_depths,
+    middle_gaps,
+    middles_of,
+    near_rim_from,
+    told_by,
+    within,
+)
+from eitsim.mechanics.load_paths.table import shape_of, state, touch_from
+from eitsim.mechanics.load_paths.types import RimTable, Table
+from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Punch, scene_from
+from eitsim.simulation.reuse import decision, scene_shape, served
+from eitsim.simulation.simulate import simulate
+from eitsim.sweeps.design.design import design_from
+from eitsim.sweeps.run.table_choice import fine_enough_for, rim_repays
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
+CARD = MaterialCard("Table 1", FOAM, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+
+
+@pytest.fixture(scope="module")
+def table():
+    paths = build(shape_of(FOAM, Body(), Punch(), "normal"), depths=(0.055, 0.075, 0.1, 0.13))
+    grid = Grid((0.5, 0.7, 1.0, 1.4), (0.06, 0.08, 0.1, 0.125), (0.5, 1.0, 1.4), (0.06, 0.1, 0.125))
+    return replace(paths, rim=build_rim(paths, grid=grid))
+
+
+def pressed(table, gap_m: float, depth: float) -> Punch:
+    """A punch at a gap from the rim under the force of a depth far from it, in thicknesses."""
+    found = state(table, 1.4, depth=depth)
+    assert found is not None
+    return Punch(x_m=0.093 - gap_m, force_N=found.number["mean_pressure"] * FOAM.mu_0_Pa * np.pi * 0.007**2)
+
+
+def stored(table, punch: Punch) -> Touch | None:
+    touch = touch_from(table, FOAM, Body(), punch, "normal")
+    assert touch is not None
+    return near_rim_from(table, touch, Body(), punch)
+
+
+@pytest.mark.slow
+def test_touches_near_the_rim_are_recovered(table) -> None:
+    punch = pressed(table, 8e-3, 0.09)
+    quick, fresh = stored(table, punch), solve_near_rim(FOAM, Body(), punch)
+    assert quick is not None
+    added = fresh.depth_m / touch_from(table, FOAM, Body(), punch, "normal").depth_m - 1
+    missed = abs(quick.depth_m / fresh.depth_m - 1)
+    print("the rim adds", added, "missed", missed, table.rim.error)
+    assert quick.rim is not None
+    assert quick.rim.told is not None
+    depth, signal = quick.rim.told
+    assert 0 < missed < table.error.depth + depth
+    assert missed < added / 4
+    assert signal_difference(Body(), punch, fresh, quick.rim, fresh.rim, "normal") < 2 * signal < 0.02
+    assert quick.contact_area_m2 == pytest.approx(fresh.contact_area_m2, rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_disc_may_be_turned(table) -> None:
+    punch = pressed(table, 8e-3, 0.09)
+    turned = replace(punch, x_m=punch.x_m * 0.6, y_m=punch.x_m * 0.8)
+    straight, aslant = stored(table, punch), stored(table, turned)
+    assert straight is not None
+    assert aslant is not None
+    assert aslant.depth_m == pytest.approx(straight.depth_m, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gap_m", "depth"), [(4e-3, 0.09), (15e-3, 0.09), (8e-3, 0.1275)])
+def test_beyond_the_table_is_none(table, gap_m: float, depth: float) -> None:
+    assert stored(table, pressed(table, gap_m, depth)) is None
+
+
+@pytest.mark.slow
+def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
+    punch = pressed(table, 8e-3, 0.09)
+    scene = replace(scene_from({"accuracy": {"signal": 0.05}}), punches=(punch,))
+    (touch,) = served(table, FOAM, scene)
+    assert touch is not None
+    assert "what the rim changes" in decision(table, touch, 0.01).reason
+    assert served(replace(table, rim=None), FOAM, scene) == (None,)
+    result = simulate(scene, CARD, table=table)
+    assert result.outcome == "ok"
+    (said,) = [d for d in result.plan.decisions if d.decision == "load path reused"]
+    assert said.error_bound > max(table.error.depth, table.error.signal)
+
+
+def test_a_table_of_changes_is_made_where_it_repays_its_cost() -> None:
+    near = design_from({"punch": {"x_mm": [75, 85], "y_mm": 0, "force_N": [0.1, 2]}}, 300)
+    far = design_from({"punch": {"x_mm": [0, 20], "y_mm": 0, "force_N": [0.1, 2]}}, 300)
+    shape = scene_shape(scene_from({}), CARD)
+    assert rim_repays(near, shape)
+    assert not rim_repays(far, shape)
+
+
+@pytest.mark.parametrize("diameters_m", [(0.014,), (0.01, 0.018), (0.01, 0.012, 0.014, 0.016, 0.018)])
+def test_changes_of_a_choice_are_solved_where_there_are_load_paths(diameters_m: tuple) -> None:
+    shape = shape_of(FOAM, Body(), Punch(), "normal", diameters_m)
+    changed = changed_diameters(shape).tolist()
+    assert set(changed) <= set(shape.solved)
+    assert (changed[0], changed[-1]) == (shape.diameters[0], shape.diameters[-1])
+
+
+def test_what_finer_solutions_add_is_cubic_between_four() -> None:
+    gaps, depths = np.array(GRID.gaps), np.array(GRID.depths)
+    fine_gaps, fine_depths = np.array(GRID.fine_gaps), depths[[0, 4, 8, 14]]
+    i, j = (np.searchsorted(*pair) for pair in ((gaps, fine_gaps), (depths, fine_depths)))
+    x, y = np.meshgrid(np.log(gaps + 0.2), np.log(depths + 0.1), indexing="ij")
+    rough, added = np.sin(3 * x) * np.cos(5 * y), 0.1 * x**3 * y - 0.2 * y**2
+    whole = (rough + added)[None, ..., None]
+    found = refined(gaps, depths, fine_gaps, fine_depths, rough[None, ..., None], whole[:, i][:, :, j])
+    np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12)
+
+
+def test_lines_go_on_to_the_rim_as_parabolas_where_changes_are_not_found() -> None:
+    gaps = np.array(GRID.gaps)
+    x = np.log(gaps + 0.2)
+    whole = np.stack([1 + x - x**2, np.sin(x)], axis=-1)[None, :, None]
+    holes = whole.copy()
+    holes[:, [0, 2]] = np.nan
+    found = extended(gaps, holes)
+    np.testing.assert_allclose(found[..., 0], whole[..., 0], rtol=0, atol=1e-12)
+    assert found[:, 3:].tolist() == whole[:, 3:].tolist()
+    assert abs(found[0, 0, 0, 1] - whole[0, 0, 0, 1]) > 1e-3
+
+
+def bare(told: np.ndarray, depths: tuple[float, ...] = (0.1, 0.2, 0.4)) -> RimTable:
+    """A table that holds nothing but what it is off, at gaps 0, 0.1, 0.3 and 0.6."""
+    none = np.zeros(0)
+    return RimTable(np.array([1.4]), np.array([0.0, 0.1, 0.3, 0.6]), np.array(depths), none, none,
+                    none.astype(np.float32), np.zeros((1, 4, len(depths), 7)), told, 0.0)
+
+
+def test_the_error_is_that_of_the_gap_and_depth() -> None:
+    told = np.arange(1.0, 10.0).reshape(3, 3, 1) * [1e-3, 2e-3]
+    rim = within(bare(told), 15e-3)
+    for gap, depth, cell in ((0.05, 0.05, (0, 0)), (0.1, 0.15, (1, 1)), (0.6, 0.1, (2, 0))):
+        assert deviation_at(rim, gap, depth) == tuple(told[cell].tolist())
+    assert [deviation_at(rim, *place) for place in ((0.5, 0.15), (0.7, 0.05), (0.2, 0.41))] == [None, None, None]
+    assert rim.error == Deviation(7e-3, 14e-3, 0.0)
+
+
+def test_cells_are_kept_where_solving_afresh_is_no_nearer() -> None:
+    rim = bare(np.full((3, 3, 2), 20e-3))
+    rim.numbers[:, 0, 2:, 6] = 22e-3
+    kept = np.isfinite(within(rim, 15e-3).told[..., 1])
+    assert kept.tolist() == [[False, False, True], [False, False, False], [False, False, False]]
+    assert np.isfinite(within(rim, 20e-3).told).all()
+
+
+def test_cells_take_the_largest_error_of_the_checked_ones_next_to_them() -> None:
+    rim = bare(np.zeros((3, 3, 2)))
+    rim.told[2, 2] = np.inf
+    off = {(0, 0): 1e-3, (0, 2): 2e-3, (1, 1): 4e-3, (2, 0): None}
+    found = told_by(rim, {cell: None if one is None else Deviation(one, 2 * one, 0.0) for cell, one in off.items()})
+    assert found.told[..., 0].tolist() == [[4e-3, 4e-3, 4e-3], [4e-3, 4e-3, 4e-3], [np.inf, 4e-3, np.inf]]
+    assert found.error.signal == 8e-3
+    alone = told_by(rim, {(0, 0): Deviation(1e-3, 2e-3, 0.0)})
+    assert np.unique(alone.told[:2].reshape(-1, 2), axis=0).tolist() == [[1e-3, 2e-3]]
+
+
+def test_cells_are_checked_in_their_middle() -> None:
+    rim = bare(np.zeros((3, 3, 2)))
+    places = middles_of(rim, cells_of(rim), [1.0, 1.8])
+    assert len(places) == 9
+    assert [d for d, *_ in places] == [1.0, 1.0, 1.8, 1.0, 1.0, 1.8, 1.8, 1.8, 1.0]
+    numbered = replace(rim, told=rim.told + np.arange(9.0).reshape(3, 3, 1))
+    assert [deviation_at(numbered, gap, depth) for _, gap, depth in places] == [(k, k) for k in range(9)]
+    assert np.all(np.diff([middle_gaps(rim.gaps), middle_depths(rim.depths)]) > 0)
+
+
+@pytest.mark.parametrize(("diameters_m", "spans", "wanted"), [
+    ((0.014,), False, [1.4]), ((0.01, 0.018), True, [1.158, 1.554]),
+    ((0.01, 0.012, 0.014, 0.016, 0.018), False, [1.2, 1.6])])
+def test_changes_are_checked_at_diameters_at_which_they_are_not_solved(
+        diameters_m: tuple, spans: bool, wanted: list[float]) -> None:
+    shape = shape_of(FOAM, Body(), Punch(), "normal", diameters_m, spans=spans)
+    assert between(shape) == pytest.approx(wanted, rel=1e-3)
+
+
+def rough(told: np.ndarray) -> Table:
+    """A table without paths, exact but near the rim."""
+    none = np.zeros(0)
+    return Table(shape_of(FOAM, Body(), Punch(), "normal"), none, none, none, none, none, Deviation(0.0, 0.0, 0.0), 0,
+                 0.0, rim=bare(told))
+
+
+def test_cells_that_miss_the_wanted_error_are_left_out_and_it_is_told() -> None:
+    told = np.full((3, 3, 2), 5e-3)
+    told[0, 1:] = [2e-2, 3e-2]
+    design = design_from({"accuracy": {"signal": 0.01}}, 3)
+    table, why = fine_enough_for(design, rough(told))
+    assert table is not None
+    assert table.rim is not None
+    assert table.rim.error.signal == 5e-3
+    assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved afresh, in 2 since the table is "
+                   "more than 0.01 off, and more than touches solved afresh tell")
+    gone = told.copy()
+    gone[2, 0] = np.inf
+    _, why = fine_enough_for(design, rough(gone))
+    assert "solved afresh, in 1 since no change was found there and in 2 since" in why
+    table, why = fine_enough_for(design, rough(4 * told))
+    assert table is not None
+    assert table.rim is None
+    assert "no table of what the rim changes" in why
+
+
+def test_a_table_whose_error_cannot_be_told_is_none() -> None:
+    table = rough(np.zeros((3, 3, 2)))
+    assert table.rim is not None
+    with pytest.raises(NotConverged, match="5 of 5 changes"):
+        checked(table, table.rim, lambda _, places: [(None, 0.0) for _ in places])
+
+
+def test_a_table_of_changes_that_are_not_found_is_none() -> None:
+    with pytest.raises(NotConverged, match="too few gaps and depths"):
+        build_rim(rough(np.zeros((3, 3, 2))), lambda _, places: [(None, 0.0) for _ in places])

@@ -1,0 +1,232 @@
+"""The foam element: closed forms on one element, tangents, objectivity, the compiled kernel against its numpy twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.mechanics.solid.grid import foam_grid, tensor_grid
+from eitsim.mechanics.solid.hyperfoam_axisymmetric import density, response
+from eitsim.scene.scene import Body, Punch
+from matcal.laws.deformation_modes import log_stretches, nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam, energy
+from touchcal.jit import compiled
+
+TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
+LAWS = {"Table 1": TABLE_1, "nu = 0.3": Hyperfoam([8e3], [6.0], [0.3]),
+        "mixed nu": Hyperfoam([8e3, 3e3], [2.0, -1.5], [0.0, 0.2])}
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("strain", [-0.8, -0.4, 0.0, 1e-9, 0.5])
+def test_one_element_in_uniaxial_compression_is_the_closed_form(name, strain, order):
+    law = LAWS[name]
+    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), free=True, order=order)
+    axial, lateral, _ = np.exp(log_stretches(law, "uniaxial", np.array([strain]))[0])
+    force = forces(law, grid, np.array([lateral - 1, 0.0, 0.0, axial - 1]))
+    top, side = grid.nodes[:, 1] == 1.3, grid.nodes[:, 0] == 0.7
+    scale = law.mu_0_Pa * np.pi * 0.7**2
+    expected = nominal_stress(law, "uniaxial", strain) / law.mu_0_Pa
+    assert force[top, 1].sum() / scale == pytest.approx(expected, abs=1e-10)
+    assert np.abs(force[side, 0]).max() / scale < 1e-10
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("gamma", [1e-9, 0.1, 0.5, 1.0, 2.5])
+def test_one_element_in_simple_shear_is_the_closed_form(name, gamma):
+    law = LAWS[name]
+    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), plane=True, free=True)
+    force = forces(law, grid, np.array([0.0, gamma, 0.0, 0.0]))
+    measured = force[grid.nodes[:, 1] == 1.3, 0].sum() / 0.7
+    assert measured / law.mu_0_Pa == pytest.approx(nominal_stress(law, "shear", gamma) / law.mu_0_Pa, abs=1e-10)
+
+
+def forces(law, grid, slope):
+    """Nodal forces (nodes, 2) that hold the displacement with gradient (rr, rz, zr, zz)."""
+    u = grid.nodes @ slope.reshape(2, 2).T
+    gradient, _ = axisymmetric_assembly.residual_and_tangent(law, grid, u.ravel()[np.argsort(grid.unknown.ravel())])
+    return gradient[grid.unknown]
+
+
+STATES = {"at rest": [0, 0, 0, 0, 0], "triple": [-0.6, 0, 0, -0.6, -0.6], "double in plane": [-0.3, 0, 0, -0.3, 0.2],
+          "double with the hoop": [0.4, 0, 0, -0.5, 0.4], "nearly double": [-0.3, 1e-9, 0, -0.3 + 1e-8, 0.1],
+          "single": [0.5, 0.3, -0.7, -0.4, 0.9], "flat": [1.5, 0.4, 0.1, -0.9, 0.1]}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("state", STATES)
+def test_tangent_equals_differences(name, state):
+    law, strain, step = LAWS[name], np.array(STATES[state], dtype=float), 1e-6
+    ends = strain + step * np.concatenate([np.eye(5), -np.eye(5)])
+    stress = axisymmetric_assembly.stress(law, axisymmetric_assembly.principal(ends))
+    differences = ((stress[:5] - stress[5:]) / (2 * step)).T
+    at = axisymmetric_assembly.principal(strain)
+    tangent = at.modes.T @ axisymmetric_assembly.stiffness(law, at) @ at.modes
+    assert np.abs(tangent - differences).max() < 1e-7 * np.abs(tangent).max()
+    assert np.allclose(tangent, tangent.T, rtol=0, atol=1e-12 * np.abs(tangent).max())
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_stress_is_the_derivative_of_the_energy(state):
+    grid = tensor_grid(np.array([0.0, 0.7]), np.array([0.0, 1.3]), plane=True, free=True)
+    rng, step = np.random.default_rng(1), 1e-6
+    slope = np.array(STATES[state][:4], dtype=float).reshape(2, 2)
+    u = (grid.nodes @ slope.T).ravel()[np.argsort(grid.unknown.ravel())]
+    direction = rng.standard_normal(u.size)
+    gradient, band = axisymmetric_assembly.residual_and_tangent(TABLE_1, grid, u)
+    rise = axisymmetric_assembly.energy(TABLE_1, grid, u + step * direction) - axisymmetric_assembly.energy(
+        TABLE_1, grid, u - step * direction
+    )
+    curved = direction @ full(band) @ direction
+    assert rise / (2 * step) == pytest.approx(gradient @ direction, rel=1e-7, abs=1e-8 * abs(curved))
+
+
+def test_stress_turns_with_the_foam():
+    strain, angle = np.array([0.5, 0.3, -0.7, -0.4, 0.9]), 2.0
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = turn @ (np.eye(2) + strain[:4].reshape(2, 2)) - np.eye(2)
+    before = axisymmetric_assembly.stress(TABLE_1, axisymmetric_assembly.principal(strain))
+    after = axisymmetric_assembly.stress(TABLE_1, axisymmetric_assembly.principal(np.append(turned.ravel(), strain[4])))
+    assert np.allclose(after[:4].reshape(2, 2), turn @ before[:4].reshape(2, 2), atol=1e-9 * TABLE_1.mu_0_Pa)
+    assert after[4] == pytest.approx(before[4])
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_second_piola_is_objective_and_gives_the_first(state):
+    strain, angle = np.array(STATES[state], dtype=float), 0.7
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = turn @ (np.eye(2) + strain[:4].reshape(2, 2)) - np.eye(2)
+    piola = axisymmetric_assembly.second_piola(TABLE_1, strain)
+    scale = TABLE_1.mu_0_Pa + np.abs(piola).max()
+    assert np.allclose(
+        axisymmetric_assembly.second_piola(TABLE_1, np.append(turned.ravel(), strain[4])), piola, atol=1e-10 * scale
+    )
+    assert np.allclose(
+        axisymmetric_assembly.green_lagrange(np.append(turned.ravel(), strain[4])),
+        axisymmetric_assembly.green_lagrange(strain),
+    )
+    assert np.allclose(
+        axisymmetric_assembly.pushed(piola, strain),
+        axisymmetric_assembly.stress(TABLE_1, axisymmetric_assembly.principal(strain)),
+        atol=1e-10 * scale,
+    )
+
+
+def test_a_prestress_is_the_derivative_of_its_potential_and_its_stiffness_of_it():
+    grid = tensor_grid(np.array([0.3, 0.7, 1.0]), np.array([0.0, 0.8, 1.3]), free=True)
+    rng, step = np.random.default_rng(2), 1e-6
+    u, direction = (scale * rng.standard_normal(grid.unknowns) for scale in (0.02, 1.0))
+    prestress = TABLE_1.mu_0_Pa * rng.standard_normal((*grid.weight.shape, 4))
+
+    def at(length):
+        return axisymmetric_assembly.residual_and_tangent(TABLE_1, grid, u + length * direction, prestress=prestress)
+
+    gradient, band = at(0.0)
+    ends = [axisymmetric_assembly.energy(TABLE_1, grid, u + length * direction, prestress) for length in (step, -step)]
+    assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(gradient @ direction, rel=1e-6)
+    change = (at(step)[0] - at(-step)[0]) / (2 * step)
+    assert np.linalg.norm(full(band) @ direction - change) < 1e-7 * np.linalg.norm(change)
+
+
+def test_damping_a_prestress_leaves_no_negative_part():
+    prestress = np.random.default_rng(3).standard_normal((20, 4))
+    values = np.linalg.eigvalsh(axisymmetric_assembly.geometric_stiffness(prestress, 1.0))
+    damped = np.linalg.eigvalsh(axisymmetric_assembly.geometric_stiffness(prestress, 0.0))
+    assert values.min() < -0.1
+    assert np.allclose(damped, np.maximum(values, 0.0), atol=1e-14)
+
+
+def test_damping_removes_negative_curvature_and_nothing_else():
+    at = axisymmetric_assembly.principal(np.array(list(STATES.values()), dtype=float))
+    stiff = axisymmetric_assembly.stiffness(TABLE_1, at)
+    least = np.linalg.eigvalsh(stiff)[:, 0]
+    assert least.min() < -100
+    assert np.linalg.eigvalsh(axisymmetric_assembly.damped(stiff, 0.0))[:, 0].min() > -1e-9 * TABLE_1.mu_0_Pa
+    assert np.allclose(axisymmetric_assembly.damped(stiff, 0.0)[least > 0], stiff[least > 0])
+    assert np.array_equal(axisymmetric_assembly.damped(stiff, 1.0), stiff)
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.0])
+def test_the_compiled_response_equals_its_numpy_twin(name, share):
+    """At rest, near it, at coinciding and at far stretches."""
+    law, rng = LAWS[name], np.random.default_rng(5)
+    strain = rng.normal(0, 0.5, (3000, 5))
+    strain[:100], strain[100:200] = 0.0, 1e-9 * strain[100:200]
+    strain[200:300, 1:3], strain[300:400, 3] = 0.0, strain[300:400, 0]
+    strain = strain[axisymmetric_assembly.admissible(strain)]
+    force, tangent = response(law, strain, share)
+    at = axisymmetric_assembly.principal(strain)
+    expected = (
+        np.swapaxes(at.modes, -1, -2)
+        @ axisymmetric_assembly.damped(axisymmetric_assembly.stiffness(law, at), share)
+        @ at.modes
+    )
+    scale = np.abs(expected).max(axis=(1, 2))
+    assert np.all(np.abs(tangent - expected).max(axis=(1, 2)) < 1e-12 * scale)
+    assert np.all(np.abs(force - axisymmetric_assembly.stress(law, at)).max(axis=1) < 1e-12 * scale)
+    assert np.allclose(
+        density(law, strain), energy(law, axisymmetric_assembly.log_stretches(strain)), rtol=1e-12, atol=0
+    )
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_compiled_assembly_equals_its_numpy_twin(order):
+    grid = foam_grid(Body(), Punch(), 1e-3, order)
+    rng = np.random.default_rng(0)
+    force = rng.standard_normal((*grid.weight.shape, 5))
+    tangent = rng.standard_normal((*grid.weight.shape, 5, 5))
+    tangent = tangent + np.swapaxes(tangent, -1, -2)
+    gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
+    axisymmetric_assembly.assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)
+
+    parts = np.zeros((*grid.gradient.shape[:-1], 2, 5))
+    parts[..., 0, [0, 1, 4]] = grid.gradient
+    parts[..., 1, [2, 3]] = grid.gradient[..., :2]
+    loads = np.einsum("eqaik,eqk->eai", parts, force)
+    blocks = np.einsum("eqaik,eqkl,eqbjl->eaibj", parts, tangent, parts, optimize=True)
+    number = grid.unknown[grid.elements]
+    twin, matrix = np.zeros(grid.unknowns + 1), np.zeros((grid.unknowns + 1, grid.unknowns + 1))
+    np.add.at(twin, number, loads)
+    np.add.at(matrix, (number[:, :, :, None, None], number[:, None, None]), blocks)
+    assert np.allclose(gradient, twin[:-1], rtol=0, atol=1e-12 * np.abs(twin).max())
+    assert np.allclose(full(band), matrix[:-1, :-1], rtol=0, atol=1e-12 * np.abs(matrix).max())
+
+
+def test_nodes_are_numbered_column_after_column_whatever_the_rounding():
+    """With the first punch the middle of an element is rounded to different sides in different rows."""
+    for diameter_m in (0.017860241375218175, *np.random.default_rng(1).uniform(0.008, 0.02, 6)):
+        grid = foam_grid(Body(), Punch(diameter_m=diameter_m), 0.06e-3)
+        radii, heights = grid.lines
+        assert np.allclose(grid.nodes.reshape(radii.size, heights.size, 2)[..., 0], radii[:, None], rtol=0, atol=1e-12)
+        assert np.allclose(grid.nodes.reshape(radii.size, heights.size, 2)[..., 1], heights, rtol=0, atol=1e-12)
+
+
+def test_orders_that_are_not_built_are_refused():
+    with pytest.raises(ValueError, match="order 3 are not built; known: 1, 2"):
+        foam_grid(Body(), Punch(), 1e-3, 3)
+
+
+def full(band):
+    """Dense symmetric matrix of a lower band."""
+    lower = np.zeros((len(band), len(band)))
+    for offset in range(min(band.shape[1], len(band))):
+        index = np.arange(len(band) - offset)
+        lower[index + offset, index] = band[index, offset]
+    return lower + np.tril(lower, -1).T
+
+
+@pytest.mark.parametrize(("law", "squeeze"), [
+    (TABLE_1, -1.5), (Hyperfoam([-1e3, 4e3], [-90.0, -80.0], [0, 0]), -1 + 1e-6)])
+def test_foam_turned_inside_out_or_beyond_numbers_has_infinite_energy(law, squeeze):
+    grid = tensor_grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), free=True)
+    u = (grid.nodes @ np.diag([0.0, squeeze])).ravel()[np.argsort(grid.unknown.ravel())]
+    assert axisymmetric_assembly.energy(law, grid, u) == np.inf
+
+
+def test_compilation_does_without_a_place_for_its_cache():
+    scope: dict = {}
+    exec("def twice(x):\n    return 2 * x\n", scope)  # no file, hence no cache
+    assert compiled(scope["twice"])(3.0) == 6.0

@@ -1,0 +1,52 @@
+"""Scene files: units convert once, defaults are the paper's sensor, every mistake is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eitsim.scene.scene import Scene, read_scene, scene_from, scene_tables
+from touchcal.errors import TestFileError
+
+
+def test_every_key_is_optional() -> None:
+    assert scene_from({}) == Scene()
+
+
+def test_units_convert_and_come_back() -> None:
+    raw = {"punch": {"x_mm": 20, "y_mm": -10, "diameter_mm": 14, "force_N": 2}, "electrodes": {"first_angle_deg": 90}}
+    raw["punch"] |= {"profile": "cone", "half_angle_deg": 45}
+    scene = scene_from(raw)
+    assert scene.punches[0].half_angle_rad == pytest.approx(0.78539816)
+    assert scene.punches[0].x_m == pytest.approx(0.02)
+    assert scene.electrodes.first_angle_rad == pytest.approx(1.5707963)
+    assert scene_from(scene_tables(scene)) == scene
+
+
+def test_depth_replaces_force() -> None:
+    (punch,) = scene_from({"punch": {"depth_mm": 2}}).punches
+    assert (punch.force_N, punch.depth_m) == (None, pytest.approx(0.002))
+    assert scene_from(scene_tables(scene_from({"punch": {"depth_mm": 2}}))).punches == (punch,)
+
+
+@pytest.mark.parametrize(("raw", "named"), [
+    ({"punch": {"radius": 3}}, "radius"), ({"punch": {"force_N": -1}}, "force_N"),
+    ({"punch": {"force_N": 1, "depth_mm": 1}}, "force_N and depth_mm"), ({"colour": {}}, "colour"),
+    ({"punch": {"profile": "star"}}, "flat, sphere, cone"), ({"skin": {"strain": "shear"}}, "normal, principal, areal"),
+    ({"punch": {"x_mm": "left"}}, "x_mm"), ({"punch": {"x_mm": float("nan")}}, "x_mm"),
+    ({"punch": {"fillet_mm": 0}}, "sharp edge"), ({"punch": {"half_angle_deg": 90}}, "half_angle_deg.*cone"),
+    ({"punch": {"friction": "glue"}}, "none, stick, coulomb"),
+    ({"punch": {"friction": "coulomb"}}, "friction_coefficient.*positive"),
+    ({"punch": {"friction": "stick", "friction_coefficient": 0.3}}, "friction_coefficient.*no effect"),
+    ({"electrodes": {"width_mm": 60}}, "radius_mm = 100 may be 39.269 wide at most"),
+    ({"electrodes": {"count": 16.5}}, "count"), ({"punch": {"depth_mm": 12}}, "thickness"), ({"hold": 3}, r"\[hold\]")])
+def test_mistakes_are_named(raw: dict, named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        scene_from(raw)
+
+
+def test_a_bad_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text("[punch\nx_mm = 1")
+    with pytest.raises(TestFileError, match=r"scene\.toml.*TOML"):
+        read_scene(tmp_path / "scene.toml")

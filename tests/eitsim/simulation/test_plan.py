@@ -1,0 +1,111 @@
+"""Plans: what is left out is said with its cost, what is not built is refused with the mend."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from eitsim.scene.scene import STRAINS, scene_from
+from eitsim.simulation.plan import make_plan, rim_effect
+from matcal.card import MaterialCard
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "instantaneous")
+CARD = MaterialCard("Table 1", FOAM, Prony([0.15, 0.17, 0.06], [0.3, 5.8, 82.0]))
+
+
+def test_an_interior_touch_is_axisymmetric_and_costs_little() -> None:
+    plan = make_plan(scene_from({"punch": {"x_mm": 20, "y_mm": -10}}), CARD)
+    assert plan.refusal == ""
+    assert "axisymmetric" in plan.decisions[0].decision
+    assert plan.error_bound < 0.01
+    assert all(d.reason for d in plan.decisions)
+
+
+def test_the_rim_effect_fades_with_distance() -> None:
+    effects = [rim_effect(g, 0.01) for g in np.linspace(0, 0.06, 50)]
+    assert all(a >= b for a, b in itertools.pairwise(effects))
+    assert rim_effect(0.05, 0.01) < 0.003
+    assert rim_effect(0.0270, 0.01) == pytest.approx(rim_effect(0.0135, 0.005))
+
+
+def test_a_conducting_punch_near_the_rim_costs_as_the_strain_in_use() -> None:
+    """The rim's effect of areal strain is larger at a gap of 5 mm, and so is a share of it."""
+    cost = {strain: next(d.error_bound for d in make_plan(scene_from({
+        "punch": {"x_mm": 88, "conductor": True}, "skin": {"strain": strain}}), CARD).decisions
+        if "without the rim" in d.decision) for strain in STRAINS}
+    ratio = rim_effect(5e-3, 0.01, "areal") / rim_effect(5e-3, 0.01, "normal")
+    assert ratio > 1.5
+    assert cost["areal"] == pytest.approx(ratio * cost["normal"])
+
+
+def test_the_rim_effect_bounds_every_measured_one() -> None:
+    measured = pd.read_csv(Path(__file__).parents[3] / "benchmarks/results/rim.csv")
+    measured = measured[measured["what"].isin(["effect", "hand-over"])]
+    for strain in STRAINS:
+        bound = [rim_effect(gap * 1e-3, 0.01, strain) for gap in measured["gap_mm"]]
+        assert np.all(measured[["depth", f"{strain}_L2", f"dV_{strain}"]].max(axis=1) <= bound), strain
+
+
+def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
+    (decision,) = [d for d in make_plan(scene_from({}), CARD).decisions if d.decision == "no viscoelasticity"]
+    assert "instantaneous" in decision.reason
+    assert "0.62" in decision.reason
+
+
+@pytest.mark.parametrize(("raw", "named"), [
+    ({"punch": {"x_mm": 98}}, "beyond the rim"),
+    ({"punch": [{"x_mm": 10}, {"x_mm": -6}]}, "1 and 2 are 2.0 mm apart"),
+    ({"punch": [{"x_mm": 6}, {"x_mm": -6}]}, "overlap by 2.0 mm"),
+    ({"punch": [{"x_mm": 30}, {"x_mm": 98}]}, "touch 2: the punch's edge lies 5.0 mm beyond the rim"),
+    ({"punch": [{"x_mm": 40}, {"x_mm": -40}], "hold": {"time_s": 5}}, "one touch"),
+    ({"punch": {"x_mm": 80, "friction": "coulomb", "friction_coefficient": 0.3}}, "one that sticks"),
+    ({"punch": {"friction": "stick"}, "hold": {"time_s": [60]}}, "keep the deformation"),
+    ({"electrodes": {"kind": "patch"}, "punch": {"x_mm": 85}}, "2.0 mm into the ring of 10 mm")])
+def test_what_is_not_built_is_refused(raw: dict, named: str) -> None:
+    assert named in make_plan(scene_from(raw), CARD).refusal
+
+
+@pytest.mark.parametrize(("raw", "names"), [
+    ({"punch": {"x_mm": 80, "conductor": True}}, ["without the rim", "three dimensions near the rim"]),
+    ({"electrodes": {"kind": "patch"}, "punch": {"conductor": True}}, ["floats", "on a mesh"]),
+    ({"punch": [{"x_mm": 12, "conductor": True}, {"x_mm": -12}]}, ["touches where it would alone", "no conduction"])])
+def test_a_conducting_punch_is_planned_with_what_it_leaves_out(raw: dict, names: list[str]) -> None:
+    plan = make_plan(scene_from(raw), CARD)
+    assert plan.refusal == ""
+    for name in names:
+        assert any(name in d.decision for d in plan.decisions), name
+
+
+def test_an_edge_on_the_rim_is_refused_with_what_to_change() -> None:
+    assert make_plan(scene_from({"punch": {"x_mm": 93}}), CARD).refusal == (
+        "the punch's edge lies on the rim of the disc; change x_mm and y_mm so that the punch lies 0.01 mm further "
+        "inwards.")
+    assert make_plan(scene_from({"punch": {"x_mm": 92.99}}), CARD).refusal == ""
+
+
+def test_more_accuracy_needs_more_distance() -> None:
+    raw = {"punch": {"x_mm": 45}}
+    assert make_plan(scene_from(raw), CARD).refusal == ""
+    assert "axisymmetric about" in make_plan(scene_from(raw), CARD).decisions[0].decision
+    closer = make_plan(scene_from(raw | {"accuracy": {"signal": 0.001}}), CARD)
+    assert closer.refusal == ""
+    assert "three dimensions" in closer.decisions[0].decision
+
+
+def test_a_depth_that_squeezes_the_foam_flat_is_refused_with_the_most_that_is_not():
+    refused, allowed = (make_plan(scene_from({"punch": {"depth_mm": depth}}), CARD).refusal for depth in (9.9, 9.7))
+    assert "at most 9.7" in refused
+    assert allowed == ""
+
+
+def test_an_exact_hold_that_creeps_stays_axisymmetric_and_says_so():
+    held, plain = ([d.decision for d in make_plan(scene_from(raw), CARD, exact=True).decisions]
+                   for raw in ({"hold": {"time_s": [2.0]}}, {}))
+    assert "mechanics axisymmetric about the punch" in held
+    assert any("on the whole disc" in decision for decision in plain)

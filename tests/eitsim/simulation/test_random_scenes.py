@@ -1,0 +1,55 @@
+"""No random scene fails: the draws of benchmarks/random_scenes.py, a few here, more among the slow tests."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PATH = Path(__file__).parents[3] / "benchmarks" / "random_scenes.py"
+
+
+@pytest.fixture(scope="module")
+def study():
+    """The benchmark as a module."""
+    spec = importlib.util.spec_from_file_location("random_scenes", PATH)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(PATH.parent)
+        spec.loader.exec_module(module)
+    return module
+
+
+def failures(study, count, where, friction):
+    """Rows of the first scenes of that kind that end neither "ok" nor "bottomed_out"."""
+    drawn = ((k, *study.scene_of(k)) for k in range(study.SCENES))
+    kind = [(k, name, scene) for k, name, scene in drawn
+            if study.place_of(scene) == where and scene.punches[0].friction == friction][:count]
+    assert len(kind) == count
+    rows = [study.solved(*scene) for scene in kind]
+    print("CPU seconds: median", np.median([row["cpu_s"] for row in rows]), "most", max(row["cpu_s"] for row in rows))
+    return [row for row in rows if row["outcome"] not in ("ok", "bottomed_out")]
+
+
+def test_few_scenes(study):
+    assert failures(study, 20, "interior", "none") == []
+
+
+@pytest.mark.slow
+def test_many_scenes(study):
+    assert failures(study, 300, "interior", "none") == []
+
+
+def test_a_run_continues_where_it_ended(study, tmp_path):
+    path = tmp_path / "scenes.csv"
+    for last in (0, 14, 14):
+        study.solve_missing(path, last, "interior", "none", np.inf)
+    table = study.table_of(path)
+    assert table["scene"].is_unique
+    assert len(table) == sum(study.place_of(scene) == "interior" and scene.punches[0].friction == "none"
+                             for _, scene in map(study.scene_of, range(14)))
+    assert "100.00%" in study.summary(table)

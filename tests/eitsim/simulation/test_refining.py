@@ -1,0 +1,54 @@
+"""When half the element size is tried, when it is out of reach, and what is said where the wanted error is missed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.scene import Body, Punch, scene_from
+from eitsim.simulation import touches
+from eitsim.simulation.simulate import simulate
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def touch():
+    return solve_touch(FOAM, Body(), Punch(), element_m=4 * default_element_m(Body(), Punch()))
+
+
+@pytest.mark.parametrize(("friction", "error", "nodes", "tries"), [
+    ("none", 0.001, 1.0, 1), ("none", 0.01, 1.0, 2), ("none", 0.5, 1.0, 2), ("none", 0.01, 20.0, 1),
+    ("stick", 0.01, 1.0, 1)])
+def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch, friction, error, nodes, tries):
+    """Of the mechanics 0.8 % is wanted; a large mesh, or a path with friction, stays and tells its error."""
+    grown = replace(touch.section, nodes_m=touch.section.nodes_m.repeat(int(nodes), axis=0))
+    sizes = []
+
+    def solved(law, body, punch, *, strain, element_m=None):
+        sizes.append(element_m)
+        return replace(touch, signal_error=error, section=grown)
+
+    monkeypatch.setattr(touches, "solve_touch", solved)
+    scene = scene_from({"punch": {"friction": friction}})
+    told = touches._touch(FOAM, scene, scene.punches[0], exact=False)
+    assert len(sizes) == tries
+    assert told.signal_error == error
+
+
+def test_a_missed_accuracy_is_said_with_its_cause():
+    card = MaterialCard("foam", FOAM, None, Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
+    met, missed = (simulate(scene_from({"accuracy": {"signal": wanted}}), card) for wanted in (0.01, 1e-4))
+    assert met.outcome == missed.outcome == "ok"
+    assert met.message == ""
+    assert "asked for (signal in [accuracy])" in missed.message
+    assert met.numerical_error.keys() == met.error_estimate.keys()
+    for key, told in met.error_estimate.items():
+        assert 0 < met.numerical_error[key] <= told

@@ -1,0 +1,82 @@
+"""Data sets on disk: parts are whole or absent, rows come back sorted, damage is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.dataset
+import pytest
+
+from eitsim.scene.drive import voltage_columns
+from eitsim.sweeps.dataset.parquet import (
+    FIXED,
+    decoded,
+    encoded,
+    read_dataset,
+    with_rows,
+    write_manifest,
+    write_part,
+)
+from touchcal.errors import TestFileError
+
+
+def row(scene: int, outcome: str = "ok") -> dict[str, object]:
+    return dict.fromkeys(FIXED, 0.5) | {"scene": scene, "outcome": outcome} | dict.fromkeys(voltage_columns(4), 1.0)
+
+
+def test_rows_come_back_sorted_and_filtered(tmp_path: Path) -> None:
+    write_manifest(tmp_path, {"design": {"seed": 1}, "card": {}})
+    write_part(tmp_path, [row(3), row(2, "refused")])
+    write_part(tmp_path, [row(0), row(1)])
+    data = read_dataset(tmp_path)
+    assert data.table["scene"].tolist() == [0, 1, 2, 3]
+    assert data.ok["scene"].tolist() == [0, 1, 3]
+    assert not [p for p in tmp_path.iterdir() if p.name.endswith(".tmp")]
+
+
+def test_rows_take_the_place_of_those_of_the_same_scenes(tmp_path: Path) -> None:
+    old = encoded(pd.DataFrame([row(0), row(1, "crashed"), row(2), row(5)]))
+    found = decoded(with_rows(old, encoded(pd.DataFrame([row(1), row(2, "refused"), row(3)]))))
+    assert found["scene"].tolist() == [0, 1, 2, 3, 5]
+    assert found["outcome"].tolist() == ["ok", "ok", "refused", "ok", "ok"]
+
+
+def test_a_failed_write_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(KeyError):
+        write_part(tmp_path, [{"outcome": "ok"}])
+    with pytest.raises(Exception, match=r"(?i)convert|serialize|object"):
+        write_part(tmp_path, [row(0) | {"x_mm": object()}])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_damage_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TestFileError, match="not a data set"):
+        read_dataset(tmp_path)
+    write_manifest(tmp_path, {"design": {}, "card": {}})
+    with pytest.raises(TestFileError, match="no rows"):
+        read_dataset(tmp_path)
+    write_part(tmp_path, [row(0), row(1)])
+    write_part(tmp_path, [row(1)])
+    with pytest.raises(TestFileError, match="scene 1 stands in it twice"):
+        read_dataset(tmp_path)
+
+
+def test_the_folder_opens_as_it_is(tmp_path: Path) -> None:
+    write_manifest(tmp_path, {"design": {}, "card": {}})
+    write_part(tmp_path, [row(0), row(1, "refused")])
+    write_part(tmp_path, [row(2), row(3)])
+    (tmp_path / ".lock").touch()
+    whole = read_dataset(tmp_path).table
+    assert pd.read_parquet(sorted(tmp_path.glob("*.parquet"))).sort_values("scene", ignore_index=True).equals(whole)
+    found = pyarrow.dataset.dataset(sorted(map(str, tmp_path.glob("*.parquet"))))
+    assert found.to_table(filter=pyarrow.dataset.field("outcome") == "ok")["scene"].to_pylist() == [0, 2, 3]
+    dask = pytest.importorskip("dask.dataframe")
+    assert dask.read_parquet(str(tmp_path / "*.parquet"))["x_mm"].sum().compute() == whole["x_mm"].sum()
+
+
+def test_parts_cost_little_beside_their_numbers(tmp_path: Path) -> None:
+    rows = [row(i) | {name: 0.1 * i + j for j, name in enumerate(voltage_columns(416))} for i in range(64)]
+    write_part(tmp_path, rows)
+    (part,) = tmp_path.glob("*.parquet")
+    assert part.stat().st_size < 1.4 * 64 * 8 * len(rows[0])

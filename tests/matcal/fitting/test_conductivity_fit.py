@@ -1,0 +1,96 @@
+"""Conductivity fit: recovery within errors, positivity over compression, draws that keep it, weights by noise."""
+
+from __future__ import annotations
+
+import emcee
+import numpy as np
+import pytest
+
+from matcal.fitting.conductivity_fit import FLOOR, LOWEST_STRAIN, fit_conductivity, powers
+from matcal.laws.conductivity import conductivity
+from matcal.posterior.conductivity_posterior import conductivity_draws, log_skin, skin_chains, skin_checks
+from matcal.reduction.experiment import Experiment
+
+TRUTH = 30 * np.array([1.0, -2.0, 2.0, -1.0])
+FALLING = 30 * np.array([1.0, 2.5, 1.0, 1.0])
+
+
+def stretch(truth: np.ndarray = TRUTH, noise: float = 0.05, seed: int = 0, highest: float = 0.4) -> Experiment:
+    e = np.linspace(0, highest, 100)
+    value = powers(e) @ truth + noise * np.random.default_rng(seed).normal(size=e.size)
+    return Experiment("conductivity", e, value, noise=noise, source=("stretch.txt",))
+
+
+def test_errors_follow_the_covariance() -> None:
+    fits = [fit_conductivity([stretch(seed=s)]) for s in range(30)]
+    scores = np.array([(f.centre - TRUTH) / np.sqrt(np.diag(f.covariance)) for f in fits])
+    assert 0.7 < np.sqrt(np.mean(scores**2)) < 1.2
+    assert 0.8 < np.mean([f.chi_square / f.freedom for f in fits]) < 1.2
+
+
+def test_a_cubic_that_would_turn_negative_under_compression_is_held() -> None:
+    found = fit_conductivity([stretch(FALLING)])
+    e = np.linspace(LOWEST_STRAIN, 0.4, 400)
+    assert np.min(powers(e) @ found.centre) < 0
+    assert conductivity(found.law, e).min() >= 0.99 * FLOOR * np.median(stretch(FALLING).value)
+    assert any("bound holds the fit" in d for d in found.decisions)
+    assert found.chi_square > found.freedom
+
+
+def test_draws_have_the_fits_mean_and_spread_and_stay_positive() -> None:
+    free = fit_conductivity([stretch()])
+    draws = conductivity_draws(free, 1500, np.random.default_rng(1))
+    sd = np.sqrt(np.diag(free.covariance))
+    np.testing.assert_allclose((draws.mean(axis=0) - free.centre) / sd, 0, atol=0.12)
+    np.testing.assert_allclose(draws.std(axis=0) / sd, 1, atol=0.1)
+    held = fit_conductivity([stretch(30 * np.array([1.0, 1.2, 0.3, 0.2]), noise=1.0)])
+    kept = conductivity_draws(held, 400, np.random.default_rng(2)) @ held.positive[0]
+    assert kept.min() >= held.positive[1] * (1 - 1e-6)
+
+
+def test_noisier_tests_count_less() -> None:
+    shifted = 1.02 * TRUTH
+    near = fit_conductivity([stretch(), stretch(shifted, noise=1.0, seed=1)]).law.c0_S_per_m
+    assert abs(near - 30.0) < 0.05
+
+
+def test_uncertain_strain_zero_widens_the_band() -> None:
+    plain = stretch()
+    doubted = Experiment("conductivity", plain.strain, plain.value, noise=0.05, facts={"strain_zero_sd": 1e-3})
+    assert fit_conductivity([doubted]).covariance[0, 0] > 3 * fit_conductivity([plain]).covariance[0, 0]
+
+
+def test_too_little_data_is_refused() -> None:
+    with pytest.raises(ValueError, match="five positive"):
+        fit_conductivity([Experiment("conductivity", np.linspace(0, 0.1, 4), np.ones(4))])
+
+
+@pytest.mark.parametrize("truth", [TRUTH, FALLING])
+def test_draws_agree_with_emcee_on_the_same_density(truth: np.ndarray) -> None:
+    found = fit_conductivity([stretch(truth, noise=1.0)])
+    at = powers([LOWEST_STRAIN, -0.4, 0.0, 0.4]).T
+    own = conductivity_draws(found, 8000, np.random.default_rng(0)) @ at
+    rng, inside = np.random.default_rng(1), conductivity_draws(found, 40, np.random.default_rng(2))
+    sampler = emcee.EnsembleSampler(40, 5, lambda x: log_skin(found, x), vectorize=True, moves=emcee.moves.DEMove())
+    state = emcee.State(np.column_stack([inside, 0.05 * rng.normal(size=40)]),
+                        random_state=np.random.RandomState(3).get_state())
+    sampler.run_mcmc(state, 3000)
+    other = sampler.get_chain(discard=500, flat=True)[:, :4] @ at
+    np.testing.assert_allclose((own - other.mean(axis=0)).mean(axis=0) / other.std(axis=0), 0, atol=0.1)
+    np.testing.assert_allclose(own.std(axis=0), other.std(axis=0), rtol=0.1)
+
+
+def test_few_points_leave_the_noise_and_so_the_band_open() -> None:
+    e = np.array([0.0, 0.1, 0.2, 0.25, 0.3, 0.4])
+    noise = 0.1 * np.random.default_rng(4).normal(size=e.size)
+    few = fit_conductivity([Experiment("conductivity", e, powers(e) @ TRUTH + noise)])
+    spread = conductivity_draws(few, 4000, np.random.default_rng(0))[:, 0]
+    middle = np.diff(np.quantile(spread, [0.16, 0.84]))[0]
+    assert np.diff(np.quantile(spread, [0.005, 0.995]))[0] > 4 * middle
+
+
+def test_chains_of_the_skin_mix() -> None:
+    found = fit_conductivity([stretch(FALLING)])
+    checks = skin_checks(found, skin_chains(found, 2000, np.random.default_rng(0)))
+    assert checks["rhat"] < 1.01
+    assert checks["ess"] > 1000

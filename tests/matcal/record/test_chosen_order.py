@@ -1,0 +1,136 @@
+"""The order that is chosen: readable where one fits well enough, few terms for few points, and errors of the record
+told from terms of the law."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from matcal.card import MaterialCard
+from matcal.fitting.calibrate import Choices, calibrate
+from matcal.fitting.hyperfoam.curves import weigh
+from matcal.fitting.hyperfoam.hyperfoam_fit import fit
+from matcal.fitting.hyperfoam.order_selection import GOOD_ENOUGH, OrderRow, chosen_order, criterion, order_sentences
+from matcal.fitting.uncertainty.intervals import derived_quantities
+from matcal.laws.deformation_modes import nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.record.cautions import cautions
+from matcal.record.fit_summary import fit_part
+from matcal.reduction.experiment import Experiment
+
+TWO_TERMS = Hyperfoam([12000.0, 8000.0], [4.0, -1.5], [0.0, 0.0])
+
+
+def curve(mode: str, strain: np.ndarray, noise: float = 0.0, seed: int = 0) -> Experiment:
+    stress = nominal_stress(TWO_TERMS, mode, strain)
+    scatter = noise * np.random.default_rng(seed).normal(size=strain.size)
+    return Experiment(mode, strain, stress * (1 + scatter), source=(f"{mode}.csv",))
+
+
+def row(order: int, rms: float, bic: float, confluence: str = "", worst: float | None = None) -> OrderRow:
+    return OrderRow(order, rms, rms if worst is None else worst, bic, confluence)
+
+
+def test_a_readable_order_that_fits_well_enough_is_taken_before_one_that_merges() -> None:
+    good, merged = row(2, 0.034, -2000, worst=0.036), row(4, 0.012, -2600, "single moduli reach 50 times their sum")
+    assert chosen_order([row(1, 0.051, -1800), good, merged]) is good
+    said = order_sentences("auto", (good, merged), good, fit(weigh([curve("uniaxial", np.linspace(-0.6, 0, 40))]), 1,
+                                                              thorough=False).optimum, 300)
+    passed = next(s for s in said if "passed over" in s)
+    assert "would fit to 1.20% instead of 3.40%" in passed
+    assert "--order 4" in passed
+
+
+def test_a_readable_order_that_misses_a_curve_is_not_taken() -> None:
+    poor, merged = row(2, 0.04, -2000, worst=1.01 * GOOD_ENOUGH), row(3, 0.012, -2600, "exponents merge")
+    assert chosen_order([poor, merged]) is merged
+    assert chosen_order([row(2, 0.0125, -2000, worst=0.2), merged]).order == 2
+
+
+def test_the_criterion_is_bic_for_many_points_and_dear_for_few() -> None:
+    assert criterion(1e-4, 2, 10**5, 10**5) == pytest.approx(1e5 * np.log(1e-4) + 4 * np.log(1e5), rel=1e-6)
+    assert criterion(1e-4, 3, 10, 10) - criterion(1e-4, 2, 10, 10) > 5 * 2 * np.log(10)
+
+
+def test_five_points_a_curve_choose_two_terms_and_intervals_hold_the_truth() -> None:
+    held = 0
+    for seed in range(5):
+        found = calibrate([curve("uniaxial", np.linspace(-0.7, -0.1, 5), 0.003, 2 * seed),
+                           curve("shear", np.linspace(0.2, 1.0, 5), 0.003, 2 * seed + 1)])
+        assert found.fit is not None
+        assert found.uncertainty is not None
+        assert found.fit.law.alpha.size <= 2
+        assert any("10 different strains are few for" in s for s in found.decisions)
+        mu_0 = found.uncertainty.derived["mu_0_Pa"]
+        held += mu_0.lo < TWO_TERMS.mu_0_Pa < mu_0.hi
+    assert held >= 4
+
+
+def test_a_load_zero_from_one_reading_is_no_term_of_the_law() -> None:
+    strain, area, sd = np.linspace(-0.6, -0.005, 150), 1963.0, 0.05
+    rng = np.random.default_rng(3)
+    value = nominal_stress(TWO_TERMS, "uniaxial", strain) + 25.0 + 15 * rng.normal(size=strain.size)
+    test = Experiment("uniaxial", strain, value, source=("zero.csv",), noise=15.0)
+    known = replace(test, facts={"zero_sd_N": sd, "area_mm2": area, "load_noise_N": sd})
+    aware = calibrate([known])
+    assert aware.fit is not None
+    assert aware.uncertainty is not None
+    assert aware.fit.law.alpha.size == 2
+    for name, truth in derived_quantities(TWO_TERMS).items():
+        interval = aware.uncertainty.derived[name]
+        assert interval.lo < truth < interval.hi
+    moved = aware.fit.curves[0].experiment.facts["zero_moved_N"]
+    assert moved == pytest.approx(25.0 * area * 1e-6, abs=0.02)
+    assert any("load zero moved by" in s for s in aware.decisions)
+
+
+def test_a_plateau_that_no_test_reached_is_left_out_and_said() -> None:
+    found = calibrate([curve("uniaxial", np.linspace(-0.2, -0.005, 60), 0.002)], Choices(order=1))
+    assert found.uncertainty is not None
+    assert set(found.uncertainty.derived) == {"mu_0_Pa", "E_0_Pa"}
+    assert any("plateau_Pa is left out" in s for s in found.decisions)
+
+
+def test_moduli_on_their_bound_are_warned_of_with_the_safer_command() -> None:
+    strain = np.linspace(-0.6, -0.005, 60)
+    toe = Experiment("uniaxial", strain, -1e5 * strain**2 * (1 + 10 * strain**2), source=("toe.csv",))
+    found = calibrate([toe])
+    assert found.fit is not None
+    assert found.fit.optimum.unbounded is not None
+    assert any("where no linearisation holds" in s for s in found.decisions)
+    card = MaterialCard("toe", found.fit.law, None, None, fit=fit_part(found), stability={}, provenance={}, data="",
+                        posterior={})
+    warned = " ".join(cautions(card))
+    assert "Outside the tests --order" in warned
+
+
+def test_scatter_between_specimens_is_not_misfit() -> None:
+    strain = np.linspace(-0.7, -0.01, 80)
+    tests = [replace(e := curve("uniaxial", strain, 0.002, k), value=factor * e.value)
+             for k, factor in enumerate((0.9, 1.0, 1.1))]
+    found = calibrate(tests)
+    assert found.fit is not None
+    assert found.uncertainty is not None
+    assert found.fit.law.alpha.size == 2
+    np.testing.assert_allclose([c.factor for c in found.fit.curves],
+                               np.array([0.9, 1.0, 1.1]) / np.cbrt(0.99), rtol=2e-3)
+    mu_0, shares = found.uncertainty.derived["mu_0_Pa"], found.uncertainty.shares
+    assert mu_0.value == pytest.approx(TWO_TERMS.mu_0_Pa * np.cbrt(0.99), rel=0.02)
+    assert 0.12 < (mu_0.hi - mu_0.lo) / 2 / mu_0.value < 0.25
+    assert shares["scatter between specimens"] > 0.8
+    row = fit_part(found)["uniaxial_1"]
+    assert row["relative_rms"] > 0.08
+    assert row["relative_rms_of_specimen"] < 0.004
+
+
+def test_more_specimens_pin_the_mean_foam_better() -> None:
+    strain, widths = np.linspace(-0.7, -0.01, 40), []
+    for factors in ((0.95, 1.05), (0.93, 0.97, 1.0, 1.03, 1.07)):
+        found = calibrate([replace(e := curve("uniaxial", strain, 0.002, k), value=factor * e.value)
+                           for k, factor in enumerate(factors)], Choices(order=2))
+        assert found.uncertainty is not None
+        mu_0 = found.uncertainty.derived["mu_0_Pa"]
+        widths.append((mu_0.hi - mu_0.lo) / mu_0.value)
+    assert widths[1] < 0.7 * widths[0]

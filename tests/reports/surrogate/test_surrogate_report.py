@@ -1,0 +1,183 @@
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.collections import LineCollection
+
+from reports.document import style
+from reports.surrogate import parity_figures
+from reports.surrogate.surrogate_report import report, write
+from surrogate.statistics.metrics import score
+from touchcal.errors import TestFileError
+
+Reader = Callable[[Path], Any]
+UNITS = {"x0": "mm", "A_c": "mm2"}
+
+
+def make_predictions() -> pd.DataFrame:
+    rng = np.random.default_rng(5)
+    rows = []
+    for name, unit in UNITS.items():
+        for part, count in (("train", 28), ("val", 6), ("test", 6)):
+            target = rng.uniform(10, 60, count)
+            rows.append(pd.DataFrame({"part": part, "scene": range(count), "output": name, "unit": unit,
+                                      "target": target, "value": target + rng.normal(size=count),
+                                      "half_width_90": 1.6}))
+    return pd.concat(rows, ignore_index=True)
+
+
+def write_model(folder: Path, **changes: Any) -> pd.DataFrame:
+    """A synthetic model folder: a description, scores and the predictions that they are computed from."""
+    folder.mkdir(exist_ok=True)
+    table = make_predictions()
+    scores: dict[str, Any] = {}
+    for name, unit in UNITS.items():
+        for part in ("train", "val", "test"):
+            chosen = ((table["output"] == name) & (table["part"] == part)).to_numpy()
+            target, value, half = (table[key].to_numpy(float)[chosen] for key in ("target", "value", "half_width_90"))
+            scores.setdefault(name, {})[part] = asdict(score(target, value, np.array([half] * 3), unit))
+    dataset = {"sha256": "cd" * 32, "rows": 40}
+    net = {"gamma": 25.5, "parameters": 101, "epochs": 77, "stop": "the gradient vanished", "collapsed": False}
+    model = {"schema": 1, "method": "trainbr", "seed": 4, "fit_s": 12.34, "versions": {"torch": "2.13.0"},
+             "dataset": dataset | {"split": {"train": 28, "val": 6, "test": 6}}, "training": {"x0": net, "A_c": net}}
+    evaluation = {"method": "trainbr", "dataset": dataset, "fit_s": 12.34, "predict_ms": 0.567, "outputs": scores,
+                  "noise": []} | changes
+    (folder / "model.json").write_text(json.dumps(model))
+    (folder / "evaluation.json").write_text(json.dumps(evaluation))
+    table.to_parquet(folder / "predictions.parquet", index=False)
+    return table
+
+
+def test_a_surrogate_report_holds_its_scores(tmp_path: Path, read_pdf: Reader) -> None:
+    table, out = write_model(tmp_path / "model"), tmp_path / "s.pdf"
+    write(tmp_path / "model", out)
+    text = read_pdf(out).whole
+    test = table[(table["output"] == "x0") & (table["part"] == "test")]
+    error = test["value"] - test["target"]
+    r2 = 1 - np.mean(error**2) / np.var(test["target"])
+    for value in (f"{np.sqrt(np.mean(error**2)):#.3g} mm on 6 test rows", f"MSE {np.mean(error**2):#.3g} mm²",
+                  f"R² {r2:.4f}", "12.3 s of CPU", "0.567 ms", "25.5", "77", "the gradient vanished", "seed 4"):
+        assert value in text
+    assert "Contact area, predicted (mm²)" in text
+    assert "mm⁴" in text
+    for name in ("model.json", "evaluation.json", "predictions.parquet"):
+        assert hashlib.sha256((tmp_path / "model" / name).read_bytes()).hexdigest()[:16] in text
+    drawn = pd.read_csv(tmp_path / "s_files" / "parity_x0.csv")
+    assert np.allclose(drawn["value"], table.loc[table["output"] == "x0", "value"])
+
+
+def test_noise_that_was_not_scored_is_said_and_a_scored_one_is_shown(tmp_path: Path, read_pdf: Reader) -> None:
+    write_model(tmp_path / "model")
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    assert "No noise was added" in read_pdf(tmp_path / "s.pdf").whole
+    noisy = {name: {"test": {"rmse": 3.21}} for name in UNITS}
+    write_model(tmp_path / "model", noise=[{"db_below_baseline": 60.0, "db_below_signal": 12.5, "outputs": noisy}])
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "60.0 dB" in text
+    assert "3.21" in text
+    assert "12.5 dB below the RMS of the signal" in text
+
+
+def test_scores_of_another_data_set_and_constant_targets_are_said(tmp_path: Path, read_pdf: Reader) -> None:
+    constant = {"mse": 1.5, "rmse": 1.22, "r2": None, "mae": 1.0, "n": 40, "coverage_90": 0.9, "unit": "mm"}
+    write_model(tmp_path / "model", dataset={"sha256": "00" * 32, "rows": 40}, outputs={"x0": {"all": constant}})
+    table = pd.read_parquet(tmp_path / "model" / "predictions.parquet").assign(part="all")
+    table.to_parquet(tmp_path / "model" / "predictions.parquet", index=False)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "another data set" in text
+    assert "R² undefined, the targets do not vary" in text
+
+
+def test_the_floor_of_the_physics_stands_beside_the_errors_under_noise(tmp_path: Path, read_pdf: Reader) -> None:
+    noisy = {name: {"test": {"rmse": 3.0}} for name in UNITS}
+    write_model(tmp_path / "model", noise=[{"db_below_baseline": 60.0, "db_below_signal": 12.5, "outputs": noisy}])
+    limits = pd.DataFrame({"dataset": "cd" * 32, "noise_db": 60.0, "noise_V": 1e-3, "material": "known",
+                           "output": ["x0", "A_c"], "unit": ["mm", "mm2"], "limit": [1.23, 2.0]})
+    limits.to_csv(tmp_path / "model" / "limits.csv", index=False)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "least possible, material known" in text
+    assert "1.23" in text
+    assert "1.50 to 2.44 times as large (most: position x at 60.0 dB)" in text
+    limits.assign(dataset="00" * 32).to_csv(tmp_path / "model" / "limits.csv", index=False)
+    assert "limits.csv is of another data set" in str(report(tmp_path / "model").prose["limits"])
+    limits.drop(columns="limit").to_csv(tmp_path / "model" / "limits.csv", index=False)
+    with pytest.raises(TestFileError, match="column limit is missing"):
+        report(tmp_path / "model")
+
+
+def test_maps_of_the_limit_are_drawn_by_level(tmp_path: Path) -> None:
+    """Made-up maps: the force is known best near the rim."""
+    write_model(tmp_path / "model")
+    angle = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    x, y = (np.r_[0.0, 50 * f(angle), 93 * f(angle)] for f in (np.cos, np.sin))
+    sd = 0.2 - 0.0015 * np.hypot(x, y)
+    rows = [pd.DataFrame({"noise_db": level, "material": material, "x_mm": x, "y_mm": y, "d_mm": 14.0, "F_N": 1.0,
+                          "sd_x0_mm": 2 * sd * k, "sd_y0_mm": 2 * sd * k, "sd_d_mm": 9 * sd * k, "sd_F_N": sd * k})
+            for level, k in ((60.0, 1.0), (80.0, 0.1)) for material in ("known", "posterior")]
+    pd.concat(rows).to_csv(tmp_path / "model" / "limit_map.csv", index=False)
+    with style.house():
+        quiet, loud = (plate for plate in report(tmp_path / "model").plates if plate.name.startswith("limit_map_"))
+    for words in ("noise 60.0 dB below", "a punch of 14.0 mm under 1.00 N", "force 0.200 and 0.0605 N"):
+        assert words in loud.caption
+    assert len(quiet.data["limit_map_80dB"]) == 2 * len(x)
+    titles = [axes.get_title("left") for axes in quiet.figure.axes[:4]]
+    assert titles == ["Position x", "Position y", "Punch diameter", "Force"]
+    rows[0].drop(columns="sd_F_N").to_csv(tmp_path / "model" / "limit_map.csv", index=False)
+    with pytest.raises(TestFileError, match="column sd_F_N is missing"):
+        report(tmp_path / "model")
+
+
+def test_the_training_of_networks_is_drawn(tmp_path: Path, read_pdf: Reader) -> None:
+    """Two synthetic histories of E_D, E_W, gamma, alpha and beta."""
+    write_model(tmp_path / "model")
+    step = np.arange(1.0, 21.0)
+    history = np.column_stack([28 / step**2, step, 30 - step, 0.1 * step, step**2])
+    arrays = {f"learner.networks.trainings.{i}.history": history for i in (0, 1)}
+    np.savez(tmp_path / "model" / "arrays.npz", allow_pickle=False, **arrays)
+    description = json.loads((tmp_path / "model" / "model.json").read_text())
+    description["outputs"] = [{"name": name, "unit": unit} for name, unit in UNITS.items()]
+    (tmp_path / "model" / "model.json").write_text(json.dumps(description))
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "over up to 20 steps" in text
+    assert "ends at 0.0500 to 0.0500 of half the span, with 10.0 to 10.0 effective parameters" in text
+    drawn = pd.read_csv(tmp_path / "s_files" / "history.csv")
+    assert np.allclose(drawn["rms_error"][:20], 1 / step)
+
+
+@pytest.mark.parametrize("name", ["model.json", "evaluation.json", "predictions.parquet"])
+def test_a_folder_that_is_no_model_is_named(tmp_path: Path, name: str) -> None:
+    write_model(tmp_path / "model")
+    (tmp_path / "model" / name).unlink()
+    with pytest.raises(TestFileError, match=f"holds no {name}"):
+        write(tmp_path / "model", tmp_path / "s.pdf")
+    assert not (tmp_path / "s.pdf").exists()
+
+
+@pytest.mark.parametrize(
+    ("rows", "bars", "words"),
+    [(150, 150, "(bars, cut at the frame)"), (3000, parity_figures.BARS, "(bars of at most 200 rows a panel, cut")],
+)
+def test_bars_of_many_rows_stay_apart(rows: int, bars: int, words: str) -> None:
+    target = np.linspace(1.0, 2.0, rows)
+    table = pd.DataFrame({"part": "test", "scene": range(rows), "unit": "N", "target": target, "value": target,
+                          "half_width_90": 0.1})
+    parts = {"test": asdict(score(target, target + 0.01, np.full((3, rows), 0.1), "N"))}
+    made = parity_figures.plate("F", table, parts)
+    (axes,) = made.figure.axes
+    (drawn,) = (one for one in axes.collections if isinstance(one, LineCollection))
+    assert len(drawn.get_segments()) == bars
+    assert rows in {np.size(line.get_xdata()) for line in axes.get_lines()}
+    assert words in made.caption
+    assert len(made.data["parity_F"]) == rows

@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from eitsim.sweeps.dataset.parquet import read_dataset
+from reports.sweep import sweep_report
+from reports.sweep.dispatch import write
+from touchcal.errors import TestFileError
+
+Make = Callable[..., Path]
+Reader = Callable[[Path], Any]
+
+
+def test_a_touch_report_holds_the_numbers_of_its_result(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    source, out = write_result(), tmp_path / "touch.pdf"
+    write(source, out)
+    text = read_pdf(out).whole
+    for value in ("3.646", "18.87", "6.518", "153.4", "3.127", "0.45 %", "0.12 %", "1.23 s", "312 MB", "1.3 %"):
+        assert value in text
+    for unit in ("x (mm)", "y (mm)", "Displacement (mm)", "Pressure (kPa)", "Stretch (–)", "Voltage V (V)"):
+        assert unit in text
+    assert hashlib.sha256(source.read_bytes()).hexdigest()[:16] in text
+    assert "Synthetic foam" in text
+    assert "ab" * 32 in text
+    assert "3 decisions that may together cost 0.20 % of the signal" in text
+    assert "mechanics axisymmetric about the punch" in text
+    assert "its edge is 70.6 mm from the rim" in text
+
+
+def test_reading_curves_are_the_readings_of_the_result(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    baseline = np.ones((16, 13))
+    touched = baseline.copy()
+    touched[5, 9] += 4e-3
+    write(write_result(readings_V=touched.tolist(), baseline_V=baseline.tolist()), tmp_path / "t.pdf")
+    table = pd.read_csv(tmp_path / "t_files" / "readings.csv")
+    assert np.array_equal(table["touched_V"].to_numpy().reshape(16, 13), touched)
+    assert table.loc[table["signal_V"].idxmax(), ["pattern", "reading"]].tolist() == [5, 9]
+    text = read_pdf(tmp_path / "t.pdf").whole
+    assert "at most 4.00 mV" in text
+    assert "pattern 5, reading 9" in text
+    assert "Pattern 5 carries most of it: 100 %" in text
+    assert f"{-20 * np.log10(4e-3 / np.sqrt(208)):.1f} dB" in text
+
+
+def test_a_report_of_two_touches_shows_both(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    one = json.loads(write_result().read_text())
+    keys = ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2")
+    lists = {key: [one[key], 2 * one[key]] for key in keys}
+    punch = one["scene"]["punch"][0]
+    scene = one["scene"] | {"punch": [punch, punch | {"x_mm": -43.0, "diameter_mm": 10.0}]}
+    bounds = {"signal": 0.077, "depth": 0.0}
+    source = write_result(**lists, scene=scene, profile=2 * one["profile"], interaction=bounds)
+    write(source, tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf").whole
+    for words in ("punch 1", "punch 2", "touch 2", "x = -43", "7.7 %", "7.292"):
+        assert words in text or words.replace("-", "−") in text
+    assert {path.name for path in (tmp_path / "t_files").glob("profile_*.csv")} == {"profile_1.csv", "profile_2.csv"}
+
+
+def test_a_touch_without_any_signal_is_said(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    same = np.ones((16, 13)).tolist()
+    write(write_result(readings_V=same, baseline_V=same), tmp_path / "t.pdf")
+    assert "none of the voltages changes" in read_pdf(tmp_path / "t.pdf").whole
+
+
+def test_a_failed_result_says_what_it_lacks(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    gone = dict.fromkeys(("readings_V", "baseline_V", "profile", "delta_max_mm", "force_N", "sigma_max_kPa",
+                          "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2", "error_estimate", "stability", "scene",
+                          "card"))
+    source = write_result(outcome="not_converged", message="The Newton iteration stopped at 0.7 of the load.", **gone)
+    write(source, tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf").whole
+    assert "Outcome not_converged: The Newton iteration stopped at 0.7 of the load." in text
+    for sentence in ("No mechanical outputs", "No surface profile", "No voltages", "does not hold its scene"):
+        assert sentence in text
+    assert not list((tmp_path / "t_files").glob("*.svg"))
+
+
+def test_two_touches_get_a_profile_each(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    block = json.loads(write_result().read_text())["profile"][0]
+    deeper = block | {"u_z_mm": [2 * u for u in block["u_z_mm"]]}
+    both = {"force_N": [1.0, 2.0], "delta_max_mm": [3.646, 7.292], "sigma_max_kPa": [18.87, 40.0],
+            "sigma_ave_kPa": [6.5, 13.0], "A_c_mm2": [153.0, 154.0], "wall_contact_mm2": [3.0, 9.0]}
+    write(write_result(profile=[block, deeper], **both), tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf").whole
+    assert "Touch 2. The surface sinks by up to 7.29 mm" in text
+    assert (tmp_path / "t_files" / "profile_2.svg").is_file()
+
+
+@pytest.mark.parametrize("decision", ["mechanics in three dimensions near the rim", "touches 1 and 2 solved together"])
+def test_a_profile_of_the_touch_alone_is_said(decision: str, tmp_path: Path, write_result: Make,
+                                              read_pdf: Reader) -> None:
+    said = "The touch alone, before what the rim or its neighbour changes is added; the table holds it."
+    write(write_result(), tmp_path / "axisymmetric.pdf")
+    assert said not in read_pdf(tmp_path / "axisymmetric.pdf").whole
+    write(write_result(plan=[{"decision": decision, "reason": "near", "error_bound": 0.0}]), tmp_path / "t.pdf")
+    assert said in read_pdf(tmp_path / "t.pdf").whole
+
+
+def test_a_hold_says_its_time_and_shows_all_times(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    baseline = np.ones((16, 13))
+    touched = baseline.copy()
+    touched[5, 9] -= 4.37e-3
+    early = {"time_s": 0.0, "force_N": 1.0, "delta_max_mm": 2.917, "sigma_max_kPa": 17.71,
+             "readings_V": (baseline + 1.23e-3).tolist()}
+    late = early | {"time_s": 180.0, "delta_max_mm": 3.646, "sigma_max_kPa": 18.87, "readings_V": touched.tolist()}
+    write(write_result(readings_V=touched.tolist(), baseline_V=baseline.tolist(), times=[early, late]),
+          tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf")
+    assert "After 180 s, 1.00 N presses the punch 3.646 mm deep" in text.pages[0]
+    for words in ("time (s)", "force (N)", "depth (mm)", "largest signal (mV)", "0 1.000 2.917 17.71 1.23",
+                  "180 1.000 3.646 18.87 4.37", "timed from the end of loading", "The mechanical outputs after 180 s",
+                  "the force stays at 1.000 N and the depth goes from 2.917 to 3.646 mm"):
+        assert words in text.whole, words
+    write(write_result(), tmp_path / "t.pdf")
+    assert "timed from the end of loading" not in read_pdf(tmp_path / "t.pdf").whole
+
+
+def test_errors_and_equal_ratios_are_told_in_words(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    keys = ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2")
+    one = json.loads(write_result().read_text())
+    write(write_result(**{key: [one[key]] * 2 for key in keys}, profile=2 * one["profile"],
+                       error_estimate={"signal": 0.004, "depth": 0.001, "sigma_max": 0.02, "A_c": 0.003,
+                                       "strain": 0.05}), tmp_path / "t.pdf")
+    text = read_pdf(tmp_path / "t.pdf").whole
+    for words in ("error of the largest pressure 2.0 %", "error of the contact area 0.30 %",
+                  "error of the surface strain 5.0 %", "the peak pressure is 2.90 times the mean in each touch."):
+        assert words in text, words
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.json", "not json"), ("a.json", '{"mu_Pa": 1}'), ("a.json", "[1]")])
+def test_a_file_that_is_no_result_is_named(tmp_path: Path, name: str, content: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(TestFileError, match=name):
+        write(tmp_path / name, tmp_path / "t.pdf")
+    assert not (tmp_path / "t.pdf").exists()
+
+
+def test_a_sweep_report_holds_the_numbers_of_its_set(tmp_path: Path, write_set: Make, read_pdf: Reader) -> None:
+    folder, out = write_set(24, refused=3), tmp_path / "set.pdf"
+    write(folder, out)
+    text, ok = read_pdf(out).whole, read_dataset(folder).ok
+    assert "21 of 24 scenes ended ok; 3 did not" in text
+    assert "too near the rim" in text
+    assert f"{ok['delta_max_mm'].max():.3f}" in text
+    assert f"{100 * ok['signal_error'].max():.2g} %" in text
+    assert hashlib.sha256((folder / "design.json").read_bytes()).hexdigest()[:16] in text
+    assert "seed 7" in text
+    for unit in ("Depth (mm)", "Peak pressure (kPa)", "Contact area (mm²)", "Force (N)", "error (%)", "scene (s)"):
+        assert unit in text
+    assert len(read_pdf(out).pages) == 1
+
+
+def test_the_map_of_a_sweep_is_coloured_by_the_signal(tmp_path: Path, write_set: Make) -> None:
+    folder = write_set(12)
+    write(folder, tmp_path / "set.pdf")
+    drawn, ok = pd.read_csv(tmp_path / "set_files" / "map.csv"), read_dataset(folder).ok
+    signal = ok.filter(regex=r"^dv_").to_numpy()
+    assert np.allclose(drawn["signal_rms_V"], np.sqrt(np.mean(signal**2, axis=1)), rtol=1e-12)
+    assert np.allclose(drawn[["x_mm", "y_mm"]], ok[["x_mm", "y_mm"]])
+
+
+def test_the_footer_hash_of_a_sweep_follows_its_rows(write_set: Make) -> None:
+    folder = write_set(8)
+    before = sweep_report.report(folder).footer["inputs"]
+    part = sorted(folder.glob("*.parquet"))[0]
+    table = pd.read_parquet(part)
+    table["v_000"] += 1e-9
+    table.to_parquet(part, index=False)
+    after = sweep_report.report(folder).footer["inputs"]
+    assert before[0] == after[0]
+    assert before[1]["sha256"] != after[1]["sha256"]
+
+
+def test_an_unfinished_sweep_is_said(write_set: Make) -> None:
+    findings = " ".join(sweep_report.report(write_set(8, scenes=30)).findings)
+    assert "unfinished: the design asks for 30 scenes, 8 are there" in findings
+
+
+def test_a_sweep_without_a_solved_scene_draws_nothing(tmp_path: Path, write_set: Make, read_pdf: Reader) -> None:
+    write(write_set(4, refused=4), tmp_path / "set.pdf")
+    text = read_pdf(tmp_path / "set.pdf").whole
+    assert "0 of 4 scenes ended ok" in text
+    assert "no scene of the set has the outcome" in text
+    assert not list((tmp_path / "set_files").glob("*.svg"))
+
+
+def test_one_solved_scene_is_enough(tmp_path: Path, write_set: Make, read_pdf: Reader) -> None:
+    write(write_set(2, refused=1), tmp_path / "set.pdf")
+    assert "1 of 2 scenes ended ok" in read_pdf(tmp_path / "set.pdf").whole
+
+
+def test_a_folder_that_is_no_set_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TestFileError, match=r"design\.json"):
+        write(tmp_path, tmp_path / "set.pdf")

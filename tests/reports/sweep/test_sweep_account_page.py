@@ -1,0 +1,67 @@
+"""The first page of a sweep's report: cost by stage, errors against wanted ones, the last run, what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.run.omissions import LEFT_OUT, Omission
+from eitsim.sweeps.run.run_log import RUNS, Run
+from reports.sweep import dispatch
+from reports.sweep.sweep_report import report
+
+
+def with_account(folder: Path) -> Path:
+    """A synthetic set with the columns, a run and omissions as sweeps write them."""
+    for part in parquet.parts(folder):
+        table = pd.read_parquet(part)
+        shares = {"mechanics_cpu_s": 0.5, "electrics_cpu_s": 0.25, "fields_cpu_s": 0.125}
+        how = {"mechanics_method": np.where(table["scene"] < 15, "table", "afresh"), "electrics_method": "multipole"}
+        costs = {name: share * table["cpu_s"] for name, share in shares.items()}
+        parquet.write_table(part, table.assign(**costs, **how))
+    run = Run("touches from a table", 20, 16.0, 10.0, 2, 5.0, 0.5, 0.1, 0.2, paths=5, paths_cpu_s=90.0)
+    left = [Omission("the skin is a sheet", "thin", 0.0016, False, 20, 20),
+            Omission("no friction", "none", 0.0, True, 9, 20)]
+    parquet.write_manifest(folder, {**parquet.read_manifest(folder), RUNS: [asdict(run)],
+                                    LEFT_OUT: [asdict(one) for one in left]})
+    return folder
+
+
+def test_stages_part_the_cost(write_set: Callable[..., Path]) -> None:
+    made = report(with_account(write_set(20)))
+    rows = {name: (int(count), float(cpu)) for name, count, cpu, _ in made.tables["stages"].rows}
+    assert rows["table: load paths"] == (5, 90.0)
+    assert (rows["touches: table"][0], rows["touches: afresh"][0]) == (15, 5)
+    touches = rows["touches: table"][1] + rows["touches: afresh"][1]
+    assert np.isclose(touches, 2 * rows["readings: multipole"][1], rtol=0.01)
+    assert np.isclose(rows["fields on the skin"][1], rows["planning and the rest of rows"][1], rtol=0.01)
+
+
+def test_runs_and_omissions_are_told(write_set: Callable[..., Path]) -> None:
+    made = report(with_account(write_set(20)))
+    assert any("20 scenes in 10.0 s on 2 workers, which were busy with them 80 % of the time" in found
+               for found in made.findings)
+    assert any("above the 1.0 % wanted" in found for found in made.findings)
+    assert made.prose["left_out"] == ["The skin is a sheet: at most 0.16 % of the signal.",
+                                      "At a cost that is unknown and in no error: no friction."]
+
+
+def test_older_sets_have_their_whole_cost_in_one_stage(write_set: Callable[..., Path]) -> None:
+    made = report(write_set(8))
+    assert [row[:2] for row in made.tables["stages"].rows] == [["planning and the rest of rows", "8"]]
+
+
+def test_rows_of_other_code_are_marked(write_set: Callable[..., Path], tmp_path: Path,
+                                       read_pdf: Callable[[Path], Any]) -> None:
+    folder = write_set(8)
+    assert not report(folder).cautions
+    parquet.write_manifest(folder, {**parquet.read_manifest(folder), "code": "0" * 64})
+    dispatch.write(folder, tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "Stale: other code or libraries than are here solved its rows." in text

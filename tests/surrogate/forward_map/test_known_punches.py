@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from surrogate.data.sensor_ring import Ring
+from surrogate.forward_map import forward_map
+from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.inversion import known_diameters
+from surrogate.forward_map.inversion.invert import invert
+from surrogate.statistics.levenberg_marquardt import Minimum
+
+Array = NDArray[np.float64]
+Synthetic = Callable[..., tuple[Array, Array]]
+KNOWN_MM = (10, 14, 18)
+
+
+@pytest.fixture(scope="module")
+def learned(ring: Ring, synthetic: Synthetic) -> ForwardMap:
+    return forward_map.learn(ring, *synthetic(180, 0, KNOWN_MM, 40.0))
+
+
+def test_punches_are_known_where_many_rows_share_few_diameters() -> None:
+    assert known_diameters.known_mm(np.repeat([14.0, 10.0], 50)).tolist() == [10.0, 14.0]
+    for others in (np.linspace(10, 18, 500), np.full(200, 12.0), np.repeat([10.0, 14.0], [200, 20])):
+        assert not len(known_diameters.known_mm(others))
+
+
+def test_a_known_punch_is_found_to_its_diameter_in_noise(learned: ForwardMap, synthetic: Synthetic) -> None:
+    """Free diameters are off by several tenths of a millimetre there."""
+    touch, signal = synthetic(30, 1, KNOWN_MM, 40.0)
+    noisy = signal + 2e-7 * np.random.default_rng(2).normal(size=signal.shape)
+    error = np.abs(invert(learned, noisy, 2e-7).touch[:, 2] - touch[:, 2])
+    print("diameters off by", np.quantile(error, [0.5, 0.9, 1.0]), "mm")
+    assert np.quantile(error, 0.9) < 0.01
+
+
+def test_an_unknown_punch_is_not_taken_for_a_known_one(learned: ForwardMap, synthetic: Synthetic) -> None:
+    touch, signal = synthetic(30, 3, (12,), 40.0)
+    found = invert(learned, signal)
+    print("diameters read:", np.quantile(found.touch[:, 2], [0.1, 0.5, 0.9]), "mm")
+    assert np.quantile(np.abs(found.touch[:, 2] - touch[:, 2]), 0.8) < 0.3
+
+
+def test_branches_of_one_punch_are_all_weighed_and_one_minimum_counts_once() -> None:
+    """Two minima of equal evidence share the probability, however many starts ended in each."""
+    ends = np.zeros((4, 5))
+    ends[2:, 3] = 1.0
+    normal = np.tile(np.eye(5) * 400.0, (4, 1, 1))
+    branches = Minimum(ends, np.zeros(4), normal, np.zeros((4, 6)))
+    free = Minimum(np.zeros((1, 5)), np.full(1, 40.0), normal[:1], np.zeros((1, 6)))
+    settled = known_diameters.settle(free, branches, 1, 1e-3)
+    print("probabilities:", settled.probability)
+    assert settled.probability[0] == pytest.approx([0.0, 0.5, 0.0, 0.5, 0.0], abs=1e-12)

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from surrogate.data.sensor_ring import Ring
+from surrogate.forward_map import multipole_series
+
+Synthetic = Callable[[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+def left(ring: Ring, q: NDArray[np.float64], touch: NDArray[np.float64], signal: NDArray[np.float64],
+         orders: int) -> float:
+    """Relative norm of what the series of some orders leaves of exact signals."""
+    design = multipole_series.basis(*multipole_series.patterns(ring, q, (touch[:, 0] + 1j * touch[:, 1]) / 100, orders))
+    rest = [y - a @ np.linalg.lstsq(a, y, rcond=None)[0] for a, y in zip(design, signal, strict=True)]
+    return float(np.sqrt(np.mean(np.sum(np.square(rest), axis=1) / np.sum(signal**2, axis=1))))
+
+
+def test_the_series_converges_to_the_exact_response(ring: Ring, synthetic: Synthetic) -> None:
+    touch, signal = synthetic(60, 0)
+    errors = [left(ring, np.ones(60), touch, signal, orders) for orders in (1, 2, 3)]
+    print("left by 1, 2, 3 orders:", errors)
+    assert errors[0] < 2e-2
+    assert errors[1] < 0.05 * errors[0]
+    assert errors[2] < 0.3 * errors[1]
+
+
+def test_the_field_of_point_electrodes_is_recovered(ring: Ring, synthetic: Synthetic) -> None:
+    touch, signal = synthetic(60, 0)
+    z = (touch[:, 0] + 1j * touch[:, 1]) / 100
+    q = multipole_series.learn_field(ring, z, signal)
+    assert np.allclose(q[:12], 1.0, atol=2e-3)
+    left_over = multipole_series.strengths(ring, q, z, signal).residual
+    assert np.linalg.norm(left_over) < 1e-4 * np.linalg.norm(signal)
+
+
+def test_a_turned_touch_gives_turned_readings(ring: Ring) -> None:
+    z = np.array([0.4 + 0.1j])
+    here = multipole_series.basis(*multipole_series.patterns(ring, np.ones(20), z))[0]
+    turned = multipole_series.basis(*multipole_series.patterns(ring, np.ones(20), z * np.exp(2j * np.pi / 16)))[0]
+    assert np.allclose(turned, np.roll(here, 13, axis=0), rtol=1e-12)
+
+
+def test_swapping_source_and_reader_changes_nothing(ring: Ring) -> None:
+    drive, read = multipole_series.patterns(ring, np.ones(20), np.array([0.3 - 0.5j]))
+    assert np.allclose(multipole_series.basis(drive, read), multipole_series.basis(read, drive))
+
+
+@pytest.mark.parametrize(("reach", "modes"), [(0.01, 12), (0.65, 26), (0.99, 120)])
+def test_modes_follow_the_reach(reach: float, modes: int) -> None:
+    assert multipole_series.modes_needed(reach) == modes

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eitsim.sweeps.measurement.instrument import below, level_db
+from surrogate.data import outputs
+from surrogate.data.samples import split
+from surrogate.model.evaluate import transfer
+from surrogate.statistics.conformal import conformal_scale, few, normal, sure_coverage
+from surrogate.statistics.metrics import score
+
+
+@pytest.mark.parametrize(("rows", "parts"), [(200, [140, 30, 30]), (60, [42, 9, 9]), (4000, [2800, 600, 600])])
+def test_rows_are_split_70_15_15_by_the_seed(rows: int, parts: list[int]) -> None:
+    found = split(np.arange(rows), 1)
+    assert [int(np.sum(found == part)) for part in ("train", "val", "test")] == parts
+    assert np.array_equal(found, split(np.arange(rows), 1))
+    assert not np.array_equal(found, split(np.arange(rows), 2))
+
+
+def test_too_few_rows_are_refused() -> None:
+    with pytest.raises(ValueError, match="12 ok rows are too few"):
+        split(np.arange(12), 0)
+
+
+def test_a_score_by_hand() -> None:
+    found = score(np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 3.0, 3.0, 4.0]),
+                  np.array([[0.5] * 4, [1.5] * 4, [2.0] * 4]), "mm")
+    assert (found.mse, found.mae, found.n, found.coverage_90, found.unit) == (1.25, 0.75, 4, 0.75, "mm")
+    assert (found.coverage_50, found.coverage_95, found.half_width_90) == (0.5, 1.0, 1.5)
+    assert found.rmse == pytest.approx(np.sqrt(1.25))
+    assert found.r2 == pytest.approx(1 - 1.25 / 3.5)
+
+
+def test_a_constant_target_has_no_r2() -> None:
+    assert score(np.full(3, 14.0), np.array([14.0, 14.1, 13.9]), np.ones(3), "mm").r2 is None
+
+
+def test_decibels() -> None:
+    assert below(60, 2.0) == pytest.approx(2e-3)
+    assert level_db(2e-3, 2.0) == pytest.approx(60)
+
+
+@pytest.mark.parametrize(("rows", "coverage"), [(9, 0.9), (30, 0.9), (600, 0.9), (600, 0.5), (600, 0.95)])
+def test_conformal_intervals_cover_what_they_promise(rows: int, coverage: float) -> None:
+    rng = np.random.default_rng(0)
+    sd = rng.uniform(0.5, 2, (2000, rows + 1))
+    ratio = np.abs(rng.standard_t(3, (2000, rows + 1)))
+    scale = conformal_scale((ratio * sd)[:, :rows].T, sd[:, :rows].T, rows, coverage)
+    covered = np.mean(ratio[:, rows] <= scale)
+    assert coverage - 0.015 < covered < coverage + 1 / (rows + 1) + 0.015
+
+
+@pytest.mark.parametrize("rows", [9, 30, 110])
+def test_calibrations_cover_less_than_is_told_as_seldom_as_it_is_told(rows: int) -> None:
+    """The coverage of an interval of uniform ratios is its length."""
+    ratio = np.random.default_rng(1).random((rows, 4000))
+    length = conformal_scale(ratio, np.ones_like(ratio), rows, discrete=np.zeros(4000, bool))
+    unlucky = np.mean((length if rows > 9 else ratio.max(axis=0)) < sure_coverage(rows))
+    assert unlucky == pytest.approx(0.05, abs=0.012)
+
+
+def test_the_order_statistic_is_the_one_of_exchangeable_errors() -> None:
+    """Of 30 ratios the 28th, whatever copies of them there are."""
+    error, sd = np.arange(1.0, 31.0)[:, None], np.ones((30, 1))
+    assert conformal_scale(error, sd, 30)[0] == 28
+    assert conformal_scale(np.tile(error, (3, 1)), np.tile(sd, (3, 1)), 30)[0] == 28
+
+
+def test_few_calibrating_rows_are_cautioned_with_the_number_that_is_enough() -> None:
+    assert "may hold as little as 61 %" in few(6)
+    assert "until 110 do" in few(6)
+    assert few(109) != ""
+    assert few(110) == "" == few(600)
+
+
+def test_few_rows_fall_back_on_the_larger_of_both() -> None:
+    assert conformal_scale(np.array([[0.1], [0.2]]), np.ones((2, 1)), 2)[0] == normal(0.9)
+    assert conformal_scale(np.array([[0.1], [5.0]]), np.ones((2, 1)), 2)[0] == 5.0
+
+
+def test_one_of_two_punches_in_doubt_is_held_by_its_interval_though_most_rows_are_sure() -> None:
+    """Diameters 0 or 1, the mean p read; 19 rows of 20 are sure."""
+    rng = np.random.default_rng(0)
+    p = np.where(np.arange(1000) % 20 > 0, 1e-9, rng.uniform(0.3, 0.7, 1000))
+    error, sd = (p - (rng.uniform(size=1000) < p))[:, None], np.sqrt(p * (1 - p))[:, None]
+    scales = {known: conformal_scale(error, sd, 1000, 0.9, np.array([known])) for known in (False, True)}
+    held = {known: np.mean((np.abs(error) <= scale * sd)[::20]) for known, scale in scales.items()}
+    print("rows in doubt held by 90 % intervals:", held)
+    assert held[False] == 0
+    assert held[True] >= 0.9
+
+
+def test_outputs_are_chosen_by_name() -> None:
+    assert outputs.chosen("all") == outputs.NAMES
+    assert outputs.chosen("F, x0") == ("x0", "F")
+    with pytest.raises(ValueError, match="'z' is unknown; known: all, x0, y0, d, F, sigma_max"):
+        outputs.chosen("x0,z")
+
+
+def test_sets_are_compared_on_their_unseen_rows() -> None:
+    def scores(rmse: float, *parts: str) -> dict[str, Any]:
+        return {"outputs": {"x0": {part: {"rmse": rmse, "unit": "mm"} for part in parts}}}
+
+    sets = {"own": scores(0.2, "train", "test"), "mesh": scores(0.5, "all"), "seen": scores(0.1, "train")}
+    rows = transfer(sets)["x0"]
+    assert [(row["set"], row["part"]) for row in rows] == [("own", "test"), ("mesh", "all")]
+    assert [row["rmse_over_first"] for row in rows] == pytest.approx([1.0, 2.5])

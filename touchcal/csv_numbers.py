@@ -1,0 +1,82 @@
+"""A CSV of numbers: a header where its first cell is no number, then rows of one width, each with its line."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from touchcal.errors import TestFileError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NumberTable:
+    """Numbers and where they stand in their file."""
+
+    # names of the columns; empty where the file has none
+    names: tuple[str, ...]
+    # (rows, columns)
+    values: Array
+    # (rows,) line numbers from 1
+    line: NDArray[np.int64]
+
+
+def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers",
+                 blanks: bool = False) -> NumberTable:
+    """Read a CSV of numbers, blank lines left out; TestFileError names the line of a row of another width than
+    `columns` or, without it, than the first row, and the column of a cell that is no finite number. With `blanks`,
+    empty cells are NaN."""
+    path = Path(path)
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = [(number, [cell.strip() for cell in cells]) for number, cells in enumerate(csv.reader(file), start=1)
+                    if any(cell.strip() for cell in cells)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise TestFileError(path, f"not a text file ({error}). Expected a CSV of {what}.") from None
+    width = columns or (len(rows[0][1]) if rows else 0)
+    for number, cells in rows:
+        if len(cells) != width:
+            raise TestFileError(path, f"{len(cells)} columns, expected {width} {what} a row.", line=number)
+    names: tuple[str, ...] = ()
+    if rows and _number(rows[0][1][0]) is None:
+        names, rows = tuple(rows[0][1]), rows[1:]
+    if not rows:
+        raise TestFileError(path, f"it holds no rows of {what}.")
+    values = np.array([[math.nan if blanks and not cell else _value(path, number, column, cell, what)
+                        for column, cell in enumerate(cells, start=1)] for number, cells in rows])
+    return NumberTable(names, values, np.array([number for number, _ in rows], np.int64))
+
+
+def write_numbers(path: Path | str, names: Sequence[str], values: Array) -> None:
+    """Write rows (rows, columns) under a header, each number with all its digits, NaN as an empty cell."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(names)
+        table.writerows(cells(values))
+
+
+def cells(values: Array) -> list[list[float | str]]:
+    """Rows of numbers as a CSV holds them: NaN is an empty cell."""
+    return [["" if math.isnan(value) else value for value in row] for row in np.asarray(values, dtype=float).tolist()]
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _value(path: Path, line: int, column: int, cell: str, what: str) -> float:
+    value = _number(cell)
+    if value is None or not math.isfinite(value):
+        raise TestFileError(path, f"column {column} holds '{cell}', not one of the {what}. Mend it or leave the row "
+                                  "out.", line=line)
+    return value

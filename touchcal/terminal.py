@@ -1,0 +1,122 @@
+"""What every command line here shares: exit status, plain errors, progress, one JSON object."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from touchcal.errors import NotConverged
+
+BAD_INPUT, NOT_CONVERGED = 2, 3
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+def application(help_text: str) -> typer.Typer:
+    """A Typer application with plain (unboxed) errors and help."""
+    return typer.Typer(help=help_text, no_args_is_help=True, pretty_exceptions_enable=False,
+                       rich_markup_mode=None, add_completion=False)
+
+
+def run(app: typer.Typer, name: str) -> None:
+    """Run `app`; exit 0 done, 2 bad usage or input, 3 not converged. `--debug` anywhere shows the traceback."""
+    arguments = [a for a in sys.argv[1:] if a != "--debug"]
+    debug = len(arguments) != len(sys.argv) - 1
+    try:
+        app(args=arguments, prog_name=name)
+    except (ValueError, OSError, NotConverged) as error:
+        if debug:
+            raise
+        print(f"{name}: {_sentence(error)}", file=sys.stderr)
+        sys.exit(NOT_CONVERGED if isinstance(error, NotConverged) else BAD_INPUT)
+
+
+def _sentence(error: BaseException) -> str:
+    if isinstance(error, FileNotFoundError) and error.filename:
+        return f"{error.filename}: no such file. Check the name and the folder."
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}."
+    return str(error)
+
+
+def print_json(value: dict[str, Any]) -> None:
+    """Print one JSON object, and nothing else, on standard output; NaN is refused, never written."""
+    print(json.dumps(value, indent=1, default=_plain, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def numbers(text: str, flag: str, example: str) -> list[float]:
+    """Numbers of a comma-separated command-line value; ValueError names the flag, the offending cell and an example."""
+    out = []
+    for cell in text.split(","):
+        try:
+            out.append(float(cell))
+        except ValueError:
+            raise ValueError(f"{flag}: '{cell}' is not a number. Give numbers separated by commas, "
+                             f"for example {flag}={example}.") from None
+    return out
+
+
+def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
+    """Before any work: ValueError where a file (or `folder`) cannot be written at `out`; folders are never made above
+    it."""
+    what = "folder" if folder else "file"
+    if above := next((place for place in out.parents if place.is_file()), None):
+        raise ValueError(f"{flag} {out}: {above} is a file, and nothing can be written below it. Choose another place.")
+    if not out.parent.is_dir():
+        raise ValueError(f"{flag} {out}: the folder {out.parent} does not exist. Create it first, or choose another.")
+    if out.exists() and out.is_dir() != folder:
+        raise ValueError(f"{flag} {out} is a {'file' if folder else 'folder'}, and a {what} is to be written there. "
+                         "Choose another name.")
+    try:
+        _try_writing(out if folder and out.exists() else out.parent)
+        if out.is_file():
+            open(out, "ab").close()
+    except OSError as error:
+        raise ValueError(f"{flag} {out} cannot be written: {error.strerror}. Choose another place.") from None
+
+
+def _try_writing(folder: Path) -> None:
+    """OSError where a file cannot be made in a folder, which permissions alone do not tell."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(b"0")
+
+
+def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None:
+    """Before any work: ValueError where a file to be written (option -> place) is one that is read, or another one."""
+    taken = {path.resolve(): f"{path} is read" for path in inputs}
+    for flag, place in outs.items():
+        if place is None:
+            continue
+        if place.resolve() in taken:
+            raise ValueError(f"{flag} {place} would be overwritten: {taken[place.resolve()]}. Choose another name.")
+        taken[place.resolve()] = f"{flag} {place} is written"
+
+
+@contextmanager
+def counter(total: int, label: str) -> Iterator[Callable[..., None]]:
+    """A function that takes the number done so far, and words that tell more of it if there are any, and shows them on
+    a terminal with the time left; silent in a pipe."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+               TextColumn("{task.fields[words]}"))
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(label, total=total, words="")
+        yield lambda done, words="": bar.update(task, completed=done, words=words)

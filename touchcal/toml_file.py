@@ -1,0 +1,19 @@
+"""Reading TOML files, with errors that name the file."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from touchcal.errors import TestFileError
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file; TestFileError where it is missing or not TOML."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise TestFileError(path, "no such file. Check the name and the folder.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise TestFileError(path, f"not TOML: {error}.") from None
