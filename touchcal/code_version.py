@@ -127,14 +127,15 @@ class _Code:
             self._statements[id(statement)] = _plain(statement, read.imported, modules), needs
         return self._statements[id(statement)]
 
-    def _named(self, module: str, read: _Module, chain: Sequence[str]) -> Iterator[_Name]:
-        """What a dotted name in a module stands for: a definition of its own, one imported, or a module whole."""
+    def _named(self, module: str, read: _Module, chain: Sequence[str], way: tuple[_Name, ...] = ()) -> Iterator[_Name]:
+        """What a dotted name in a module stands for: a definition of its own, one imported, or a module whole; `way`
+        are the imports that led here, for names that two modules import from each other inside functions."""
         if chain[0] in read.defined:
             yield module, chain[0]
-        if chain[0] in read.imported:
-            yield from self._at([*read.imported[chain[0]].split("."), *chain[1:]])
+        if chain[0] in read.imported and (module, chain[0]) not in way:
+            yield from self._at([*read.imported[chain[0]].split("."), *chain[1:]], (*way, (module, chain[0])))
 
-    def _at(self, path: Sequence[str]) -> Iterator[_Name]:
+    def _at(self, path: Sequence[str], way: tuple[_Name, ...]) -> Iterator[_Name]:
         """What a dotted path leads to: a member of the innermost module on it, or that module whole."""
         found = [k for k in range(1, len(path) + 1) if self._read(".".join(path[:k])) is not None]
         if not found:
@@ -142,7 +143,7 @@ class _Code:
         module, rest = ".".join(path[:found[-1]]), path[found[-1]:]
         read = self._read(module)
         if read is not None and rest:
-            yield from self._named(module, read, rest)
+            yield from self._named(module, read, rest, way)
         else:
             yield from self.whole(module)
 
