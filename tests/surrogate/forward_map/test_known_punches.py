@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import forward_map
+from surrogate.forward_map import forward_map, load_coordinates
 from surrogate.forward_map.forward_map import ForwardMap
-from surrogate.forward_map import load_coordinates
 from surrogate.forward_map.inversion import known_diameters
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.statistics.levenberg_marquardt import Minimum
