@@ -1,0 +1,55 @@
+"""After a commit that changes no number: tables that were current at COMMIT get the hash of the code that is here.
+
+Usage: python benchmarks/carry_over.py COMMIT. Renaming changes the code hash, not results. Compare a row of each kind
+of sweep, a card and a prediction with those of COMMIT bit for bit first; what was stale at COMMIT stays stale.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from touchcal.code_version import ROOT, script_hash
+
+HASHES = ("import json, pathlib, sys; from touchcal.code_version import script_hash; "
+          "print(json.dumps({p.stem: script_hash(p.resolve()) for p in pathlib.Path('benchmarks').glob('*.py')}))")
+
+
+def hashes_at(commit: str) -> dict[str, str]:
+    """Benchmark -> hash of its code at a commit, by that commit's own rule."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = str(Path(folder) / "tree")
+        subprocess.run(["git", "worktree", "add", "--detach", "--quiet", place, commit], cwd=ROOT, check=True)
+        try:
+            found = subprocess.run([sys.executable, "-c", HASHES], cwd=place, stdout=subprocess.PIPE, check=True)
+        finally:
+            subprocess.run(["git", "worktree", "remove", "--force", place], cwd=ROOT, check=True)
+    return json.loads(found.stdout)
+
+
+def main(commit: str) -> None:
+    """Rewrite the column `code` of tables whose rows were current."""
+    here = {old: script_hash(ROOT / "benchmarks" / f"{name}.py") for name, old in hashes_at(commit).items()
+            if (ROOT / "benchmarks" / f"{name}.py").is_file()}
+    for path in sorted((ROOT / "benchmarks" / "results").glob("*.csv")):
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        carried = [carry(line, here) for line in lines]
+        if carried != lines:
+            path.write_text("".join(carried), encoding="utf-8", newline="")
+            print(f"{path.name}: {sum(a != b for a, b in zip(carried, lines, strict=True))} rows carried over")
+
+
+def carry(line: str, here: dict[str, str]) -> str:
+    """A line of a table, its code, which is the last column of every table, replaced where it is one of `here`."""
+    text = line.rstrip("\r\n")
+    before, comma, code = text.rpartition(",")
+    return f"{before}{comma}{here[code]}{line[len(text):]}" if code in here else line
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    main(sys.argv[1])
