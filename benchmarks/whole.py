@@ -23,8 +23,8 @@ RAW = HERE.parent / "data_raw"
 # what each benchmark is given, of the short chain's files
 GIVEN = {"inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",), "streaming": ("ridge",),
          "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json")}
-# what needs the paper's sweep of 4,000 scenes, or a GPU, and is run by hand
-APART = ("faithful", "gpu", "surrogates", "transfer")
+# what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
+APART = ("carry_over", "faithful", "gpu", "surrogates", "transfer")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",
