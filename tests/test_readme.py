@@ -1,4 +1,5 @@
-"""The README's own commands run as they stand, on a smaller sweep, and the demo runs the same ones."""
+"""The README's own commands run as they stand, on a smaller sweep (slow), and the demo, which `.ci/run` runs, has the
+same ones; the chain in Python runs as it stands."""
 
 from __future__ import annotations
 
@@ -32,6 +33,7 @@ def skeleton(command: list[str]) -> list[str]:
     return [Path(word).name for word in command if (not word.isdigit() and "$" not in word) or "/" in word]
 
 
+@pytest.mark.slow
 def test_readme_chain_runs(tmp_path: Path) -> None:
     for name in ("data_raw", "examples"):
         (tmp_path / name).symlink_to(ROOT / name)
@@ -42,6 +44,15 @@ def test_readme_chain_runs(tmp_path: Path) -> None:
         assert done.returncode == 0, f"{shlex.join(small)}: {done.stderr}"
     for name in ("calibration.pdf", "touch.pdf", "sweep.pdf", "forward.pdf", "trainbr.pdf"):
         assert (tmp_path / name).read_bytes().startswith(b"%PDF")
+
+
+def test_the_chain_in_python_runs(tmp_path: Path) -> None:
+    for name in ("data_raw", "examples"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    done = subprocess.run([sys.executable, "examples/chain.py"], cwd=tmp_path, capture_output=True, text=True,
+                          timeout=500)
+    assert done.returncode == 0, done.stderr
+    assert "force_N" in done.stdout or "F_N" in done.stdout
 
 
 @pytest.mark.parametrize("command", readme_commands(), ids=lambda c: " ".join(c[:2]))
