@@ -104,7 +104,7 @@ def write_draws(draws: Draws, path: Path, derived: Mapping[str, Array], log_dens
     from them, `derived` (name -> (D,)), group `sample_stats` with their log density (D,), and `about` as attributes."""
     import arviz
 
-    values = dict(derived)
+    values = dict(derived) | ({} if draws.omega is None else {"omega": draws.omega})
     for name, array in (("mu_Pa", draws.mu_Pa), ("alpha", draws.alpha), ("nu", draws.nu), ("prony_g", draws.g),
                         ("prony_tau_s", draws.tau_s), ("conductivity_S_per_m", draws.conductivity_S_per_m)):
         if array is not None and array.shape[1]:
