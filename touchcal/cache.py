@@ -11,7 +11,6 @@ import functools
 import hashlib
 import json
 import os
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 
 from touchcal.code_version import SOLVERS, code_hash, source_hash
 from touchcal.provenance import versions
+from touchcal.whole_file import written
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -131,17 +131,8 @@ def _read(place: Path, key: str) -> Arrays | None:
 
 
 def _write(place: Path, key: str, arrays: Arrays) -> None:
-    """Write beside the place and move there in one step, so that no reader sees half a file."""
-    handle, temporary = tempfile.mkstemp(dir=place.parent, prefix=".table-", suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, **{**arrays, _KEY: np.array(key)})  # pyright: ignore[reportArgumentType]
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, place)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with written(place) as file:
+        np.savez(file, **{**arrays, _KEY: np.array(key)})  # pyright: ignore[reportArgumentType]
 
 
 def entries() -> list[Entry]:

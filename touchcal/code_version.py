@@ -48,11 +48,6 @@ def source_hash(root: Path = ROOT) -> str:
     return found.hexdigest()
 
 
-def modules_needed(modules: Iterable[str], root: Path = ROOT) -> set[str]:
-    """Names of `modules` and of those that hold a definition which they need, directly or not."""
-    return {module for module, _ in _reached(_code(root), modules)}
-
-
 @functools.cache
 def _code(root: Path, scripts: Path | None = None) -> _Code:
     return _Code(root, scripts)

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from touchcal.whole_file import written
+
 
 def write_json(value: Mapping[str, Any], path: Path | str) -> None:
-    """Write JSON atomically (a temporary file beside it, then a rename); NaN is refused."""
-    path = Path(path)
+    """Write JSON in one step; NaN is refused."""
     text = json.dumps(value, indent=1, allow_nan=False, default=_plain) + "\n"
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with written(Path(path)) as file:
+        file.write(text.encode())
 
 
 def _plain(value: Any) -> Any:

@@ -18,7 +18,6 @@ from eitsim.numerics.nested_dissection import Dissection
 from touchcal.jit import compiled
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 class Detached(ArithmeticError):

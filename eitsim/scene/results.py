@@ -12,8 +12,6 @@ from matcal.laws.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
 
-OUTCOMES = ("ok", "not_converged", "bottomed_out", "refused")
-
 
 @dataclass(frozen=True)
 class Decision:
@@ -226,7 +224,7 @@ class Moment:
 class Result:
     """One scene, solved."""
 
-    # one of OUTCOMES
+    # ok, not_converged, bottomed_out or refused
     outcome: str
     plan: Plan
     # one a punch, at the end of a hold; empty where the mechanics did not converge

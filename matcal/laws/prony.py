@@ -78,13 +78,3 @@ def _recursion(tau_s: Array, step: Array, s0: Array) -> Array:
     for n in range(step.size):
         h[:, n + 1] = decay[n].reshape(shape) * h[:, n] + weight[n].reshape(shape) * rise[n]
     return h
-
-
-def ramp_relaxation(law: Prony, time_s: ArrayLike, ramp_s: float) -> Array:
-    """Stress over G_0 x final strain after a linear ramp of length ramp_s (s), at times t >= ramp_s from its start."""
-    t = np.asarray(time_s, dtype=float)
-    if np.any(t < ramp_s):
-        raise ValueError(f"ramp_relaxation: times must not lie before the end of the ramp at {ramp_s:g} s.")
-    z = ramp_s / law.tau_s
-    mean = np.where(z > 0, -np.expm1(-z) / np.where(z > 0, z, 1.0), 1.0)
-    return law.g_infinity + np.sum(law.g * mean * np.exp(-(t[..., None] - ramp_s) / law.tau_s), axis=-1)

@@ -44,17 +44,6 @@ def conductivity_draws(fit: ConductivityFit, count: int, rng: np.random.Generato
     return skin_chains(fit, count, rng).transpose(1, 0, 2).reshape(-1, 4)[:count]
 
 
-def log_skin(fit: ConductivityFit, points: Array) -> Array:
-    """(W,) log density at (b, ln v) (W, 5), the law that `skin_chains` draws from."""
-    b, ln_v = points[:, :4], points[:, 4]
-    inside = np.all(b @ fit.positive[0] >= fit.positive[1], axis=1) & (np.abs(ln_v) < 30)
-    out = np.full(points.shape[0], -np.inf)
-    if inside.any():
-        noise = fit.covariance - fit.zero_covariance
-        out[inside] = _log_density(fit, b[inside], ln_v[inside], noise, fit.zero_covariance)
-    return out
-
-
 def skin_checks(fit: ConductivityFit, chains: Array) -> dict[str, float]:
     """Worst R-hat, least effective sample size and longest autocorrelation time, in kept draws, of the conductivity at
     no strain, in deep compression and at the data's end."""

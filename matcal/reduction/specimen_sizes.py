@@ -54,18 +54,6 @@ def specimen_of(kind: str, recording: Recording,
     return sizes, (f"{said}.", *((f"{differing}.",) if differing else ())), (toml,)
 
 
-def own_sizes(kind: str, sizes: Mapping[str, float]) -> Block | None:
-    """The specimen that a file's own sizes (keys of `readers.recording.SIZES`, SI) make for `kind`; None where they do
-    not suffice. TestFileError where two of them differ."""
-    try:
-        made = make_specimen(kind, own_table(kind, sizes), Path("sizes"))
-    except TestFileError as error:
-        if "two cross-sections" in error.problem:
-            raise
-        return None
-    return made if isinstance(made, Block) else None
-
-
 def own_table(kind: str, sizes: Mapping[str, float]) -> dict[str, float]:
     """The file's own sizes as keys of the table of `kind`, in mm and mm2."""
     out: dict[str, float] = {}

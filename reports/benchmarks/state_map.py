@@ -56,9 +56,3 @@ def legend(figure: Figure, words: dict[str, str]) -> None:
     """Below the figure, what each state means here."""
     figure.legend(handles=[Patch(facecolor=COLOURS[state], hatch=HATCHES[state], edgecolor="white", label=text)
                            for state, text in words.items()], loc="outside lower center", ncols=len(words))
-
-
-def counts(rows: Sequence[Sequence[Cell | None]]) -> dict[str, int]:
-    """How many cells are in each state."""
-    found = [cell.state for row in rows for cell in row if cell is not None]
-    return {state: found.count(state) for state in STATES}

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from eitsim.sweeps.dataset.code_history import other_code
-from eitsim.sweeps.dataset.parquet import MANIFEST, read_manifest
+from eitsim.sweeps.dataset.parquet import read_manifest
 from eitsim.sweeps.design.design import read_design, tables_at
 from matcal.card import card_identity, read_card
 from reports.document.provenance import source
-from reports.paper.stages import RECORD, Stage, calibration_code, state, touch_code
+from reports.paper.stages import Stage, calibration_code, state, touch_code
 from touchcal.code_version import ROOT, code_hash
 
 DATA, EXAMPLES, SCENES = ROOT / "data_raw", ROOT / "examples", Path(__file__).parent / "scenes"
@@ -166,11 +166,3 @@ def _differs(run: Run) -> str:
         found.append("it was made with another card")
     found += [words] if (words := other_code(manifest)) else []
     return " and ".join(found)
-
-
-def footer_files(run: Run) -> list[Path]:
-    """Card, results and tables that the report is drawn from, those that are there."""
-    found = [run.card, run.sweep / MANIFEST]
-    found += [path for stage in run.stages.values() for path in sorted(stage.folder.glob("*")) if path.is_file()
-              and path.name != RECORD and stage.name not in (CARD, SWEEP)]
-    return [path for path in found if path.is_file()]

@@ -3,11 +3,17 @@ stands."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
-from touchcal.code_version import ROOT, SOLVERS, code_hash, modules_needed, script_hash
+from touchcal.code_version import ROOT, SOLVERS, _code, _reached, code_hash, script_hash
+
+
+def modules_needed(modules: Iterable[str]) -> set[str]:
+    """Names of `modules` and of those that hold a definition which they need, directly or not."""
+    return {module for module, _ in _reached(_code(ROOT), modules)}
 
 
 def test_solvers_count_and_what_describes_rows_does_not() -> None:

@@ -18,7 +18,6 @@ from eitsim.scene.scene import Body, Electrodes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Indices = NDArray[np.integer]
 
 # Gauss points in a panel, panels from the middle of an electrode to its end, and the ratio of neighbours' lengths;
 # the angle, over the wave length of the last harmonic by 2 pi, that no panel exceeds.

@@ -14,7 +14,6 @@ from eitsim.electrics.mesh.ring_mesh import inside_rim, patch_radii
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # The elements outside give way on this part of the contact's radius, or of the way to the contact of a neighbour.

@@ -6,14 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Least error of the added depth, relative: what two finenesses may happen to share.
 _LEAST_ERROR = 0.03

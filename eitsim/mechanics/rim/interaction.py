@@ -7,13 +7,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.sheet.sheet_conductance import surface_metric
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
 
-Array = NDArray[np.float64]
 # numbers of touches that are solved together
 Groups = Sequence[Sequence[int]]
 

@@ -16,7 +16,7 @@ from eitsim.mechanics.contact.punch_contact import pressure
 from eitsim.mechanics.harmonics.arcs import Outline, circles
 from eitsim.mechanics.harmonics.clipped_disc import amplitudes, clipped_disc, unknowns_of
 from eitsim.mechanics.harmonics.equilibrium import energy, linearised, product, seen, solve, touching
-from eitsim.mechanics.harmonics.fourier_fields import forces, forces_plainly, gradients, gradients_plainly, stiffened
+from eitsim.mechanics.harmonics.fourier_fields import Points, forces, gradients, operators, stiffened
 from eitsim.mechanics.rim.correction import within_face
 from eitsim.mechanics.rim.solve_near_rim import COARSE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
 from eitsim.mechanics.solid import hyperfoam_3d
@@ -79,6 +79,27 @@ def test_stress_and_tangent_are_derivatives_of_the_energy(stretch, nu):
     assert np.abs(by_energy - stress[:, 0]).max() < 1e-5 * law.mu_0_Pa
     assert np.abs(by_stress - tangent).max() < 1e-7 * np.abs(tangent).max()
     assert np.linalg.eigvalsh(answer(gradient[None], 0.0)[1]).min() > -1e-9 * np.abs(tangent).max()
+
+
+def gradients_plainly(at: Points, amplitude: np.ndarray) -> np.ndarray:
+    """What `gradients` does, in numpy."""
+    still, turning = operators(at.shape)
+    order = np.arange(amplitude.shape[2])
+    parts = np.einsum("pkac,pacm->pkm", still, amplitude[at.nodes])
+    parts = parts + np.einsum("pkac,pacm,m->pkm", turning, amplitude[at.nodes], order)
+    tables = np.stack([at.circles.cosine, at.circles.sine])[np.arange(9) % 2]
+    return np.einsum("pkm,kpmj->pkj", parts, tables[:, at.circle])
+
+
+def forces_plainly(at: Points, stress: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+    """What `forces` does, in numpy."""
+    still, turning = operators(at.shape)
+    tables = np.stack([at.circles.cosine, at.circles.sine])[np.arange(9) % 2]
+    parts = np.einsum("pkj,kpmj->pkm", stress, tables[:, at.circle])
+    out = np.zeros_like(amplitude)
+    np.add.at(out, at.nodes, np.einsum("pkac,pkm->pacm", still, parts)
+              + np.einsum("pkac,pkm,m->pacm", turning, parts, np.arange(amplitude.shape[2])))
+    return out
 
 
 def test_the_kernels_do_what_numpy_does():

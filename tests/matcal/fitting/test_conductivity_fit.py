@@ -6,9 +6,9 @@ import emcee
 import numpy as np
 import pytest
 
-from matcal.fitting.conductivity_fit import FLOOR, LOWEST_STRAIN, fit_conductivity, powers
+from matcal.fitting.conductivity_fit import FLOOR, LOWEST_STRAIN, ConductivityFit, fit_conductivity, powers
 from matcal.laws.conductivity import conductivity
-from matcal.posterior.conductivity_posterior import conductivity_draws, log_skin, skin_chains, skin_checks
+from matcal.posterior.conductivity_posterior import _log_density, conductivity_draws, skin_chains, skin_checks
 from matcal.reduction.experiment import Experiment
 
 TRUTH = 30 * np.array([1.0, -2.0, 2.0, -1.0])
@@ -63,6 +63,17 @@ def test_uncertain_strain_zero_widens_the_band() -> None:
 def test_too_little_data_is_refused() -> None:
     with pytest.raises(ValueError, match="five positive"):
         fit_conductivity([Experiment("conductivity", np.linspace(0, 0.1, 4), np.ones(4))])
+
+
+def log_skin(fit: ConductivityFit, points: np.ndarray) -> np.ndarray:
+    """(W,) log density at (b, ln v) (W, 5), the law that `skin_chains` draws from."""
+    b, ln_v = points[:, :4], points[:, 4]
+    inside = np.all(b @ fit.positive[0] >= fit.positive[1], axis=1) & (np.abs(ln_v) < 30)
+    out = np.full(points.shape[0], -np.inf)
+    if inside.any():
+        noise = fit.covariance - fit.zero_covariance
+        out[inside] = _log_density(fit, b[inside], ln_v[inside], noise, fit.zero_covariance)
+    return out
 
 
 @pytest.mark.parametrize("truth", [TRUTH, FALLING])

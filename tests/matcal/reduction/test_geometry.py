@@ -9,7 +9,7 @@ import pytest
 
 from matcal.readers.recording import Recording
 from matcal.reduction.specimen import Block
-from matcal.reduction.specimen_sizes import own_sizes, specimen_of
+from matcal.reduction.specimen_sizes import specimen_of
 from touchcal.errors import TestFileError
 
 DISC = "[uniaxial]\ndiameter_mm = 50\nheight_mm = 20\ncompliance_mm_per_N = 0.001\n"
@@ -31,8 +31,10 @@ def test_the_files_own_sizes_serve_alone(tmp_path: Path) -> None:
     assert (block.area_m2, block.length_m) == (pytest.approx(np.pi * 0.05**2 / 4), 0.02)
     assert "the file's own sizes: diameter 50 mm, height 20 mm" in said[0]
     assert used == ()
-    assert own_sizes("shear", {"length": 0.02}) is None
-    assert own_sizes("planar", {"length": 0.02, "width": 0.1, "thickness": 0.005}) is not None
+    sheet, _, _ = specimen_of("planar", _recording(tmp_path, length=0.02, width=0.1, thickness=0.005), None)
+    assert isinstance(sheet, Block)
+    with pytest.raises(TestFileError):
+        specimen_of("shear", _recording(tmp_path, length=0.02), None)
     with pytest.raises(TestFileError, match=r"press.csv does not state it.*Give --specimen"):
         specimen_of("uniaxial", _recording(tmp_path), None)
 
