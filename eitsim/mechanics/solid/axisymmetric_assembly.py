@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid
-from eitsim.mechanics.solid.hyperfoam_axisymmetric import density, response
+from eitsim.mechanics.solid.hyperfoam_axisymmetric import energy_density, first_piola_and_tangent
 from matcal.laws import hyperfoam
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.jit import compiled
@@ -173,7 +173,7 @@ def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None)
     if not np.all(admissible(strain)):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
-        local = density(law, strain)
+        local = energy_density(law, strain)
         if prestress is not None:
             local = local + (prestress * green_lagrange(strain)) @ _TWICE_OFF_DIAGONAL
         stored = float(np.sum(grid.weight * local))
@@ -187,7 +187,7 @@ def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.
     The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth.
     """
     strain = deformation(grid, u)
-    force, tangent = response(law, strain, share)
+    force, tangent = first_piola_and_tangent(law, strain, share)
     if prestress is not None:
         force = force + pushed(prestress, strain)
         tangent = tangent + geometric_stiffness(prestress, share)
