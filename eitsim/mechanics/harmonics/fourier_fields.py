@@ -172,24 +172,3 @@ def _tied(shape, nodes, weight, amplitude, out):
         _differentiate(shape[i], nodes[i], amplitude, parts)
         parts *= weight[i]
         _collect(shape[i], nodes[i], parts, out)
-
-
-def gradients_plainly(at: Points, amplitude: Array) -> Array:
-    """What `gradients` does, in numpy."""
-    still, turning = operators(at.shape)
-    order = np.arange(amplitude.shape[2])
-    parts = np.einsum("pkac,pacm->pkm", still, amplitude[at.nodes])
-    parts = parts + np.einsum("pkac,pacm,m->pkm", turning, amplitude[at.nodes], order)
-    tables = np.stack([at.circles.cosine, at.circles.sine])[np.arange(9) % 2]
-    return np.einsum("pkm,kpmj->pkj", parts, tables[:, at.circle])
-
-
-def forces_plainly(at: Points, stress: Array, amplitude: Array) -> Array:
-    """What `forces` does, in numpy."""
-    still, turning = operators(at.shape)
-    tables = np.stack([at.circles.cosine, at.circles.sine])[np.arange(9) % 2]
-    parts = np.einsum("pkj,kpmj->pkm", stress, tables[:, at.circle])
-    out = np.zeros_like(amplitude)
-    np.add.at(out, at.nodes, np.einsum("pkac,pkm->pacm", still, parts)
-              + np.einsum("pkac,pkm,m->pacm", turning, parts, np.arange(amplitude.shape[2])))
-    return out
