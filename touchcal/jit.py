@@ -1,18 +1,87 @@
-"""Compilation of the hot loops."""
+"""Compilation of the hot loops, and of functions of arrays that they call on single numbers.
+
+Compiled loops are kept on disk. Numba compiles a loop again where its own file has changed; here also where the file of
+a compiled function has changed that its module imports, directly or not. Numbers from other files are not followed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
+import functools
+import hashlib
+import inspect
+import sys
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any, TypeVar
 
-from numba import njit
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 Result = TypeVar("Result")
+
+# Modules with functions that are compiled.
+_WITH_LOOPS: set[str] = set()
+
+
+def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.float64]:
+    """`yes` where the condition holds, else `no`: of arrays, and of numbers inside compiled loops."""
+    return np.where(condition, yes, no)
 
 
 def compiled(function: Callable[..., Result]) -> Callable[..., Result]:
     """Compile a loop over arrays; kept on disk where there is a place to write, else compiled by each process."""
+    from numba import njit
+
+    _register_where()
     try:
-        return njit(cache=True)(function)
+        kernel = njit(cache=True)(function)
     except RuntimeError:
         return njit(function)
+    _WITH_LOOPS.add(function.__module__)
+    if hasattr(kernel, "_cache"):
+        index = kernel._cache._cache_file
+        index._source_stamp = (index._source_stamp, imported_sources(function.__module__))
+    return kernel
+
+
+def compilable(*functions: Callable[..., Any]) -> None:
+    """Let compiled loops call functions of arrays, which stay as they are, on single numbers."""
+    from numba.extending import register_jitable
+
+    for function in functions:
+        register_jitable(function)
+        _WITH_LOOPS.add(function.__module__)
+
+
+@functools.cache
+def _register_where() -> None:
+    from numba import types
+    from numba.extending import overload
+
+    @overload(where, strict=False)
+    def _(condition: Any, yes: Any, no: Any) -> Callable[..., Any] | None:
+        if isinstance(condition, types.Boolean):
+            return lambda condition, yes, no: yes if condition else no
+        return None
+
+
+def imported_sources(module: str) -> str:
+    """SHA-256 of the files of compiled functions that a module, as far as it has been read, imports."""
+    found, ahead = {module}, [module]
+    while ahead:
+        fresh = set(_imported(ahead.pop())) - found
+        found |= fresh
+        ahead += fresh
+    return hashlib.sha256("\0".join(_source(name) for name in sorted(found - {module})).encode()).hexdigest()
+
+
+def _imported(module: str) -> Iterator[str]:
+    for value in list(vars(sys.modules[module]).values()):
+        origin = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+        if origin in _WITH_LOOPS:
+            yield origin
+
+
+@functools.cache
+def _source(module: str) -> str:
+    return inspect.getsource(sys.modules[module])

@@ -51,14 +51,14 @@ def section_fields(touch: Touch) -> tuple[Array, dict[str, Array]]:
     """
     section = _section(touch)
     order = _order(section)
-    strain = _gradient(section, 2 / order * _CELLS[order][1] - 1)
-    fine = axisymmetric_assembly.admissible(strain)
-    strain = np.where(fine[..., None], strain, _gradient(section, np.zeros((1, 2)))).reshape(-1, 5)
+    grad_u = _gradient(section, 2 / order * _CELLS[order][1] - 1)
+    fine = axisymmetric_assembly.admissible(grad_u)
+    grad_u = np.where(fine[..., None], grad_u, _gradient(section, np.zeros((1, 2)))).reshape(-1, 5)
     flat = section.elements.ravel()
     moved, place = section.displacement_m[flat], section.nodes_m[flat]
     none = np.zeros(len(flat))
     pressure = np.interp(place[:, 0], touch.radius_m, touch.pressure_Pa)
-    fields = {"displacement_m": np.column_stack([moved, none]), **tensors(section.law, _matrix(strain)),
+    fields = {"displacement_m": np.column_stack([moved, none]), **tensors(section.law, _matrix(grad_u)),
               "contact_pressure_Pa": np.where(place[:, 1] == section.nodes_m[:, 1].max(), pressure, 0.0),
               "taken_from_centre": (~fine).ravel().astype(float)}
     return np.column_stack([place, none]), fields
@@ -94,9 +94,9 @@ def _gradient(section: Section, at: Array) -> Array:
     return np.stack([along_r[..., 0], along_z[..., 0], along_r[..., 1], along_z[..., 1], hoop], axis=-1)
 
 
-def _matrix(strain: Array) -> Array:
+def _matrix(grad_u: Array) -> Array:
     """Deformation gradients (n, 3, 3) of the parts rr, rz, zr, zz and hoop (n, 5) of F - 1."""
-    gradient = np.zeros((len(strain), 3, 3))
+    gradient = np.zeros((len(grad_u), 3, 3))
     for part, (i, j) in enumerate([(0, 0), (0, 1), (1, 0), (1, 1), (2, 2)]):
-        gradient[:, i, j] = strain[:, part]
+        gradient[:, i, j] = grad_u[:, part]
     return gradient + np.eye(3)

@@ -123,7 +123,7 @@ def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100, t
     NotConverged carries the last x, the residuals, and the physical state it got stuck in.
     """
     try:
-        found = minimise(lambda x: energy(model, force, x), lambda x, share: system(model, force, x, share), start,
+        found = minimise(lambda x: energy(model, force, x), lambda x, scale: system(model, force, x, scale), start,
                          scale=force, limit=limit, tolerance=tolerance)
     except NotConverged as error:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
@@ -176,10 +176,10 @@ def non_elliptic_place(model: Pressing, x: Array) -> Array | None:
 
 def _elliptic(model: Pressing, x: Array) -> NDArray[np.bool_]:
     """Where (elements, points) the law is strongly elliptic."""
-    strain = axisymmetric_assembly.deformation(model.grid, x[:-1])
-    inside = axisymmetric_assembly.admissible(strain)
+    grad_u = axisymmetric_assembly.deformation(model.grid, x[:-1])
+    inside = axisymmetric_assembly.admissible(grad_u)
     return inside & strongly_elliptic(
-        model.law, axisymmetric_assembly.log_stretches(np.where(inside[..., None], strain, 0.0))
+        model.law, axisymmetric_assembly.log_stretches(np.where(inside[..., None], grad_u, 0.0))
     )
 
 
@@ -194,11 +194,12 @@ def energy(model: Pressing, force: float, x: Array) -> float:
     return stored + contact.energy(model.tool, model.facets, touching(model, x)) - force * float(x[-1])
 
 
-def system(model: Pressing, force: float, x: Array, share: float = 1.0) -> System:
-    """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled by share."""
-    gradient, band = axisymmetric_assembly.residual_and_tangent(model.law, model.grid, x[:-1], share, model.prestress)
+def system(model: Pressing, force: float, x: Array, negative_curvature_scale: float = 1.0) -> System:
+    """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled."""
+    gradient, band = axisymmetric_assembly.residual_and_tangent(model.law, model.grid, x[:-1], negative_curvature_scale,
+                                                                model.prestress)
     at = touching(model, x)
-    blocks, border, corner = contact.stiffness(model.tool, model.facets, at, share)
+    blocks, border, corner = contact.stiffness(model.tool, model.facets, at, negative_curvature_scale)
     if model.grip is not None:
         more = friction.tangent(model.grip, model.facets, seen(model, x))
         blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]

@@ -172,13 +172,14 @@ def gathered(facets: Facets, by_position: Array) -> tuple[Array, float]:
     return np.einsum("fpi,pa->fai", push, facets.shape), float(np.sum(push[..., 1]))
 
 
-def stiffness(tool: Tool, facets: Facets, at: Touching, share: float = 1.0) -> tuple[Array, Array, float]:
+def stiffness(tool: Tool, facets: Facets, at: Touching,
+              negative_curvature_scale: float = 1.0) -> tuple[Array, Array, float]:
     """Second derivatives of the energy: facet blocks (facets, p + 1, 2, p + 1, 2), border
     (facets, p + 1, 2), corner.
 
-    The part with the punch's curvature, which is never positive, is scaled by share.
+    The part with the punch's curvature, which is never positive, is scaled by negative_curvature_scale.
     """
-    push, bend = pressure_slope(tool, at.gap), pressure(tool, at.gap) * share
+    push, bend = pressure_slope(tool, at.gap), pressure(tool, at.gap) * negative_curvature_scale
     point = push[..., None, None] * at.normal[..., :, None] * at.normal[..., None, :]
     return gathered_twice(facets, point + bend[..., None, None] * at.curvature)
 

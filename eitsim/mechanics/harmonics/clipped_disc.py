@@ -50,7 +50,7 @@ class Outside:
     """A given field that is added to the disc's own, and its own equilibrium with another punch."""
 
     # (points, 9, angles) displacement gradient at the foam's points
-    strain: Array
+    displacement_gradient: Array
     # (points, 9, angles) first Piola stress of that field alone, with the foam's weights
     stress: Array
     # (facets points, 3, angles) displacement of the surface that the punch may touch

@@ -53,11 +53,11 @@ def energy(disc: ClippedDisc, x: Array) -> float:
     """Foam energy + tie + contact energy + springs - force depth at x, the last not where the depth is held, less the
     work of a neighbour's own stress; infinite where the foam is turned inside out."""
     added = amplitudes(disc, x[:-1])
-    strain = strain_of(disc, added)
-    if not hyperfoam_3d.upright(strain):
+    grad_u = displacement_gradient(disc, added)
+    if not hyperfoam_3d.upright(grad_u):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
-        stored = float(np.sum(disc.weight * hyperfoam.energy(disc.law, hyperfoam_3d.principal(strain).log)))
+        stored = float(np.sum(disc.weight * hyperfoam.energy(disc.law, hyperfoam_3d.principal(grad_u).log)))
     if not np.isfinite(stored):
         return np.inf
     at = touching(disc, x)
@@ -69,10 +69,10 @@ def energy(disc: ClippedDisc, x: Array) -> float:
     return stored + held + pressed - (0.0 if disc.held else disc.force * (disc.depth + float(x[-1])))
 
 
-def strain_of(disc: ClippedDisc, added: Array) -> Array:
+def displacement_gradient(disc: ClippedDisc, added: Array) -> Array:
     """Displacement gradient (points, 9, angles) of the foam, with what is outside."""
     own = gradients(disc.foam, disc.base + added)
-    return own if disc.outside is None else own + disc.outside.strain
+    return own if disc.outside is None else own + disc.outside.displacement_gradient
 
 
 def touching(disc: ClippedDisc, x: Array) -> Contact:
@@ -116,11 +116,12 @@ def from_surface(facing: Facing, force: Array, amplitude: Array) -> Array:
     return out
 
 
-def linearised(disc: ClippedDisc, x: Array, share: float = 1.0) -> tuple[Array, Tangents]:
-    """Gradient (unknowns + 1,) of the energy at x and the tangents there, their negative parts scaled by share."""
+def linearised(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.0) -> tuple[Array, Tangents]:
+    """Gradient (unknowns + 1,) of the energy at x and the tangents there, their negative parts scaled."""
     added = amplitudes(disc, x[:-1])
-    at = hyperfoam_3d.principal(strain_of(disc, added))
-    stress, tangent = hyperfoam_3d.stress_and_tangent(at, hyperfoam_3d.response(disc.law, at.log, share), disc.weight)
+    at = hyperfoam_3d.principal(displacement_gradient(disc, added))
+    by_stretch = hyperfoam_3d.derivatives(disc.law, at.log, negative_curvature_scale)
+    stress, tangent = hyperfoam_3d.stress_and_tangent(at, by_stretch, disc.weight)
     stress = stress if disc.outside is None else stress - disc.outside.stress
     touch = touching(disc, x)
     push = disc.facing.weight * contact.pressure(disc.tool, touch.gap)
@@ -131,7 +132,7 @@ def linearised(disc: ClippedDisc, x: Array, share: float = 1.0) -> tuple[Array, 
     on = on + from_surface(disc.facing, pulled, added)
     bearing = (disc.facing.weight * contact.pressure_slope(disc.tool, touch.gap))[:, None, None]
     bearing = bearing * touch.normal[:, :, None] * touch.normal[:, None]
-    bearing = bearing + share * push[:, None, None] * touch.curvature
+    bearing = bearing + negative_curvature_scale * push[:, None, None] * touch.curvature
     bearing = bearing + disc.facing.weight[:, None, None] * stick_springs.tangent(disc.springs)
     unbalanced = 0.0 if disc.held else np.sum(pulled[:, 2]) - disc.force
     return np.append(unknowns_of(disc, on), unbalanced), Tangents(tangent, bearing)
@@ -148,12 +149,12 @@ def product(disc: ClippedDisc, tangents: Tangents, y: Array) -> Array:
     return np.append(unknowns_of(disc, out), y[-1] if disc.held else pushed[:, 2].sum())
 
 
-def system(disc: ClippedDisc, x: Array, share: float = 1.0) -> System:
-    """Gradient of the energy at x and a function that solves with its Hessian, negative parts scaled by share.
+def system(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.0) -> System:
+    """Gradient of the energy at x and a function that solves with its Hessian, negative parts scaled.
 
     The solve is by conjugate gradients, as exact as Newton's method needs.
     """
-    gradient, tangents = linearised(disc, x, share)
+    gradient, tangents = linearised(disc, x, negative_curvature_scale)
     size = float(np.linalg.norm(gradient)) / disc.force
     tolerance = _SIGN if size <= _TOLERANCE else min(max(size, _LEAST), _MOST)
 
@@ -170,7 +171,7 @@ def system(disc: ClippedDisc, x: Array, share: float = 1.0) -> System:
 
 def solve(disc: ClippedDisc, start: Array | None = None) -> Minimum:
     """What the rim adds, (unknowns + 1,) amplitudes and depth, from nothing or a start; NotConverged as `minimise`."""
-    return minimise(lambda x: energy(disc, x), lambda x, share: system(disc, x, share),
+    return minimise(lambda x: energy(disc, x), lambda x, scale: system(disc, x, scale),
                     np.zeros(disc.unknowns + 1) if start is None else start, scale=disc.force, tolerance=_TOLERANCE)
 
 
@@ -183,5 +184,5 @@ def reaction(disc: ClippedDisc, x: Array) -> float:
 
 def fraction_non_elliptic(disc: ClippedDisc, x: Array) -> float:
     """Fraction of the quadrature points at which the law is not strongly elliptic."""
-    strain = strain_of(disc, amplitudes(disc, x[:-1]))
-    return float(1 - np.mean(strongly_elliptic(disc.law, hyperfoam_3d.principal(strain).log)[disc.weight > 0]))
+    grad_u = displacement_gradient(disc, amplitudes(disc, x[:-1]))
+    return float(1 - np.mean(strongly_elliptic(disc.law, hyperfoam_3d.principal(grad_u).log)[disc.weight > 0]))

@@ -178,17 +178,17 @@ def _settled(frames: tuple[_Frame, ...], before: _Pair | None = None) -> _Pair:
 
 def _outside(frame: _Frame, field: Array) -> Outside:
     """The other's field (nodes, 3, harmonics) in this punch's half."""
-    strain = np.zeros((*frame.near.shape, 9))
-    strain[frame.near] = frame.foam.gradient(field)
+    grad_u = np.zeros((*frame.near.shape, 9))
+    grad_u[frame.near] = frame.foam.gradient(field)
     shift = frame.surface.displacement(field).reshape(*frame.disc.facing.weight.shape, 3)
-    return _stressed(frame.disc, np.ascontiguousarray(np.moveaxis(strain, 2, 1)),
+    return _stressed(frame.disc, np.ascontiguousarray(np.moveaxis(grad_u, 2, 1)),
                      np.ascontiguousarray(np.moveaxis(shift, 2, 1)))
 
 
-def _stressed(disc: ClippedDisc, strain: Array, shift: Array) -> Outside:
-    at = hyperfoam_3d.principal(strain)
-    stress, _ = hyperfoam_3d.stress_and_tangent(at, hyperfoam_3d.response(disc.law, at.log), disc.weight)
-    return Outside(strain, stress, shift)
+def _stressed(disc: ClippedDisc, grad_u: Array, shift: Array) -> Outside:
+    at = hyperfoam_3d.principal(grad_u)
+    stress, _ = hyperfoam_3d.stress_and_tangent(at, hyperfoam_3d.derivatives(disc.law, at.log), disc.weight)
+    return Outside(grad_u, stress, shift)
 
 
 def _met(disc: ClippedDisc, before: Outside | None, after: Outside, start: Array) -> Minimum:
@@ -198,12 +198,14 @@ def _met(disc: ClippedDisc, before: Outside | None, after: Outside, start: Array
         return solve(replace(disc, outside=after), start)
     except NotConverged:
         if before is None:
-            before, start = _stressed(disc, 0 * after.strain, 0 * after.shift), 0 * start
+            before, start = _stressed(disc, 0 * after.displacement_gradient, 0 * after.shift), 0 * start
     reached, part = 0.0, 0.5
     while True:
         share = reached + part
-        given = after if share == 1 else _stressed(disc, before.strain + share * (after.strain - before.strain),
-                                                   before.shift + share * (after.shift - before.shift))
+        given = after if share == 1 else _stressed(
+            disc, before.displacement_gradient
+            + share * (after.displacement_gradient - before.displacement_gradient),
+            before.shift + share * (after.shift - before.shift))
         try:
             found = solve(replace(disc, outside=given), start)
         except NotConverged as error:

@@ -1,42 +1,22 @@
-"""Large-strain foam on a grid: energy, residual and consistent tangent of the hyperfoam law in principal stretches.
+"""Large-strain foam on a grid: energy, residual and consistent tangent of the hyperfoam law.
 
-In the meridian plane F = l_1 u_1 v_1' + l_2 u_2 v_2' and l_3 is the hoop stretch (1 in plane strain). With
-m, h = (x_1 +- x_2)/2 of the logarithmic stretches x and tau of the law, the second derivative of the energy w(l)
-splits into the stretch block w_kl, the flip mode (w_1 - w_2)/(l_1 - l_2) on u_1 v_2' + u_2 v_1' and the twist mode
-(w_1 + w_2)/(l_1 + l_2) on u_1 v_2' - u_2 v_1'; both are written with the law's divided difference, so coinciding
-stretches need no case. Source of the modes: Smith, de Goes, Kim, ACM Trans. Graph. 38 (2019) 12,
-DOI 10.1145/3241041.
+Displacement gradients grad_u = F - 1 have the parts rr, rz, zr, zz and hoop.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid
-from eitsim.mechanics.solid.hyperfoam_axisymmetric import density, response
-from matcal.laws import hyperfoam
+from eitsim.mechanics.solid.hyperfoam_axisymmetric import energy_density, first_piola_and_tangent
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.jit import compiled
 
 Array = NDArray[np.float64]
 
-# Places of l_1, l_2, l_3 among the five modes (stretch 1, 2, 3, flip, twist).
-_STRETCHES, _FLIP, _TWIST = slice(0, 3), 3, 4
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
-
-
-@dataclass(frozen=True)
-class Stretches:
-    """Principal stretches of a field of deformation gradients and the modes that they act on."""
-
-    # (..., 3) logarithmic stretches: larger and smaller in-plane, hoop
-    log: Array
-    # (..., 5, 5) modes (stretch 1, 2, 3, flip, twist) x parts of F (rr, rz, zr, zz, hoop), orthonormal rows
-    modes: Array
 
 
 def deformation(grid: Grid, u: Array) -> Array:
@@ -53,114 +33,59 @@ def nodal(grid: Grid, u: Array) -> Array:
     return np.where(grid.unknown < 0, 0.0, u[grid.unknown])
 
 
-def admissible(strain: Array) -> NDArray[np.bool_]:
-    """Where F = 1 + strain (..., 5) keeps its orientation."""
-    return (_area_change(strain) > -1) & (strain[..., 4] > -1)
+def admissible(grad_u: Array) -> NDArray[np.bool_]:
+    """Where F = 1 + grad_u (..., 5) keeps its orientation."""
+    return (_area_change(grad_u) > -1) & (grad_u[..., 4] > -1)
 
 
-def _area_change(strain: Array) -> Array:
-    rr, rz, zr, zz = np.moveaxis(strain[..., :4], -1, 0)
+def _area_change(grad_u: Array) -> Array:
+    rr, rz, zr, zz = np.moveaxis(grad_u[..., :4], -1, 0)
     return rr + zz + rr * zz - rz * zr
 
 
-def log_stretches(strain: Array) -> Array:
-    """Logarithmic principal stretches (..., 3) of F = 1 + strain (..., 5): in-plane larger, smaller, hoop."""
-    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
-    mean = np.log1p(_area_change(strain)) / 2
+def log_stretches(grad_u: Array) -> Array:
+    """Logarithmic principal stretches (..., 3) of F = 1 + grad_u (..., 5): in-plane larger, smaller, hoop."""
+    rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
+    mean = np.log1p(_area_change(grad_u)) / 2
     half = np.arctanh(np.hypot(rr - zz, rz + zr) / np.hypot(2 + rr + zz, rz - zr))
     return np.stack([mean + half, mean - half, np.log1p(hoop)], axis=-1)
 
 
-def principal(strain: Array) -> Stretches:
-    """Stretches and modes of F = 1 + strain (..., 5)."""
-    rr, rz, zr, zz, _ = np.moveaxis(strain, -1, 0)
-    cd, sd = _direction(2 + rr + zz, zr - rz)
-    cs, ss = _direction(rr - zz, rz + zr)
-    modes = np.zeros((*rr.shape, 5, 5))
-    modes[..., 0, :4] = np.stack([cd + cs, ss - sd, ss + sd, cd - cs], -1) / 2
-    modes[..., 1, :4] = np.stack([cd - cs, -ss - sd, sd - ss, cd + cs], -1) / 2
-    modes[..., 2, 4] = 1
-    modes[..., _FLIP, :4] = np.stack([-ss, cs, cs, ss], -1) / np.sqrt(2)
-    modes[..., _TWIST, :4] = np.stack([sd, cd, -cd, sd], -1) / np.sqrt(2)
-    return Stretches(log_stretches(strain), modes)
-
-
-def _direction(x: Array, y: Array) -> tuple[Array, Array]:
-    """Cosine and sine of the direction (x, y); (1, 0) where there is none."""
-    length = np.hypot(x, y)
-    none = length == 0
-    length = np.where(none, 1.0, length)
-    return np.where(none, 1.0, x / length), y / length
-
-
-def stress(law: Hyperfoam, at: Stretches) -> Array:
-    """First Piola stress (..., 5), parts rr, rz, zr, zz and hoop: sum_k tau_k/l_k on each stretch mode."""
-    force = hyperfoam.kirchhoff(law, at.log) * np.exp(-at.log)
-    return (force[..., None, :] @ at.modes[..., _STRETCHES, :])[..., 0, :]
-
-
-def second_piola(law: Hyperfoam, strain: Array) -> Array:
-    """Second Piola-Kirchhoff stress (..., 4), parts rr, rz, zz and hoop, F^-1 P, at F = 1 + strain (..., 5)."""
-    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
-    p = stress(law, principal(strain))
-    area = 1 + _area_change(strain)
+def second_piola(law: Hyperfoam, grad_u: Array) -> Array:
+    """Second Piola-Kirchhoff stress (..., 4), parts rr, rz, zz and hoop, F^-1 P, at F = 1 + grad_u (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
+    p, _ = first_piola_and_tangent(law, grad_u)
+    area = 1 + _area_change(grad_u)
     return np.stack([((1 + zz) * p[..., 0] - rz * p[..., 2]) / area, ((1 + zz) * p[..., 1] - rz * p[..., 3]) / area,
                      ((1 + rr) * p[..., 3] - zr * p[..., 1]) / area, p[..., 4] / (1 + hoop)], axis=-1)
 
 
-def green_lagrange(strain: Array) -> Array:
-    """Green-Lagrange strain (..., 4), parts rr, rz, zz and hoop, (F'F - 1)/2 of F = 1 + strain (..., 5)."""
-    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+def green_lagrange(grad_u: Array) -> Array:
+    """Green-Lagrange strain (..., 4), parts rr, rz, zz and hoop, (F'F - 1)/2 of F = 1 + grad_u (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
     return np.stack([rr + (rr * rr + zr * zr) / 2, (rz + zr + rr * rz + zr * zz) / 2,
                      zz + (rz * rz + zz * zz) / 2, hoop + hoop * hoop / 2], axis=-1)
 
 
-def pushed(prestress: Array, strain: Array) -> Array:
-    """First Piola stress (..., 5), F times a second Piola-Kirchhoff stress (..., 4), at F = 1 + strain (..., 5)."""
-    rr, rz, zr, zz, hoop = np.moveaxis(strain, -1, 0)
+def push_forward(prestress: Array, grad_u: Array) -> Array:
+    """First Piola stress (..., 5), F times a second Piola-Kirchhoff stress (..., 4), at F = 1 + grad_u (..., 5)."""
+    rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
     s_rr, s_rz, s_zz, s_hoop = np.moveaxis(prestress, -1, 0)
     return np.stack([(1 + rr) * s_rr + rz * s_rz, (1 + rr) * s_rz + rz * s_zz, zr * s_rr + (1 + zz) * s_rz,
                      zr * s_rz + (1 + zz) * s_zz, (1 + hoop) * s_hoop], axis=-1)
 
 
-def geometric_stiffness(prestress: Array, share: float) -> Array:
-    """d(F S)/dF (..., 5, 5) of a constant second Piola-Kirchhoff stress S (..., 4), negative parts scaled by share."""
+def geometric_stiffness(prestress: Array, negative_curvature_scale: float) -> Array:
+    """d(F S)/dF (..., 5, 5) of a constant second Piola-Kirchhoff stress S (..., 4), negative parts scaled."""
     plane = prestress[..., [0, 1, 1, 2]].reshape(*prestress.shape[:-1], 2, 2)
     hoop = prestress[..., 3]
-    if share != 1:
+    if negative_curvature_scale != 1:
         value, vector = np.linalg.eigh(plane)
-        value = np.where(value < 0, share, 1.0) * value
+        value = np.where(value < 0, negative_curvature_scale, 1.0) * value
         plane = (vector * value[..., None, :]) @ np.swapaxes(vector, -1, -2)
-        hoop = np.where(hoop < 0, share, 1.0) * hoop
+        hoop = np.where(hoop < 0, negative_curvature_scale, 1.0) * hoop
     out = np.zeros((*hoop.shape, 5, 5))
     out[..., 0:2, 0:2], out[..., 2:4, 2:4], out[..., 4, 4] = plane, plane, hoop
-    return out
-
-
-def stiffness(law: Hyperfoam, at: Stretches) -> Array:
-    """d2U/dmode2 (..., 5, 5) in the modes of `at`: stretch block, flip and twist."""
-    tau, inverse = hyperfoam.kirchhoff(law, at.log), np.exp(-at.log)
-    mean, half = (at.log[..., 0] + at.log[..., 1]) / 2, (at.log[..., 0] - at.log[..., 1]) / 2
-    slope = hyperfoam.kirchhoff_difference(law, mean, half)
-    middle, shrink = (tau[..., 0] + tau[..., 1]) / 2, np.exp(-2 * mean)
-    out = np.zeros((*mean.shape, 5, 5))
-    block = hyperfoam.kirchhoff_tangent(law, at.log) - tau[..., None] * np.eye(3)
-    out[..., _STRETCHES, _STRETCHES] = block * inverse[..., None] * inverse[..., None, :]
-    out[..., _FLIP, _FLIP] = shrink * (slope * np.cosh(half) / hyperfoam.sinh_ratio(half) - middle)
-    out[..., _TWIST, _TWIST] = shrink * (middle - slope * half * np.tanh(half))
-    return out
-
-
-def damped(stiff: Array, share: float) -> Array:
-    """The stiffness (..., 5, 5) with its negative parts scaled by share: 1 keeps it, 0 makes it semidefinite."""
-    if share == 1:
-        return stiff
-    out = stiff.copy()
-    for mode in (_FLIP, _TWIST):
-        out[..., mode, mode] = np.where(stiff[..., mode, mode] < 0, share, 1.0) * stiff[..., mode, mode]
-    value, vector = np.linalg.eigh(stiff[..., _STRETCHES, _STRETCHES])
-    value = np.where(value < 0, share, 1.0) * value
-    out[..., _STRETCHES, _STRETCHES] = (vector * value[..., None, :]) @ np.swapaxes(vector, -1, -2)
     return out
 
 
@@ -169,28 +94,28 @@ def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None)
 
     A prestress S (elements, points, 4), constant on the reference body, adds its potential S : E.
     """
-    strain = deformation(grid, u)
-    if not np.all(admissible(strain)):
+    grad_u = deformation(grid, u)
+    if not np.all(admissible(grad_u)):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
-        local = density(law, strain)
+        local = energy_density(law, grad_u)
         if prestress is not None:
-            local = local + (prestress * green_lagrange(strain)) @ _TWICE_OFF_DIAGONAL
+            local = local + (prestress * green_lagrange(grad_u)) @ _TWICE_OFF_DIAGONAL
         stored = float(np.sum(grid.weight * local))
     return stored if np.isfinite(stored) else np.inf
 
 
-def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, share: float = 1.0,
+def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, negative_curvature_scale: float = 1.0,
                          prestress: Array | None = None) -> tuple[Array, Array]:
-    """Gradient (unknowns,) and Hessian of the stored energy, negative modes scaled by share.
+    """Gradient (unknowns,) and Hessian of the stored energy, its negative curvatures at points scaled.
 
     The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth.
     """
-    strain = deformation(grid, u)
-    force, tangent = response(law, strain, share)
+    grad_u = deformation(grid, u)
+    force, tangent = first_piola_and_tangent(law, grad_u, negative_curvature_scale)
     if prestress is not None:
-        force = force + pushed(prestress, strain)
-        tangent = tangent + geometric_stiffness(prestress, share)
+        force = force + push_forward(prestress, grad_u)
+        tangent = tangent + geometric_stiffness(prestress, negative_curvature_scale)
     force, tangent = force * grid.weight[..., None], tangent * grid.weight[..., None, None]
     gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
     assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)

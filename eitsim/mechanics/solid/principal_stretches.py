@@ -1,0 +1,113 @@
+"""Derivatives of the foam's energy by its principal stretches at one point, for compiled loops over points.
+
+With F = sum l_k u_k v_k', m, h = (x_i +- x_j)/2 of the logarithmic stretches x and tau of the law, the second
+derivative of the energy w(l) splits into the stretch block w_kl and, for every pair of stretches, the flip mode
+(w_i - w_j)/(l_i - l_j) on u_i v_j' + u_j v_i' and the twist mode (w_i + w_j)/(l_i + l_j) on u_i v_j' - u_j v_i'; both
+are written with the law's divided difference, so coinciding stretches need no case. Source of the modes: Smith, de
+Goes, Kim, ACM Trans. Graph. 38 (2019) 12, DOI 10.1145/3241041.
+"""
+
+from __future__ import annotations
+
+import math
+
+from matcal.laws.hyperfoam import (
+    TERMS,
+    divided_difference_term,
+    kirchhoff_term,
+    sinh_ratio,
+    stretch_growth,
+    stretch_tangent_term,
+    volume_growth,
+    volume_tangent_term,
+)
+from touchcal.jit import compilable, compiled
+
+compilable(*TERMS)
+# Sweeps of Jacobi's method over a matrix of three rows, more than rounding leaves any use for; and the off-diagonal
+# part that is rounding.
+_SWEEPS, _ROUNDING = 12, 1e-16
+
+
+@compiled
+def differentiate(x, mean, half, mu, alpha, beta, scale, force, block, rest, work):
+    """Fill first derivatives (3,), second ones (3, 3) and those along flips, then twists, (2 pairs,) at x (3,).
+
+    mean, half (pairs,) belong to the first of the pairs (1, 2), (1, 3), (2, 3); scale multiplies negative curvatures;
+    work is (3, 3, 3).
+    """
+    pairs, growth, inverse = len(half), work[0, 0], work[0, 1]
+    force[:] = 0.0
+    block[:] = 0.0
+    rest[:] = 0.0
+    for i in range(mu.size):
+        volume, bulk = 0.0, 0.0
+        if beta[i] != 0:
+            volume = volume_growth(alpha[i], beta[i], x[0] + x[1] + x[2])
+            bulk = volume_tangent_term(mu[i], beta[i], volume)
+        for k in range(3):
+            growth[k] = stretch_growth(alpha[i], x[k])
+            force[k] += kirchhoff_term(mu[i], alpha[i], growth[k], volume)
+            block[k, k] += stretch_tangent_term(mu[i], growth[k])
+            for m in range(3):
+                block[k, m] += bulk
+        for pair in range(pairs):
+            first, second = pair // 2, 1 + (pair + 1) // 2
+            rest[pair] += divided_difference_term(mu[i], alpha[i], half[pair], growth[first], growth[second])
+    for pair in range(pairs):
+        h, slope, middle = half[pair], rest[pair], (force[pair // 2] + force[1 + (pair + 1) // 2]) / 2
+        shrink = math.exp(-2 * mean[pair])
+        rest[pair] = shrink * (slope * math.cosh(h) / sinh_ratio(h) - middle)
+        rest[pairs + pair] = shrink * (middle - slope * h * math.tanh(h))
+    for k in range(3):
+        inverse[k] = math.exp(-x[k])
+        block[k, k] -= force[k]
+    for k in range(3):
+        for m in range(3):
+            block[k, m] *= inverse[k] * inverse[m]
+        force[k] *= inverse[k]
+    if scale != 1:
+        for mode in range(2 * pairs):
+            rest[mode] *= scale if rest[mode] < 0 else 1.0
+        scale_negative_eigenvalues(block, scale, work[1], work[2])
+
+
+@compiled
+def scale_negative_eigenvalues(block, scale, turned, vector):
+    """Scale the negative part of a symmetric matrix (3, 3) in place; turned, vector (3, 3) are room to work."""
+    turned[:] = block
+    diagonalise(turned, vector)
+    for m in range(3):
+        value = turned[m, m]
+        if value < 0:
+            for i in range(3):
+                for j in range(3):
+                    block[i, j] += (scale - 1) * value * vector[i, m] * vector[j, m]
+
+
+@compiled
+def diagonalise(a, vector):
+    """Jacobi's rotations of a symmetric matrix (3, 3): eigenvalues come on its diagonal, eigenvectors as columns."""
+    vector[:] = 0.0
+    for k in range(3):
+        vector[k, k] = 1.0
+    for _ in range(_SWEEPS):
+        size = abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])
+        if abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2]) <= _ROUNDING * size:
+            break
+        for i in range(2):
+            for j in range(i + 1, 3):
+                if a[i, j] == 0:
+                    continue
+                ratio = (a[j, j] - a[i, i]) / (2 * a[i, j])
+                t = (1.0 if ratio >= 0 else -1.0) / (abs(ratio) + math.hypot(ratio, 1.0))
+                c = 1 / math.hypot(t, 1.0)
+                s = t * c
+                for k in range(3):
+                    one, other = a[k, i], a[k, j]
+                    a[k, i], a[k, j] = c * one - s * other, s * one + c * other
+                for k in range(3):
+                    one, other = a[i, k], a[j, k]
+                    a[i, k], a[j, k] = c * one - s * other, s * one + c * other
+                    one, other = vector[k, i], vector[k, j]
+                    vector[k, i], vector[k, j] = c * one - s * other, s * one + c * other
