@@ -10,7 +10,6 @@ Source: Smith, Oper. Res. 32 (1984) 1296, DOI 10.1287/opre.32.6.1296 (hit and ru
 
 from __future__ import annotations
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
@@ -59,6 +58,7 @@ def skin_checks(fit: ConductivityFit, chains: Array) -> dict[str, float]:
     """Worst R-hat, least effective sample size and longest autocorrelation time, in kept draws, of the conductivity at
     no strain, in deep compression and at the data's end."""
     import arviz
+    import emcee
 
     values = chains @ powers([0.0, LOWEST_STRAIN, fit.law.strain_range[1]]).T
     data = arviz.convert_to_dataset({"c": values})

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.hyperfoam.linear_response import (
@@ -40,7 +39,7 @@ Array = NDArray[np.float64]
 # `matcal.statistics.residual_correlation`
 _LEAST_SPARE = 4.0
 # standard deviations to either side that hold 95 % where many points are left
-_LARGE = float(norm.ppf(0.975))
+_LARGE = float(ndtri(0.975))
 # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 PLATEAU_STRAIN = -0.4
 
@@ -104,7 +103,7 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     errors = errors_of(fit, _effects(known, differ, _LARGE))
     variance, n, parameters = effective_variance(errors), sum(e.count for e in errors), 2 * fit.law.alpha.size
     spare = max(sum(e.points for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
-    reach = float(student.ppf(0.975, spare))
+    reach = float(stdtrit(spare, 0.975))
     effect = _effects(known, differ, reach)
     gain = joint_gain(free_slopes(fit), effect, variance, prior_precision(fit))[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]

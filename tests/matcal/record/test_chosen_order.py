@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard
-from matcal.fitting.calibrate import Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.hyperfoam.order_selection import GOOD_ENOUGH, OrderRow, chosen_order, criterion, order_sentences
@@ -87,7 +87,7 @@ def test_a_load_zero_from_one_reading_is_no_term_of_the_law() -> None:
 
 
 def test_a_plateau_that_no_test_reached_is_left_out_and_said() -> None:
-    found = calibrate([curve("uniaxial", np.linspace(-0.2, -0.005, 60), 0.002)], Choices(order=1))
+    found = calibrate([curve("uniaxial", np.linspace(-0.2, -0.005, 60), 0.002)], FitOptions(order=1))
     assert found.uncertainty is not None
     assert set(found.uncertainty.derived) == {"mu_0_Pa", "E_0_Pa"}
     assert any("plateau_Pa is left out" in s for s in found.decisions)
@@ -129,7 +129,7 @@ def test_more_specimens_pin_the_mean_foam_better() -> None:
     strain, widths = np.linspace(-0.7, -0.01, 40), []
     for factors in ((0.95, 1.05), (0.93, 0.97, 1.0, 1.03, 1.07)):
         found = calibrate([replace(e := curve("uniaxial", strain, 0.002, k), value=factor * e.value)
-                           for k, factor in enumerate(factors)], Choices(order=2))
+                           for k, factor in enumerate(factors)], FitOptions(order=2))
         assert found.uncertainty is not None
         mu_0 = found.uncertainty.derived["mu_0_Pa"]
         widths.append((mu_0.hi - mu_0.lo) / mu_0.value)
