@@ -87,7 +87,9 @@ def read_card(path: Path | str) -> MaterialCard:
 
     Examples
     --------
-    >>> import tempfile, matcal
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import matcal
     >>> path = Path(tempfile.mkdtemp()) / "foam.json"
     >>> matcal.write_card(matcal.MaterialCard("foam", matcal.Hyperfoam([12e3], [2.0], [0.0])), path)
     >>> matcal.read_card(path).hyperfoam.mu_0_Pa

@@ -71,7 +71,7 @@ def skin_checks(fit: ConductivityFit, chains: Array) -> dict[str, float]:
 def prior_words(fit: ConductivityFit) -> str:
     """The prior of the skin."""
     return (f"coefficients of the conductivity flat where it stays above {FLOOR:.0%} of its median from a strain of "
-            f"{LOWEST_STRAIN:g} on, ln of its noise flat, {fit.worth:.0f} effective points to spare")
+            f"{LOWEST_STRAIN:g} on, ln of its noise flat, {fit.effective_sample_size:.0f} effective points to spare")
 
 
 def _hit_and_run(fit: ConductivityFit, b: Array, root: Array, rng: np.random.Generator) -> Array:
@@ -91,7 +91,7 @@ def _hit_and_run(fit: ConductivityFit, b: Array, root: Array, rng: np.random.Gen
 
 def _noise_step(fit: ConductivityFit, b: Array, ln_v: Array, noise: Array, zero: Array,
                 rng: np.random.Generator) -> Array:
-    trial = ln_v + 2.4 * np.sqrt(2 / (fit.worth + 4)) * rng.normal(size=ln_v.size)
+    trial = ln_v + 2.4 * np.sqrt(2 / (fit.effective_sample_size + 4)) * rng.normal(size=ln_v.size)
     gain = _log_density(fit, b, trial, noise, zero) - _log_density(fit, b, ln_v, noise, zero)
     return np.where(np.log(rng.uniform(size=ln_v.size)) < gain, trial, ln_v)
 
@@ -100,7 +100,7 @@ def _log_density(fit: ConductivityFit, b: Array, ln_v: Array, noise: Array, zero
     root = np.linalg.cholesky(np.exp(ln_v)[:, None, None] * noise + zero)
     off = np.linalg.solve(root, (b - fit.centre)[..., None])[..., 0]
     size = np.log(np.einsum("cii->ci", root)).sum(axis=1)
-    return -0.5 * np.sum(off**2, axis=1) - size - 0.5 * fit.worth * (ln_v + np.exp(-ln_v))
+    return -0.5 * np.sum(off**2, axis=1) - size - 0.5 * fit.effective_sample_size * (ln_v + np.exp(-ln_v))
 
 
 def _cut_normal(low: Array, high: Array, rng: np.random.Generator) -> Array:

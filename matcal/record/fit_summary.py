@@ -18,11 +18,11 @@ from matcal.reduction.experiment import Experiment
 _REPEATED = ("stiffness_factor", "shape_scatter", "settling_", "resistance_")
 
 
-def fit_part(found: FittedLaws) -> dict[str, Any]:
+def summary(found: FittedLaws) -> dict[str, Any]:
     """Per experiment its errors; then whatever the calibration holds beside them."""
     out: dict[str, Any] = {}
     for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
-        out[label] = _goodness(found, label, experiment)
+        out[label] = _of_test(found, label, experiment)
     if found.fit and found.uncertainty:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
@@ -42,7 +42,7 @@ def curve_of(found: FittedLaws, label: str) -> Curve:
 
 def _law_part(fit: Fit) -> dict[str, Any]:
     return {"parameters": standard_errors(fit),
-            "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.confluence}
+            "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.collinearity}
                        for r in fit.orders],
             "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
                                         "relative_rms": dict(alone.relative_rms),
@@ -85,7 +85,7 @@ def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance))}
 
 
-def _goodness(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:
+def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:
     k = int(label.rsplit("_", 1)[1]) - 1
     row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
                            "unit": "S/m" if experiment.kind == "conductivity" else "Pa",

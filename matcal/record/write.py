@@ -36,7 +36,7 @@ from matcal.laws.stability import stability
 from matcal.posterior.derived_quantities import derived_of
 from matcal.posterior.draws import FILE, write_draws
 from matcal.record.bands import conductivity_band, stress_bands
-from matcal.record.fit_summary import curve_of, fit_part
+from matcal.record.fit_summary import curve_of, summary
 from matcal.reduction.experiment import Experiment
 from touchcal.json_file import write_json
 
@@ -64,7 +64,7 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
                   "cpu_s": spent}
     return MaterialCard("foam", law, found.prony.prony if found.prony else None,
-                        found.conductivity.law if found.conductivity else None, fit=fit_part(found),
+                        found.conductivity.law if found.conductivity else None, fit=summary(found),
                         stability=stability(law) if law else {}, provenance=provenance,
                         posterior=_posterior_part(posterior, law) if posterior else {})
 

@@ -48,7 +48,7 @@ def inspect(path: Path | str, selection: Selection | None = None, kind: str | No
     >>> import matcal
     >>> found = matcal.inspect("data_raw/mts_uniaxial.txt")
     >>> found["layout"], found["kind"], list(found["columns"])
-    ('mts_testsuite', 'uniaxial', ['time', 'displacement', 'force'])
+    ('mts_testsuite', 'uniaxial', ['displacement', 'force', 'time'])
     """
     recording = read(path, selection)
     out: dict[str, Any] = {"layout": recording.vendor, "files": [str(p) for p in recording.paths],

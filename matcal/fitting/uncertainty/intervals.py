@@ -102,7 +102,7 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     known = nuisance(fit, prony)
     errors = errors_of(fit, _effects(known, differ, _LARGE))
     variance, n, parameters = effective_variance(errors), sum(e.count for e in errors), 2 * fit.law.alpha.size
-    spare = max(sum(e.points for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
+    spare = max(sum(e.effective_sample_size for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
     reach = float(stdtrit(spare, 0.975))
     effect = _effects(known, differ, reach)
     gain = joint_gain(free_slopes(fit), effect, variance, prior_precision(fit))[:free.shape[1]]
@@ -164,10 +164,10 @@ def _share_sentence(shares: Mapping[str, float]) -> str:
 def _effective_points(fit: Fit, gain: Array, covariance: Array) -> float:
     """Points of one noise level for which the quantity that suffers most from correlation has the same variance; as in
     Student's law, not fewer than the parameters and _LEAST_SPARE, for the errors' sizes are averaged already."""
-    worth = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
+    sizes = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
              for g in _gradients(fit.law, measured_quantities).values()]
     least = min(sum(c.experiment.value.size for c in fit.curves), 2 * fit.law.alpha.size + _LEAST_SPARE)
-    return max(min(worth), least)
+    return max(min(sizes), least)
 
 
 def _gradients(law: Hyperfoam, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Array]:

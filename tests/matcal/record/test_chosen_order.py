@@ -17,7 +17,7 @@ from matcal.fitting.uncertainty.intervals import derived_quantities
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record.cautions import cautions
-from matcal.record.fit_summary import fit_part
+from matcal.record.fit_summary import summary
 from matcal.reduction.experiment import Experiment
 
 TWO_TERMS = Hyperfoam([12000.0, 8000.0], [4.0, -1.5], [0.0, 0.0])
@@ -29,8 +29,8 @@ def curve(mode: str, strain: np.ndarray, noise: float = 0.0, seed: int = 0) -> E
     return Experiment(mode, strain, stress * (1 + scatter), source=(f"{mode}.csv",))
 
 
-def row(order: int, rms: float, bic: float, confluence: str = "", worst: float | None = None) -> OrderRow:
-    return OrderRow(order, rms, rms if worst is None else worst, bic, confluence)
+def row(order: int, rms: float, bic: float, collinearity: str = "", worst: float | None = None) -> OrderRow:
+    return OrderRow(order, rms, rms if worst is None else worst, bic, collinearity)
 
 
 def test_a_readable_order_that_fits_well_enough_is_taken_before_one_that_merges() -> None:
@@ -100,7 +100,7 @@ def test_moduli_on_their_bound_are_warned_of_with_the_safer_command() -> None:
     assert found.fit is not None
     assert found.fit.optimum.unbounded is not None
     assert any("where no linearisation holds" in s for s in found.decisions)
-    card = MaterialCard("toe", found.fit.law, None, None, fit=fit_part(found), stability={}, provenance={}, data="",
+    card = MaterialCard("toe", found.fit.law, None, None, fit=summary(found), stability={}, provenance={}, data="",
                         posterior={})
     warned = " ".join(cautions(card))
     assert "Outside the tests --order" in warned
@@ -120,7 +120,7 @@ def test_scatter_between_specimens_is_not_misfit() -> None:
     assert mu_0.value == pytest.approx(TWO_TERMS.mu_0_Pa * np.cbrt(0.99), rel=0.02)
     assert 0.12 < (mu_0.hi - mu_0.lo) / 2 / mu_0.value < 0.25
     assert shares["scatter between specimens"] > 0.8
-    row = fit_part(found)["uniaxial_1"]
+    row = summary(found)["uniaxial_1"]
     assert row["relative_rms"] > 0.08
     assert row["relative_rms_of_specimen"] < 0.004
 
