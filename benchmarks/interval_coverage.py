@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
 
-from matcal.fitting.calibrate import Calibration, Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, intervals
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -72,7 +72,7 @@ def other_stress(mode: str, e: float | np.ndarray) -> np.ndarray:
     return p(np.cbrt(e)) / np.cbrt(e) ** 2 if mode == "volumetric" else p(1 + e)
 
 
-def replica(case: str, seed: int, generate: ModuleType) -> tuple[Calibration, dict[str, float]]:
+def replica(case: str, seed: int, generate: ModuleType) -> tuple[FittedLaws, dict[str, float]]:
     """One calibration of fresh data and the truth behind them."""
     rng = np.random.default_rng([CASES.index(case), seed])
     truth = of_law(Hyperfoam(1e3 * generate.MU, generate.ALPHA, np.zeros(generate.MU.size)))
@@ -87,10 +87,10 @@ def replica(case: str, seed: int, generate: ModuleType) -> tuple[Calibration, di
     noise = 1e3 * generate.ERRORS["plain_noise_kPa"]
     tests = [Experiment(kind, e, p + noise * _noise(e.size, 0.9 if case == "correlated" else 0.0, rng))
              for kind, (e, p) in curves.items()]
-    return calibrate(tests, Choices(order=2 if case == "order" else "auto")), truth
+    return calibrate(tests, FitOptions(order=2 if case == "order" else "auto")), truth
 
 
-def linear(found: Calibration, truth: Mapping[str, float], case: str, seed: int) -> list[dict]:
+def linear(found: FittedLaws, truth: Mapping[str, float], case: str, seed: int) -> list[dict]:
     """Rows of the linearised intervals."""
     assert found.uncertainty is not None
     assert found.fit is not None
@@ -100,7 +100,7 @@ def linear(found: Calibration, truth: Mapping[str, float], case: str, seed: int)
              "order": found.fit.law.alpha.size} for name, i in out.items()]
 
 
-def sampled(found: Calibration, truth: Mapping[str, float], case: str, seed: int) -> list[dict]:
+def sampled(found: FittedLaws, truth: Mapping[str, float], case: str, seed: int) -> list[dict]:
     """Rows of the posterior's middle 95 %."""
     assert found.fit is not None
     try:

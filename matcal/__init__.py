@@ -1,1 +1,41 @@
 """Material calibration: load-frame and potentiostat files in, a material card with its uncertainty out."""
+
+# ruff: noqa: F401
+from typing import TYPE_CHECKING
+
+from touchcal.lazy import attach
+
+if TYPE_CHECKING:
+    from matcal.card import MaterialCard, read_card, write_card
+    from matcal.fitting.calibrate import FitOptions
+    from matcal.laws.conductivity import Conductivity
+    from matcal.laws.deformation_modes import nominal_stress
+    from matcal.laws.hyperfoam import Hyperfoam
+    from matcal.laws.prony import Prony
+    from matcal.laws.stability import stability
+    from matcal.record.calibration import Calibration, fit
+    from matcal.record.exporters.deck import export
+    from matcal.record.predict import check, predict
+    from matcal.reduction.experiment import Experiment
+    from matcal.reduction.inspect import inspect
+    from matcal.reduction.reduce import read_test
+
+__getattr__, __dir__, __all__ = attach(__name__, {
+    "Calibration": "matcal.record.calibration",
+    "Conductivity": "matcal.laws.conductivity",
+    "Experiment": "matcal.reduction.experiment",
+    "FitOptions": "matcal.fitting.calibrate",
+    "Hyperfoam": "matcal.laws.hyperfoam",
+    "MaterialCard": "matcal.card",
+    "Prony": "matcal.laws.prony",
+    "check": "matcal.record.predict",
+    "export": "matcal.record.exporters.deck",
+    "fit": "matcal.record.calibration",
+    "inspect": "matcal.reduction.inspect",
+    "nominal_stress": "matcal.laws.deformation_modes",
+    "predict": "matcal.record.predict",
+    "read_card": "matcal.card",
+    "read_test": "matcal.reduction.reduce",
+    "stability": "matcal.laws.stability",
+    "write_card": "matcal.card",
+})

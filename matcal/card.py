@@ -41,6 +41,8 @@ class MaterialCard:
     # folder of reduced experiments and posterior, relative to the card; None when the card stands alone
     data: str | None = None
     schema: int = SCHEMA
+    # file that it was read from or written to, beside which its data lie; None for a card that has none
+    file: Path | None = field(default=None, compare=False, repr=False)
 
 
 def require(card: MaterialCard, part: str, purpose: str) -> Any:
@@ -66,7 +68,33 @@ def with_moduli(card: MaterialCard, moduli: str) -> Hyperfoam:
 
 
 def read_card(path: Path | str) -> MaterialCard:
-    """Read a card; TestFileError names the key that is missing or wrong."""
+    """Read a material card.
+
+    Parameters
+    ----------
+    path
+        JSON that `matcal fit` or `write_card` wrote.
+
+    Returns
+    -------
+    MaterialCard
+        With `file` set to the path, next to which its data folder and draws lie.
+
+    Raises
+    ------
+    TestFileError
+        Naming the key that is missing or wrong.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import matcal
+    >>> path = Path(tempfile.mkdtemp()) / "foam.json"
+    >>> matcal.write_card(matcal.MaterialCard("foam", matcal.Hyperfoam([12e3], [2.0], [0.0])), path)
+    >>> matcal.read_card(path).hyperfoam.mu_0_Pa
+    12000.0
+    """
     path = Path(path)
     text = path.read_text(encoding="utf-8")
     try:
@@ -97,7 +125,12 @@ def read_card(path: Path | str) -> MaterialCard:
     except (TypeError, ValueError) as error:
         raise TestFileError(path, str(error)) from None
     free = {key: raw[key] for key in _FREE if key in raw}
-    return MaterialCard(name=str(raw.get("name", path.stem)), data=raw.get("data"), **parts, **free)
+    return MaterialCard(name=str(raw.get("name", path.stem)), data=raw.get("data"), file=path, **parts, **free)
+
+
+def as_card(card: MaterialCard | Path | str) -> MaterialCard:
+    """The card itself, or the one that a file holds; errors as those of `read_card`."""
+    return card if isinstance(card, MaterialCard) else read_card(card)
 
 
 def as_json(card: MaterialCard) -> dict[str, Any]:
@@ -125,7 +158,15 @@ def card_identity(card: MaterialCard, path: Path) -> dict[str, Any]:
 
 
 def write_card(card: MaterialCard, path: Path | str) -> None:
-    """Write a card in one step, so that a reader never sees half of it."""
+    """Write a card in one step, so that a reader never sees half of it.
+
+    Parameters
+    ----------
+    card
+        Any card; draws of a posterior are not part of it (`Calibration.save` writes them).
+    path
+        JSON file to write; one of that name is replaced.
+    """
     write_json(as_json(card), path)
 
 

@@ -1,49 +1,25 @@
-"""Words of the command line of `matcal` as values, and which of them a given call cannot use."""
+"""Words of the command line of `matcal` as values."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from matcal.fitting.calibrate import Choices, is_curve
-from matcal.fitting.hyperfoam.poisson import FITTED
-from matcal.laws.deformation_modes import MODES
-from matcal.reduction.experiment import Experiment
 from touchcal.terminal import numbers
 
-
-def input_of(text: str) -> tuple[str | None, tuple[Path, ...]]:
-    """(kind or None, files) of `[KIND=]FILE[,FILE]`; a file of that very name goes first."""
-    kind, _, rest = text.rpartition("=") if "=" in text and not Path(text).exists() else ("", "", text)
-    return kind or None, tuple(Path(part) for part in (rest.split(",") if not Path(rest).exists() else [rest]))
+if TYPE_CHECKING:
+    from matcal.fitting.calibrate import FitOptions
 
 
-def choices(order: str, poisson: str, stable: str | None, stable_range: str | None, residual: str,
-            weight: Sequence[str], prony_terms: str) -> Choices:
-    """The choices behind the flags of `matcal fit`; ValueError names the flag that cannot be read."""
-    if stable_range is not None and stable is None:
-        raise ValueError(f"--stable-range {stable_range}: no law is held stable, so there is nothing to hold it over. "
-                         "Add --stable drucker or --stable elliptic, or leave it out.")
-    return Choices(_count("--order", order), _poisson(poisson), stable, _stretches(stable_range), residual,
+def fit_options(order: str, poisson: str, stable: str | None, stable_range: str | None, residual: str,
+                weight: Sequence[str], prony_terms: str) -> FitOptions:
+    """The options behind the flags of `matcal fit`; ValueError names the flag that cannot be read."""
+    from matcal.fitting.calibrate import FitOptions
+
+    return FitOptions(_count("--order", order), _poisson(poisson), stable, _stretches(stable_range), residual,
                    _weights(weight), prony_terms=_count("--prony-terms", prony_terms))
-
-
-def check_used(chosen: Choices, experiments: Sequence[Experiment]) -> None:
-    """ValueError for a choice that no test of the call can obey."""
-    kinds = ", ".join(dict.fromkeys(e.kind for e in experiments))
-    plain = Choices()
-    of_law = {"--order": chosen.order != plain.order, "--poisson": chosen.poisson != plain.poisson,
-              "--stable": chosen.stable is not None, "--residual": chosen.residual != plain.residual,
-              "--weight": bool(chosen.weights)}
-    given = [flag for flag, differs in of_law.items() if differs]
-    if given and not any(is_curve(e) for e in experiments):
-        raise ValueError(f"{given[0]} is about the law of a stress-strain curve, and the tests are {kinds} only. Leave "
-                         f"it out, or add one of {', '.join(MODES)}.")
-    if chosen.prony_terms != plain.prony_terms and not any(e.kind == "relaxation" for e in experiments):
-        raise ValueError(f"--prony-terms {chosen.prony_terms}: the tests are {kinds} only, and a Prony series needs a "
-                         "relaxation test. Leave it out, or add relaxation=FILE.")
 
 
 def points(mode: str, strain: str | None, time: str | None) -> np.ndarray:
@@ -61,6 +37,8 @@ def _count(flag: str, text: str) -> int | str:
 
 
 def _poisson(text: str) -> float | str | tuple[float, ...]:
+    from matcal.fitting.hyperfoam.poisson import FITTED
+
     if text in FITTED:
         return text
     values = tuple(numbers(text, "--poisson", f"0.1 or 0.1,0.2, or one of {', '.join(FITTED)}"))

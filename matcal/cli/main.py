@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from matcal.record.exporters import TARGETS
 from touchcal.errors import NotConverged
 from touchcal.terminal import JsonOption, application, check_apart, check_out, counter, print_json, run
-
-if TYPE_CHECKING:
-    from matcal.fitting.calibrate import Calibration, Choices
-    from matcal.posterior.sample import Posterior
 
 app = application("Calibrate a foam and its conductive skin from test files into a material card.")
 
@@ -21,24 +20,23 @@ CardFile = Annotated[Path, typer.Argument(metavar="CARD", help="Material card (J
 ColumnsOption = Annotated[list[str] | None, typer.Option(metavar="[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...", help=(
     "Which columns mean what, where a file does not say: COLUMN is a name or a number from 1; sheet=NAME chooses a "
     "sheet, block=N a block of an MTS 793 file. Repeat it for further files."))]
-# endings of the files that a fit leaves in the folder beside its card
-WRITTEN = (".parquet", ".json", ".nc")
 
 
-@app.command()
-def inspect(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Machine files or tables.")],
-            columns: ColumnsOption = None, as_json: JsonOption = False) -> None:
+@app.command("inspect")
+def inspect_command(
+        files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Machine files or tables.")],
+        columns: ColumnsOption = None, as_json: JsonOption = False) -> None:
     """Say what each file holds: its layout, columns, units, range and the kind of test it was taken for.
 
     Example: matcal inspect data_raw/mts_uniaxial.txt
     """
-    from matcal.cli.arguments import input_of
     from matcal.readers.column_options import parse_selection, selections_of
-    from matcal.reduction.inspect import describe, print_description
+    from matcal.readers.test_inputs import files_named
+    from matcal.reduction.inspect import inspect, print_description
 
-    inputs = [input_of(text) for text in files]
+    inputs = [files_named(text) for text in files]
     chosen = selections_of(inputs, [parse_selection(text) for text in columns or []])
-    described = {str(path): describe(path, choice.get(path), kind)
+    described = {str(path): inspect(path, choice.get(path), kind)
                  for (kind, paths), choice in zip(inputs, chosen, strict=True) for path in paths}
     if as_json:
         print_json(described)
@@ -47,8 +45,9 @@ def inspect(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...",
         print_description(path, found)
 
 
-@app.command()
-def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Test files; conductivity takes "
+@app.command("fit")
+def fit_command(
+        files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Test files; conductivity takes "
                                                    "FRAME_FILE,POTENTIOSTAT_FILE.")],
         specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens (TOML).")] = None,
         columns: ColumnsOption = None,
@@ -78,27 +77,22 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
     Example: matcal fit data_raw/uniaxial.csv data_raw/shear.csv --out card.json
     """
     from matcal.card import as_json as card_json
-    from matcal.cli.arguments import check_used, choices, input_of
+    from matcal.cli.arguments import fit_options
     from matcal.cli.summary import print_fit
-    from matcal.fitting.calibrate import calibrate
-    from matcal.readers.column_options import parse_selection, selections_of
-    from matcal.readers.detect import files_of
-    from matcal.record.write import make_card, write_record
-    from matcal.reduction.reduce import read_and_reduce
+    from matcal.record.calibration import Calibration, fit
 
     _check_places(out, report)
-    inputs, others = [input_of(text) for text in files], [input_of(text) for text in predicted or []]
-    chosen = choices(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
-    selected = selections_of([*inputs, *others], [parse_selection(text) for text in columns or []])
-    reduced = read_and_reduce(inputs, specimen, selected[:len(inputs)], branch)
-    check_used(chosen, reduced.experiments)
-    compared = read_and_reduce(others, specimen, selected[len(inputs):], branch)
-    found = calibrate(reduced.experiments, chosen, compared.experiments)
-    draws, unfinished = _sampled(found, chosen, seed) if posterior else (None, None)
-    used = [p for _, paths in [*inputs, *others] for path in paths for p in files_of(path)]
-    used = list(dict.fromkeys([*used, *reduced.beside, *compared.beside]))
-    card = make_card(found, out, used, seed, draws)
-    write_record(card, found, out, draws)
+    options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
+    unfinished = None
+    with _counted(posterior) as progress:
+        try:
+            found = fit(files, specimen, options=options, predicted=predicted or (), columns=columns or (),
+                        branch=branch, posterior=posterior, seed=seed, progress=progress)
+        except NotConverged as error:
+            if not isinstance(error.estimate, Calibration):
+                raise
+            found, unfinished = error.estimate, error
+    card = found.save(out).card
     if as_json:
         print_json(card_json(card) | {"card": str(out)})
     else:
@@ -109,88 +103,79 @@ def fit(files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", hel
         _write_report(out, report, quiet=as_json)
 
 
-def _sampled(found: Calibration, choices: Choices, seed: int) -> tuple[Posterior, NotConverged | None]:
-    """The posterior, and the error to raise once it has been saved where it did not converge."""
-    from matcal.fitting.hyperfoam.poisson import FITTED
-    from matcal.posterior.sample import MOST_STEPS, sample
+def _counted(posterior: bool) -> AbstractContextManager[Callable[[int], None] | None]:
+    """What shows the steps of the sampler; None where nothing is sampled."""
+    if not posterior:
+        return nullcontext()
+    from matcal.posterior.ensembles import MOST_STEPS
 
-    with counter(MOST_STEPS, "posterior") as advance:
-        try:
-            return sample(found.fit, found.uncertainty, found.prony, found.conductivity, seed, advance,
-                          choices.poisson in FITTED), None
-        except NotConverged as error:
-            return error.estimate, error
+    return counter(MOST_STEPS, "posterior")
 
 
-@app.command()
-def predict(card: CardFile,
-            mode: Annotated[str, typer.Argument(metavar="MODE", help="uniaxial, biaxial, planar, shear, volumetric, "
-                                                "relaxation or conductivity.")],
-            strain: Annotated[str | None, typer.Option(help="Nominal strains A,B,... (gamma in shear, J in "
-                                                       "volumetric).")] = None,
-            time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation.")] = None,
-            as_json: JsonOption = False) -> None:
+@app.command("predict")
+def predict_command(
+        card: CardFile,
+        mode: Annotated[str, typer.Argument(metavar="MODE", help="uniaxial, biaxial, planar, shear, volumetric, "
+                                            "relaxation or conductivity.")],
+        strain: Annotated[str | None, typer.Option(help="Nominal strains A,B,... (gamma in shear, J in volumetric).")
+                          ] = None,
+        time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation.")] = None,
+        as_json: JsonOption = False) -> None:
     """Print what the card predicts, with its 95 % band where it has a posterior.
 
     Example: matcal predict card.json uniaxial --strain=-0.1,-0.5,-0.8 --json
     """
-    from matcal.card import read_card
     from matcal.cli.arguments import points
     from matcal.cli.summary import print_columns
-    from matcal.record.predict import PREDICTED, prediction
+    from matcal.record.predict import predict
 
-    if mode not in PREDICTED:
-        raise ValueError(f"mode '{mode}' is unknown; known: {', '.join(PREDICTED)}.")
-    values = points(mode, strain, time)
-    columns = prediction(read_card(card), card, mode, values)
+    columns = predict(card, mode, points(mode, strain, time))
     if as_json:
         print_json({"mode": mode, **columns})
     else:
         print_columns(columns, f"{mode}, {card.name}")
 
 
-@app.command()
-def check(card: CardFile, as_json: JsonOption = False) -> None:
+@app.command("check")
+def check_command(card: CardFile, as_json: JsonOption = False) -> None:
     """Print where along each mode the card's law is not Drucker stable or loses ellipticity.
 
     Example: matcal check card.json
     """
-    from matcal.card import read_card, require
     from matcal.cli.summary import print_stability
     from matcal.fitting.hyperfoam.record_stability import as_lines
-    from matcal.laws.stability import stability
+    from matcal.record.predict import check
 
-    read = read_card(card)
-    found = stability(require(read, "hyperfoam", "a stability check"))
-    data = read.fit.get("data_stability", [])
+    found = check(card)
     if as_json:
-        print_json(found | ({"data": data} if data else {}))
-    else:
-        print_stability(found)
-        for line in as_lines(data):
-            print(line)
+        print_json(found)
+        return
+    data = found.pop("data", ())
+    print_stability(found)
+    for line in as_lines(data):
+        print(line)
 
 
-@app.command()
-def export(card: CardFile,
-           to: Annotated[str, typer.Option("--to", help="abaqus, calculix, febio, lsdyna or ansys.")],
-           moduli: Annotated[str | None, typer.Option(help="instantaneous or longterm; without it as the card holds "
-                                                      "them.")] = None,
-           units: Annotated[str, typer.Option(help="SI (Pa), mm-t-s (MPa) or mm-kg-ms (GPa).")] = "SI",
-           density: Annotated[float | None, typer.Option(help="Mass density, kg/m3; the card holds none.")] = None,
-           out: Annotated[Path | None, typer.Option(help="File to write; without it the text is printed.")] = None
-           ) -> None:
+@app.command("export")
+def export_command(
+        card: CardFile,
+        to: Annotated[str, typer.Option("--to", help=f"{', '.join(TARGETS[:-1])} or {TARGETS[-1]}.")],
+        moduli: Annotated[str | None, typer.Option(help="instantaneous or longterm; without it as the card holds "
+                                                   "them.")] = None,
+        units: Annotated[str, typer.Option(help="SI (Pa), mm-t-s (MPa) or mm-kg-ms (GPa).")] = "SI",
+        density: Annotated[float | None, typer.Option(help="Mass density, kg/m3; the card holds none.")] = None,
+        out: Annotated[Path | None, typer.Option(help="File to write; without it the text is printed.")] = None
+        ) -> None:
     """Write the card as material input of a finite-element program; what the program does otherwise is warned of.
 
     Example: matcal export card.json --to calculix --moduli longterm --units mm-t-s --out foam.inp
     """
-    from matcal.card import read_card
-    from matcal.record.exporters.deck import export as exported
+    from matcal.record.exporters.deck import export
 
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [card])
-    deck = exported(read_card(card), to, moduli, units, density)
+    deck = export(card, to, moduli, units, density)
     for warning in deck.warnings:
         print(f"matcal: warning: {warning}", file=sys.stderr)
     if out is None:
@@ -211,14 +196,11 @@ def report(card: CardFile, out: Annotated[Path, typer.Option(help="PDF to write.
 
 def _check_places(out: Path, report: Path | None) -> None:
     """Before the work begins: card, its folder and report can be written, and nothing but an earlier fit goes."""
-    from matcal.record.write import folder_of
+    from matcal.record.write import check_folder, folder_of
 
     check_out(out)
-    folder = folder_of(out)
-    check_out(folder, folder=True)
-    if folder.is_dir() and (strange := sorted(p.name for p in folder.iterdir() if p.suffix not in WRITTEN)):
-        raise ValueError(f"--out {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
-                         "earlier fit. Choose another name.")
+    check_out(folder_of(out), folder=True)
+    check_folder(out)
     if report is not None:
         check_out(report, "--report")
 

@@ -37,8 +37,14 @@ CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
 
 
 @dataclass(frozen=True)
-class Choices:
-    """What the user may choose about a calibration."""
+class FitOptions:
+    """What the user may choose about a calibration.
+
+    ValueError for a range over which no law is held stable.
+
+    >>> FitOptions(order=2, weights={"shear": 2.0}).prony_terms
+    'auto'
+    """
 
     # terms of the law: 1 to 6, or "auto"
     order: int | str = "auto"
@@ -55,10 +61,30 @@ class Choices:
     # terms of the Prony series: 1 to 6, or "auto"
     prony_terms: int | str = "auto"
 
+    def __post_init__(self) -> None:
+        if self.stable_range is not None and self.stable is None:
+            raise ValueError(f"--stable-range {','.join(f'{end:g}' for end in self.stable_range)}: no law is held "
+                             "stable, so there is nothing to hold it over. Add --stable drucker or --stable elliptic, "
+                             "or leave it out.")
+
+    def check_used(self, experiments: Sequence[Experiment]) -> None:
+        """ValueError for a choice that no test can obey."""
+        kinds, plain = ", ".join(dict.fromkeys(e.kind for e in experiments)), FitOptions()
+        of_law = {"--order": self.order != plain.order, "--poisson": self.poisson != plain.poisson,
+                  "--stable": self.stable is not None, "--residual": self.residual != plain.residual,
+                  "--weight": bool(self.weights)}
+        given = [flag for flag, differs in of_law.items() if differs]
+        if given and not any(is_curve(e) for e in experiments):
+            raise ValueError(f"{given[0]} is about the law of a stress-strain curve, and the tests are {kinds} only. "
+                             f"Leave it out, or add one of {', '.join(MODES)}.")
+        if self.prony_terms != plain.prony_terms and not any(e.kind == "relaxation" for e in experiments):
+            raise ValueError(f"--prony-terms {self.prony_terms}: the tests are {kinds} only, and a Prony series needs "
+                             "a relaxation test. Leave it out, or add relaxation=FILE.")
+
 
 @dataclass(frozen=True)
-class Calibration:
-    """Everything that one calibration found."""
+class FittedLaws:
+    """Every law that one calibration fitted, and how."""
 
     # reduced tests, in the order given
     experiments: tuple[Experiment, ...]
@@ -85,22 +111,22 @@ class Calibration:
         return tuple(sentence for said in self.stages.values() for sentence in said)
 
 
-def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None,
-              predicted: Sequence[Experiment] = ()) -> Calibration:
+def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = None,
+              predicted: Sequence[Experiment] = ()) -> FittedLaws:
     """Fit everything that the experiments allow; `predicted` are stress-strain tests that are compared, not fitted.
 
     Raises ValueError for an unknown choice or for tests that cannot be fitted or compared.
     """
-    choices = choices or Choices()
+    options = options or FitOptions()
     started = time.process_time()
     experiments, said = with_drift([thinned(e) for e in experiments])
     relaxing = [e for e in experiments if e.kind == "relaxation"]
-    curves = weigh(experiments, choices.residual, choices.weights)
-    prony = _prony(relaxing, curves, choices) if relaxing else None
+    curves = weigh(experiments, options.residual, options.weights)
+    prony = _prony(relaxing, curves, options) if relaxing else None
     series_s = time.process_time() - started
     law, uncertainty, how = None, None, ()
     if curves:
-        law, how = _law(curves, prony, choices)
+        law, how = _law(curves, prony, options)
         uncertainty = linearised(law, prony)
         how = (*how, *uncertainty.decisions)
     kept_out = _predicted(predicted, law, prony)
@@ -114,35 +140,35 @@ def calibrate(experiments: Sequence[Experiment], choices: Choices | None = None,
     stages = {"records": said, "relaxation": prony.decisions if prony else (), "law": how, "checks": checks,
               "skin": skin.decisions if skin else ()}
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
-    return Calibration(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data)
+    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data)
 
 
-def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], choices: Choices) -> PronyFit:
+def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions) -> PronyFit:
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
-        return fit_prony(relaxing, None, choices.prony_terms)
-    nu = 0.0 if isinstance(choices.poisson, str) else float(np.mean(choices.poisson))
-    law: Hyperfoam = quick_law(curves, choices.order, nu)
-    first = fit_prony(relaxing, law, choices.prony_terms)
-    law = _corrected(curves, first, choices.order, nu)
-    found = chosen = fit_prony(relaxing, law, choices.prony_terms)  # chosen again, through a law that knows its rate
+        return fit_prony(relaxing, None, options.prony_terms)
+    nu = 0.0 if isinstance(options.poisson, str) else float(np.mean(options.poisson))
+    law: Hyperfoam = quick_law(curves, options.order, nu)
+    first = fit_prony(relaxing, law, options.prony_terms)
+    law = _corrected(curves, first, options.order, nu)
+    found = chosen = fit_prony(relaxing, law, options.prony_terms)  # chosen again, through a law that knows its rate
     terms, left = chosen.prony.g.size, np.inf
     for turn in range(3, _TURNS + 1):
-        law = _corrected(curves, found, choices.order, nu)
+        law = _corrected(curves, found, options.order, nu)
         before, found = found.prony, fit_prony(relaxing, law, terms)
         left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
         if left < _SETTLED:
-            return _told(found, chosen, choices, _turn_sentences(turn, relaxing, law))
-    return _told(found, chosen, choices, [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
+            return _told(found, chosen, options, _turn_sentences(turn, relaxing, law))
+    return _told(found, chosen, options, [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
 
 
 def _corrected(curves: Sequence[Curve], found: PronyFit, order: int | str, nu: float) -> Hyperfoam:
     return quick_law([with_history(c, found.prony) for c in curves], order, nu)
 
 
-def _told(found: PronyFit, chosen: PronyFit, choices: Choices, more: Sequence[str]) -> PronyFit:
+def _told(found: PronyFit, chosen: PronyFit, options: FitOptions, more: Sequence[str]) -> PronyFit:
     """The last turn with the numbers of terms tried when their number was chosen."""
-    tried = order_sentences(choices.prony_terms, chosen.orders, chosen.prony.g.size)
+    tried = order_sentences(options.prony_terms, chosen.orders, chosen.prony.g.size)
     return replace(found, orders=chosen.orders, decisions=(*tried, *found.decisions, *more))
 
 
@@ -155,29 +181,29 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) 
     return out
 
 
-def _law(curves: tuple[Curve, ...], prony: PronyFit | None, choices: Choices) -> tuple[Fit, tuple[str, ...]]:
+def _law(curves: tuple[Curve, ...], prony: PronyFit | None, options: FitOptions) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
-    curves = _with_factors(curves, choices)
-    curves, moved = _refined(curves, choices)
-    found = fit(curves, choices.order, choices.poisson, stable=choices.stable, stable_range=choices.stable_range)
+    curves = _with_factors(curves, options)
+    curves, moved = _refined(curves, options)
+    found = fit(curves, options.order, options.poisson, stable=options.stable, stable_range=options.stable_range)
     return found, (_moduli_sentence(curves, prony.prony if prony else None), *factor_sentences(curves), *moved,
                    *found.decisions)
 
 
-def _with_factors(curves: tuple[Curve, ...], choices: Choices) -> tuple[Curve, ...]:
+def _with_factors(curves: tuple[Curve, ...], options: FitOptions) -> tuple[Curve, ...]:
     """Replicates with the factors of their specimens, from laws that are fitted without and then with them."""
     for _ in range(_FACTOR_TURNS if replicated(curves) else 0):
-        curves = with_factors(curves, fit(curves, *_with_one_nu(choices), starts=_FEW, thorough=False).law)
+        curves = with_factors(curves, fit(curves, *_with_one_nu(options), starts=_FEW, thorough=False).law)
     return curves
 
 
-def _refined(curves: tuple[Curve, ...], choices: Choices) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
+def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     """The curves with contact, load zero and drift refined, by the order that needs least to explain them.
 
     A term too many takes up what is an error of the record: each lower order of nearly the same residual refines the
     records its own way, and the criterion of orders decides, the corrections' own prior counted.
     """
-    order, nu = _with_one_nu(choices)
+    order, nu = _with_one_nu(options)
     first = fit(curves, order, nu, starts=_FEW, thorough=False)
     best = refined_records(first)
     if not best[1] or order != "auto":
@@ -191,12 +217,12 @@ def _refined(curves: tuple[Curve, ...], choices: Choices) -> tuple[tuple[Curve, 
         row.bic for row in fit(refined[0], order, nu, starts=_FEW, thorough=False).orders) + surprise(refined[0]))
 
 
-def _with_one_nu(choices: Choices) -> tuple[int | str, float | str]:
+def _with_one_nu(options: FitOptions) -> tuple[int | str, float | str]:
     """Order and nu of the fit that refines the records: one nu for all terms."""
-    if isinstance(choices.poisson, str):
-        return choices.order, "fit" if choices.poisson in FITTED else choices.poisson
-    values = np.atleast_1d(choices.poisson)
-    return choices.order if values.size == 1 else values.size, float(values.mean())
+    if isinstance(options.poisson, str):
+        return options.order, "fit" if options.poisson in FITTED else options.poisson
+    values = np.atleast_1d(options.poisson)
+    return options.order if values.size == 1 else values.size, float(values.mean())
 
 
 def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:

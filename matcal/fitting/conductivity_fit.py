@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from matcal.fitting.hyperfoam.constrained_moduli import nearest
 from matcal.laws.conductivity import Conductivity
 from matcal.reduction.experiment import Experiment
-from matcal.statistics.residual_correlation import inflation
+from matcal.statistics.residual_correlation import integrated_autocorrelation_time
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class ConductivityFit:
     chi_square: float | None
     freedom: int
     # independent points that the residuals are worth, beyond the four coefficients
-    worth: float
+    effective_sample_size: float
     # rms(residual)/rms(value), each experiment
     relative_rms: tuple[float, ...]
     # what was decided, one sentence each
@@ -66,7 +66,7 @@ def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
     residual = (basis @ centre - c) / sd
     order = np.argsort(e, kind="stable")
     freedom = e.size - 4
-    wider = inflation(residual[order])
+    wider = integrated_autocorrelation_time(residual[order])
     spread = float(residual @ residual) / freedom * wider
     gain = np.asarray(np.linalg.pinv(basis / sd[:, None]), dtype=float)
     covariance = gain @ gain.T * (max(1.0, spread) if known else spread)

@@ -30,7 +30,33 @@ _LONGEST_STEP, _FARTHEST = 0.3, 6.0
 
 
 def nominal_stress(law: Hyperfoam, mode: str, strain: ArrayLike) -> Array:
-    """Nominal stress, Pa, of the law as it stands at `strain` (any shape; gamma in shear, J in volumetric)."""
+    """Nominal stress of a law as it stands, without relaxation.
+
+    Parameters
+    ----------
+    law
+        Hyperfoam law.
+    mode
+        One of `MODES`: uniaxial, biaxial, planar, shear, volumetric.
+    strain
+        Nominal strains, any shape, compression negative; gamma in shear, J in volumetric.
+
+    Returns
+    -------
+    array
+        Nominal stress of the shape of `strain`, Pa; the mean Cauchy stress in volumetric.
+
+    Raises
+    ------
+    ValueError
+        For an unknown mode or a strain that no body can have.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> matcal.nominal_stress(matcal.Hyperfoam([12e3], [2.0], [0.0]), "uniaxial", [-0.5, 0.0]).round()
+    array([-18000.,      0.])
+    """
     e = _checked(mode, strain)
     return np.sum(push_forward(mode, e) * second_piola(law, mode, e), axis=-1)
 

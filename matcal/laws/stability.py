@@ -35,7 +35,24 @@ _POINTS = 391
 
 
 def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
-    """criterion -> mode -> {stable, unstable_strain [[lo, hi], ...], scanned [lo, hi]} over SCANNED."""
+    """Where along each mode a law is not Drucker stable or loses ellipticity, over the strains SCANNED.
+
+    Parameters
+    ----------
+    law
+        Hyperfoam law; `matcal.check` takes a card.
+
+    Returns
+    -------
+    dict
+        Criterion -> mode -> {stable, unstable_strain [[lo, hi], ...], scanned [lo, hi]}.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> matcal.stability(matcal.Hyperfoam([12e3], [2.0], [0.0]))["elliptic"]["shear"]["stable"]
+    True
+    """
     return {criterion: {mode: _scan(law, criterion, mode) for mode in MODES} for criterion in CRITERIA}
 
 

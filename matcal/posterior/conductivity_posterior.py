@@ -10,7 +10,6 @@ Source: Smith, Oper. Res. 32 (1984) 1296, DOI 10.1287/opre.32.6.1296 (hit and ru
 
 from __future__ import annotations
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
@@ -48,6 +47,7 @@ def skin_checks(fit: ConductivityFit, chains: Array) -> dict[str, float]:
     """Worst R-hat, least effective sample size and longest autocorrelation time, in kept draws, of the conductivity at
     no strain, in deep compression and at the data's end."""
     import arviz
+    import emcee
 
     values = chains @ powers([0.0, LOWEST_STRAIN, fit.law.strain_range[1]]).T
     data = arviz.convert_to_dataset({"c": values})
@@ -60,7 +60,7 @@ def skin_checks(fit: ConductivityFit, chains: Array) -> dict[str, float]:
 def prior_words(fit: ConductivityFit) -> str:
     """The prior of the skin."""
     return (f"coefficients of the conductivity flat where it stays above {FLOOR:.0%} of its median from a strain of "
-            f"{LOWEST_STRAIN:g} on, ln of its noise flat, {fit.worth:.0f} effective points to spare")
+            f"{LOWEST_STRAIN:g} on, ln of its noise flat, {fit.effective_sample_size:.0f} effective points to spare")
 
 
 def _hit_and_run(fit: ConductivityFit, b: Array, root: Array, rng: np.random.Generator) -> Array:
@@ -80,7 +80,7 @@ def _hit_and_run(fit: ConductivityFit, b: Array, root: Array, rng: np.random.Gen
 
 def _noise_step(fit: ConductivityFit, b: Array, ln_v: Array, noise: Array, zero: Array,
                 rng: np.random.Generator) -> Array:
-    trial = ln_v + 2.4 * np.sqrt(2 / (fit.worth + 4)) * rng.normal(size=ln_v.size)
+    trial = ln_v + 2.4 * np.sqrt(2 / (fit.effective_sample_size + 4)) * rng.normal(size=ln_v.size)
     gain = _log_density(fit, b, trial, noise, zero) - _log_density(fit, b, ln_v, noise, zero)
     return np.where(np.log(rng.uniform(size=ln_v.size)) < gain, trial, ln_v)
 
@@ -89,7 +89,7 @@ def _log_density(fit: ConductivityFit, b: Array, ln_v: Array, noise: Array, zero
     root = np.linalg.cholesky(np.exp(ln_v)[:, None, None] * noise + zero)
     off = np.linalg.solve(root, (b - fit.centre)[..., None])[..., 0]
     size = np.log(np.einsum("cii->ci", root)).sum(axis=1)
-    return -0.5 * np.sum(off**2, axis=1) - size - 0.5 * fit.worth * (ln_v + np.exp(-ln_v))
+    return -0.5 * np.sum(off**2, axis=1) - size - 0.5 * fit.effective_sample_size * (ln_v + np.exp(-ln_v))
 
 
 def _cut_normal(low: Array, high: Array, rng: np.random.Generator) -> Array:

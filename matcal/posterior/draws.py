@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from matcal.card import MaterialCard, read_card
+from matcal.card import MaterialCard, as_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -48,12 +47,17 @@ class Draws:
         return self.mu_Pa.shape[0]
 
 
-def read_draws(card_path: Path | str) -> Draws:
-    """The draws of a card; ValueError where it has none, TestFileError where their file is missing or broken."""
-    path = Path(card_path)
-    card = read_card(path)
+def read_draws(card: MaterialCard | Path | str) -> Draws:
+    """The draws beside a card's file; ValueError where it has none, TestFileError where their file is missing or
+    broken."""
+    import h5netcdf
+
+    card = as_card(card)
     if not card.posterior:
-        raise ValueError(f"{path}: the card has no posterior. Fit it again with --posterior.")
+        raise ValueError(f"{card.file or card.name}: the card has no posterior. Fit it again with --posterior.")
+    if (path := card.file) is None:
+        raise ValueError(f"card '{card.name}' was not saved, and its draws lie beside its file. Save the calibration "
+                         "first.")
     file = path.parent / str(card.posterior["file"])
     if not file.exists():
         raise TestFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} beside "

@@ -60,7 +60,7 @@ class LawPart:
     allowed: Exponents
     order: int
     mu_0_Pa: float
-    points: float
+    effective_sample_size: float
     # what was assumed, one sentence each
     decisions: tuple[str, ...]
 
@@ -113,7 +113,7 @@ def log_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, shar
     out = np.full(x.shape[0], -np.inf)
     if inside.any():
         series = (None, None) if ln_tau is None or g is None else (ln_tau[inside], g[inside])
-        y, points = x[inside], share * part.points
+        y, points = x[inside], share * part.effective_sample_size
         out[inside] = log_marginal(_triangles(part, y, *series, points)) - points * y[:, part.order]
         if part.lateral is not None:
             out[inside] -= 0.5 * points * part.lateral(y[:, part.order + 1]) * np.exp(-2 * y[:, part.order])
@@ -125,7 +125,7 @@ def log_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, shar
 def draw_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None,
              rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     """Moduli (Pa) and exponents (W, N), nu (W,) and omega (W,), 0 without replicates, at sampled points."""
-    solved = conditional(_triangles(part, x, ln_tau, g, part.points), rng)
+    solved = conditional(_triangles(part, x, ln_tau, g, part.effective_sample_size), rng)
     nu = x[:, part.order + 1] if part.nu.size > 1 else np.full(x.shape[0], part.nu[0])
     omega = np.exp(x[:, -1]) if part.factor.shape[1] else np.zeros(x.shape[0])
     common = omega / np.sqrt(part.factor.shape[1] + 1) * rng.standard_normal(x.shape[0])
@@ -149,7 +149,7 @@ def prior_words(part: LawPart) -> str:
         words.append(f"nu uniform between {part.nu.min():.3g} and {part.nu.max():.3g}")
     if part.factor.shape[1]:
         words.append(f"ln of the specimens' stiffness normal with omega, omega half-normal with {PRIOR_OMEGA:g}")
-    return "; ".join(words) + f"; {part.points:.0f} effective points"
+    return "; ".join(words) + f"; {part.effective_sample_size:.0f} effective points"
 
 
 def _triangles(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, points: float) -> Array:

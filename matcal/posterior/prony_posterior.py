@@ -38,7 +38,7 @@ class SeriesPart:
     terms: int
     # residuals, and the independent ones that they are worth
     count: float
-    points: float
+    effective_sample_size: float
 
     @property
     def size(self) -> int:
@@ -53,7 +53,7 @@ def series_part(prony: PronyFit) -> SeriesPart:
     low, high = np.log(prony.bounds_s)
     sizes = tuple(np.full(c.size, np.abs(c).max()) for c in prony.sizes)
     return SeriesPart(tables, sizes, (float(low), float(high)), prony.prony.g.size, count,
-                      min(prony.points, count))
+                      min(prony.effective_sample_size, count))
 
 
 def log_series(part: SeriesPart, x: Array, share: float = 1.0) -> Array:
@@ -67,9 +67,9 @@ def log_series(part: SeriesPart, x: Array, share: float = 1.0) -> Array:
     if inside.any():
         y = x[inside]
         taken = sum(c.size for c in part.sizes)  # points that the sizes take up, beside those that are left to judge by
-        worth = min(part.points + taken, part.count)
-        precision = np.exp(-y[:, -1]) * np.sqrt(share * worth / part.count)
-        out[inside] = -share * part.points * y[:, -1]
+        effective = min(part.effective_sample_size + taken, part.count)
+        precision = np.exp(-y[:, -1]) * np.sqrt(share * effective / part.count)
+        out[inside] = -share * part.effective_sample_size * y[:, -1]
         for table, sizes in zip(part.tables, part.sizes, strict=True):
             r = _triangles(table, sizes, y[:, :m], y[:, m:2 * m], precision)
             diagonal = np.abs(np.einsum("wkk->wk", r)[:, :sizes.size])
@@ -90,7 +90,7 @@ def prior_words(part: SeriesPart) -> str:
     low, high = np.exp(part.bounds)
     return (f"ln tau uniform between {low:.3g} and {high:.3g} s, in order, a ratio of {LEAST_RATIO:g} apart; g uniform "
             f"over g_i >= 0 with a sum below 1; sizes of the instantaneous curve flat over the stress that "
-            f"they make; ln of their noise flat; {part.points:.0f} effective points in the holds")
+            f"they make; ln of their noise flat; {part.effective_sample_size:.0f} effective points in the holds")
 
 
 def _share(g: Array) -> Array:

@@ -116,7 +116,7 @@ def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | N
     draws, x = _whole(_draws(joint, x, rng, None), x, coated)
     checks = _checks(chains, skin, along) | {"cpu_s": time.process_time() - start}
     if joint.law is not None:
-        checks["effective_points"] = joint.law.points
+        checks["effective_points"] = joint.law.effective_sample_size
     found = Posterior(draws, checks, _prior(joint, skin), chains.quantities if chains else {},
                       joint.law.decisions if joint.law else (), joint.log_density(x) if chains else None, seed)
     if not checks["converged"]:

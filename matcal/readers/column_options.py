@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from matcal.readers.recording import QUANTITIES
 from matcal.readers.vocabulary import KINDS
@@ -60,18 +61,18 @@ def parse_selection(text: str) -> Selection:
     return Selection(where, columns, sheet, text, block)
 
 
-def selections_of(inputs: Sequence[tuple[str | None, Sequence[Path]]],
-                  given: Sequence[Selection]) -> list[dict[Path, Selection]]:
-    """For each input (kind or None, files), the selection of each of its files.
+def selections_of(inputs: Sequence[Any], given: Sequence[Selection]) -> list[dict[Path, Selection]]:
+    """For each input (kind or None, sources), the selection of each of its files; none for what was read before.
 
     A selection that names a file goes before one that names a kind, and that before one that names neither; several
     of the same `where` are taken in turn by the inputs that they fit. Raises ValueError where one fits no input.
     """
     taken: dict[str | None, int] = {}
     out: list[dict[Path, Selection]] = []
-    for kind, paths in inputs:
+    for test in inputs:
         chosen = {}
-        for path in paths:
+        kind, sources = test if isinstance(test, tuple) else (None, ())
+        for path in (source for source in sources if isinstance(source, Path)):
             for where in (path.name, str(path), kind, None):
                 if fitting := [s for s in given if s.where == where]:
                     turn = taken.get(where, 0)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from matcal.readers.cells import Grid, text_grid
+from matcal.readers import vendors
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import check_clock
-from matcal.readers.decoding import WORKBOOK, decode, lines_of, read_bytes
+from matcal.readers.decoding import WORKBOOK, decode, read_bytes
+from matcal.readers.reader import Source
 from matcal.readers.recording import Recording
-from matcal.readers.vendors.autolab_nova import is_impedance, is_nova, read_nova
-from matcal.readers.vendors.instron import is_instron, read_instron
-from matcal.readers.vendors.mts_793 import is_793, read_793
-from matcal.readers.vendors.mts_testsuite import is_testsuite, join_parts, read_testsuite, sibling_parts
-from matcal.readers.vendors.plain_table import read_plain
+from matcal.readers.vendors.mts_testsuite import join_parts, sibling_parts
 from matcal.readers.vendors.xlsx import read_workbook
 from touchcal.errors import TestFileError
 
@@ -40,39 +36,22 @@ def files_of(path: Path) -> list[Path]:
 
 
 def _read_file(path: Path, selection: Selection | None) -> Recording:
+    source = _open(path, selection.sheet if selection else None)
+    reader = next(reader for reader in vendors.READERS if reader.recognises(source))
+    if selection is not None and selection.block is not None and not reader.has_blocks:
+        raise TestFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
+    return reader.read(source, selection)
+
+
+def _open(path: Path, sheet: str | None) -> Source:
     data = read_bytes(path)
     if data.startswith(WORKBOOK):
-        _refuse_block(path, selection)
-        return _read_grid(*read_workbook(data, path, selection.sheet if selection else None), selection)
+        grid, notes = read_workbook(data, path, sheet)
+        return Source(path, "", grid, notes)
     text, encoding = decode(data, path)
-    notes = () if encoding == "utf-8" else (f"read as {encoding}.",)
-    if selection is not None and selection.sheet is not None:
-        raise TestFileError(path, f"--columns asks for sheet '{selection.sheet}', but this is text without sheets.")
-    if is_793(text):
-        return read_793(text, path, selection)
-    _refuse_block(path, selection)
-    if is_testsuite(text):
-        return read_testsuite(text, path, selection)
-    _refuse_impedance([[line] for line in lines_of(text[:20_000]) if line.strip()], path)
-    return _read_grid(text_grid(text, path), notes, selection)
-
-
-def _refuse_block(path: Path, selection: Selection | None) -> None:
-    if selection is not None and selection.block is not None:
-        raise TestFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
-
-
-def _read_grid(grid: Grid, notes: tuple[str, ...], selection: Selection | None) -> Recording:
-    _refuse_impedance(grid.rows, grid.path)
-    if is_nova(grid):
-        return read_nova(grid, selection, notes)
-    return read_instron(grid, selection, notes) if is_instron(grid) else read_plain(grid, selection, notes)
-
-
-def _refuse_impedance(rows: Sequence[list[str]], path: Path) -> None:
-    if is_impedance(rows):
-        raise TestFileError(path, "this is an impedance spectrum (frequency, Z', Z''), not a record of current over "
-                                  "time. Export the chronoamperometry of the test.")
+    if sheet is not None:
+        raise TestFileError(path, f"--columns asks for sheet '{sheet}', but this is text without sheets.")
+    return Source(path, text, notes=() if encoding == "utf-8" else (f"read as {encoding}.",))
 
 
 def _read_parts(path: Path, files: list[Path], selection: Selection | None) -> Recording:

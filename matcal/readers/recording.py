@@ -31,7 +31,7 @@ class Recording:
 
     # the files it was read from, in order of time
     paths: tuple[Path, ...]
-    # layout that was recognised: "mts_testsuite", "mts_793", "instron", "nova" or "plain"
+    # name of the reader that recognised the layout (matcal.readers.vendors.READERS), "arrays" without a file
     vendor: str
     # quantity (a key of QUANTITIES) -> (n,) values in SI
     columns: Mapping[str, Array]
@@ -39,8 +39,8 @@ class Recording:
     names: Mapping[str, str]
     # quantity -> unit in the file
     units: Mapping[str, str]
-    # line of the first number in the first file, counted from 1
-    first_line: int
+    # line of the first number in the first file, counted from 1; None without a file
+    first_line: int | None
     # key -> value lines that stand above the table
     metadata: Mapping[str, str] = field(default_factory=dict)
     # size that the file itself states (a key of SIZES) -> value in SI

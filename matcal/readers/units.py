@@ -1,4 +1,4 @@
-"""Units as people write them, turned into SI factors. pint is used here only."""
+"""Units as people write them, turned into SI factors. pint is used here only, for units that are not `_PLAIN`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ _NUMBERS = {"-", "1", "none", "mm/mm", "m/m", "in/in", "cycles", "cycle", "ratio
 _ALIASES = {"ohms": "ohm", "seconds": "s", "sec": "s", "sec.": "s", "sek": "s", "sek.": "s", "newton": "N", "n": "N",
             "kn": "kN", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "mm.": "mm", "秒": "s", "毫米": "mm", "牛": "N",
             "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa"}
+# usual units -> (SI unit, factor), for which pint, which takes longer to load than most files to read, is not asked
+_PLAIN = {"s": ("s", 1.0), "sec": ("s", 1.0), "m": ("m", 1.0), "mm": ("m", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3),
+          "Pa": ("Pa", 1.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "A": ("A", 1.0), "V": ("V", 1.0),
+          "ohm": ("ohm", 1.0), "S/m": ("S/m", 1.0)}
 _FACTOR = r"[^\W\d_]{1,14}(?:\^?-?\d)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s?[*/·]\s?{_FACTOR}){{0,3}}")
 _SI = QUANTITIES | SIZES
@@ -44,6 +48,9 @@ def si_factor(unit: str, quantity: str) -> float | None:
 
 
 def _factor(text: str, quantity: str) -> float | None:
+    if text in _PLAIN:
+        si, factor = _PLAIN[text]
+        return factor if si == _SI[quantity] else None
     if not _UNIT.fullmatch(text):
         return None
     powers = re.sub(r"([^\W\d_])\^?(-?\d)", r"\1**(\2)", text).replace("·", "*")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from matcal.fitting.calibrate import Calibration, is_curve, labels
+from matcal.fitting.calibrate import FittedLaws, is_curve, labels
 from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
@@ -18,11 +18,11 @@ from matcal.reduction.experiment import Experiment
 _REPEATED = ("stiffness_factor", "shape_scatter", "settling_", "resistance_")
 
 
-def fit_part(found: Calibration) -> dict[str, Any]:
+def summary(found: FittedLaws) -> dict[str, Any]:
     """Per experiment its errors; then whatever the calibration holds beside them."""
     out: dict[str, Any] = {}
     for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
-        out[label] = _goodness(found, label, experiment)
+        out[label] = _of_test(found, label, experiment)
     if found.fit and found.uncertainty:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
@@ -34,7 +34,7 @@ def fit_part(found: Calibration) -> dict[str, Any]:
     return out
 
 
-def curve_of(found: Calibration, label: str) -> Curve:
+def curve_of(found: FittedLaws, label: str) -> Curve:
     """The weighed curve of a test; the fit may have moved its strain zero."""
     assert found.fit is not None
     return next(c for c in found.fit.curves if c.label == label)
@@ -42,7 +42,7 @@ def curve_of(found: Calibration, label: str) -> Curve:
 
 def _law_part(fit: Fit) -> dict[str, Any]:
     return {"parameters": standard_errors(fit),
-            "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.confluence}
+            "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.collinearity}
                        for r in fit.orders],
             "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
                                         "relative_rms": dict(alone.relative_rms),
@@ -50,7 +50,7 @@ def _law_part(fit: Fit) -> dict[str, Any]:
                                  for mode, alone in fit.alone.items()}}
 
 
-def _comparison_part(found: Calibration) -> dict[str, Any]:
+def _comparison_part(found: FittedLaws) -> dict[str, Any]:
     """What the records say about stability, what stability cost, and tests that were predicted; absent parts left out.
     """
     assert found.fit is not None
@@ -85,7 +85,7 @@ def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance))}
 
 
-def _goodness(found: Calibration, label: str, experiment: Experiment) -> dict[str, Any]:
+def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:
     k = int(label.rsplit("_", 1)[1]) - 1
     row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
                            "unit": "S/m" if experiment.kind == "conductivity" else "Pa",

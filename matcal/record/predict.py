@@ -1,4 +1,4 @@
-"""What a card predicts in each mode, with the band of its draws."""
+"""What a card predicts in each mode, with the band of its draws, and where its law is stable."""
 
 from __future__ import annotations
 
@@ -8,23 +8,55 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from matcal.card import MaterialCard, require
+from matcal.card import MaterialCard, as_card, require
 from matcal.laws.conductivity import conductivity, outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.prony import relaxation
+from matcal.laws.stability import stability
 from matcal.posterior.draws import Draws, card_of, quantiles, read_draws
 
 PREDICTED = (*MODES, "relaxation", "conductivity")
 
 
-def prediction(card: MaterialCard, path: Path, mode: str, at: np.ndarray) -> dict[str, Any]:
-    """Columns of a prediction at strains or times (n,), with the 95 % band of the card's draws beside its `path`, and
-    which rows lie outside what was fitted, where the card says what that was.
+def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[str, Any]:
+    """Nominal stress, relaxation or conductivity of a card, with the 95 % band of its draws.
 
     Stress is that of the card's own moduli, without any loading history; a mode that was not fitted is extrapolated
-    throughout. ValueError where the card lacks the part.
+    throughout.
+
+    Parameters
+    ----------
+    card
+        A card or its file, beside which the draws of its posterior lie.
+    mode
+        One of `PREDICTED`: uniaxial, biaxial, planar, shear, volumetric, relaxation, conductivity.
+    at
+        (n,) nominal strains (gamma in shear, J in volumetric), or times in s for relaxation.
+
+    Returns
+    -------
+    dict
+        Columns (n,): `strain` or `time_s`; `stress_Pa`, `normalised_stress` or `conductivity_S_per_m`, with `_lo` and
+        `_hi` where the card has draws; `extrapolated`, whether a row lies outside what was fitted, where the card says
+        what that was. For stress also `moduli`, a word.
+
+    Raises
+    ------
+    ValueError
+        For an unknown mode, or where the card lacks the part.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> card = matcal.MaterialCard("foam", matcal.Hyperfoam([12e3], [2.0], [0.0]))
+    >>> matcal.predict(card, "uniaxial", [-0.5])["stress_Pa"].round()
+    array([-18000.])
     """
+    if mode not in PREDICTED:
+        raise ValueError(f"mode '{mode}' is unknown; known: {', '.join(PREDICTED)}.")
+    card, at = as_card(card), np.array(at, dtype=float, ndmin=1)
     if mode == "relaxation":
         require(card, "prony", "a relaxation")
         where, name, stem = "time_s", "normalised_stress", "normalised_stress{}"
@@ -35,7 +67,7 @@ def prediction(card: MaterialCard, path: Path, mode: str, at: np.ndarray) -> dic
         require(card, "hyperfoam", "a stress")
         where, name, stem = "strain", "stress_Pa", "stress{}_Pa"
     columns: dict[str, Any] = {where: at, name: _value(card, mode, at)}
-    draws = _draws(card, path)
+    draws = _draws(card)
     if draws is not None and _drawn(draws, name):
         low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
@@ -44,6 +76,38 @@ def prediction(card: MaterialCard, path: Path, mode: str, at: np.ndarray) -> dic
     if card.hyperfoam is not None and name == "stress_Pa":
         columns["moduli"] = card.hyperfoam.moduli
     return columns
+
+
+def check(card: MaterialCard | Path | str) -> dict[str, Any]:
+    """Where along each mode the card's law is not Drucker stable or loses ellipticity.
+
+    Parameters
+    ----------
+    card
+        A card with a hyperfoam law, or its file.
+
+    Returns
+    -------
+    dict
+        Criterion -> mode -> {stable, unstable_strain [[lo, hi], ...], scanned [lo, hi]}; `data`: what the fitted
+        records themselves say, a list, where the card holds it.
+
+    Raises
+    ------
+    ValueError
+        Where the card has no hyperfoam law.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> card = matcal.MaterialCard("foam", matcal.Hyperfoam([12e3], [2.0], [0.0]))
+    >>> matcal.check(card)["drucker"]["uniaxial"]["stable"]
+    True
+    """
+    card = as_card(card)
+    found = stability(require(card, "hyperfoam", "a stability check"))
+    data = card.fit.get("data_stability", [])
+    return found | ({"data": data} if data else {})
 
 
 def _extrapolated(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray | None:
@@ -75,14 +139,14 @@ def _value(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray:
     return nominal_stress(card.hyperfoam, mode, at)
 
 
-def _draws(card: MaterialCard, path: Path) -> Draws | None:
+def _draws(card: MaterialCard) -> Draws | None:
     """The card's draws; None without a posterior, or, said on standard error, without its file."""
     if not card.posterior:
         return None
     if not card.posterior.get("checks", {}).get("converged", True):
         print("matcal: the card's posterior did not converge; do not use its band.", file=sys.stderr)
     try:
-        return read_draws(path)
+        return read_draws(card)
     except ValueError as error:
         print(f"matcal: no band. {error}", file=sys.stderr)
         return None

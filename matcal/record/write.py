@@ -14,6 +14,7 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -23,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from matcal.card import MaterialCard, write_card
-from matcal.fitting.calibrate import Calibration, is_curve, labels
+from matcal.fitting.calibrate import FittedLaws, is_curve, labels
 from matcal.fitting.hyperfoam.cross_prediction import Predicted
 from matcal.fitting.hyperfoam.curves import of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import modelled
@@ -35,7 +36,7 @@ from matcal.laws.stability import stability
 from matcal.posterior.derived_quantities import derived_of
 from matcal.posterior.draws import FILE, write_draws
 from matcal.record.bands import conductivity_band, stress_bands
-from matcal.record.fit_summary import curve_of, fit_part
+from matcal.record.fit_summary import curve_of, summary
 from matcal.reduction.experiment import Experiment
 from touchcal.json_file import write_json
 
@@ -44,12 +45,13 @@ if TYPE_CHECKING:
 
 # bytes of a file in which it may call itself synthetic
 _HEAD = 4096
+# endings of the files in the folder beside a card
+WRITTEN = (".parquet", ".json", ".nc")
 _PACKAGES = ("touchcal", "numpy", "scipy", "lmfit", "emcee", "arviz")
 
 
-def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
-              posterior: Posterior | None = None) -> MaterialCard:
-    """The card of a calibration from `files`, to be written to `out`."""
+def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Posterior | None = None) -> MaterialCard:
+    """The card of a calibration from `files`, without the name and the folder that `write_record` gives it."""
     law = found.fit.law if found.fit else None
     groups = said(found)
     tests = set(labels(found.experiments))
@@ -61,10 +63,10 @@ def make_card(found: Calibration, out: Path, files: Sequence[Path], seed: int,
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
                   "cpu_s": spent}
-    return MaterialCard(out.stem, law, found.prony.prony if found.prony else None,
-                        found.conductivity.law if found.conductivity else None, fit=fit_part(found),
-                        stability=stability(law) if law else {}, provenance=provenance, data=folder_of(out).name,
-                        posterior=_posterior_part(posterior, folder_of(out).name, law) if posterior else {})
+    return MaterialCard("foam", law, found.prony.prony if found.prony else None,
+                        found.conductivity.law if found.conductivity else None, fit=summary(found),
+                        stability=stability(law) if law else {}, provenance=provenance,
+                        posterior=_posterior_part(posterior, law) if posterior else {})
 
 
 def _synthetic(files: Sequence[Path], decisions: Sequence[str]) -> bool:
@@ -73,15 +75,27 @@ def _synthetic(files: Sequence[Path], decisions: Sequence[str]) -> bool:
     return any("synthetic" in d.lower() for d in decisions) or any(b"synthetic" in head for head in heads)
 
 
-def said(found: Calibration) -> dict[str, tuple[str, ...]]:
+def said(found: FittedLaws) -> dict[str, tuple[str, ...]]:
     """Test, then stage -> its decisions, in the order in which they were taken."""
     own = {label: e.decisions for label, e in zip(labels(found.experiments), found.experiments, strict=True)}
     return {name: group for name, group in (own | dict(found.stages)).items() if group}
 
 
-def write_record(card: MaterialCard, found: Calibration, out: Path, posterior: Posterior | None = None) -> Path:
-    """Write the card to `out` and its folder beside it; what stood there before stays whole until both are ready."""
+def check_folder(out: Path) -> None:
+    """ValueError where the folder beside the card `out` holds what no earlier fit wrote, or cannot be called so."""
     folder = folder_of(out)
+    if folder.is_dir() and (strange := sorted(p.name for p in folder.iterdir() if p.suffix not in WRITTEN)):
+        raise ValueError(f"--out {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
+                         "earlier fit. Choose another name.")
+
+
+def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Posterior | None = None) -> MaterialCard:
+    """The card, named after its file `out` and written there with its folder beside it; what stood there before stays
+    whole until both are ready. ValueError as that of `check_folder`."""
+    check_folder(out)
+    folder = folder_of(out)
+    held = {"file": f"{folder.name}/{FILE}", **card.posterior} if card.posterior else {}
+    card = replace(card, name=out.stem, data=folder.name, posterior=held, file=out)
     fresh = Path(tempfile.mkdtemp(dir=out.parent, prefix=folder.name, suffix=".part"))
     try:
         write_card(card, fresh / out.name)
@@ -93,10 +107,10 @@ def write_record(card: MaterialCard, found: Calibration, out: Path, posterior: P
         (fresh / out.name).replace(out)
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-    return folder
+    return card
 
 
-def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path) -> None:
+def _write_folder(found: FittedLaws, posterior: Posterior | None, folder: Path) -> None:
     tests = list(zip(labels(found.experiments), found.experiments, strict=True))
     for label, experiment in tests:
         _table(found, label, experiment).to_parquet(folder / f"{label}.parquet", index=False)
@@ -116,7 +130,7 @@ def _write_folder(found: Calibration, posterior: Posterior | None, folder: Path)
         write_draws(draws, folder / FILE, derived_of(draws), posterior.log_density, about_draws(posterior))
 
 
-def _predicted_table(found: Calibration, predicted: Predicted) -> pd.DataFrame:
+def _predicted_table(found: FittedLaws, predicted: Predicted) -> pd.DataFrame:
     """A test kept out of the fit, with what the law and the laws of single modes say of it."""
     assert found.fit is not None
     curve = predicted.curve
@@ -133,7 +147,7 @@ def folder_of(card: Path) -> Path:
     return card.with_suffix(".d")
 
 
-def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFrame:
+def _table(found: FittedLaws, label: str, experiment: Experiment) -> pd.DataFrame:
     if experiment.kind == "conductivity" and found.conductivity:
         law = found.conductivity.law
         columns = {"strain": experiment.strain, "conductivity_S_per_m": experiment.value,
@@ -152,7 +166,7 @@ def _table(found: Calibration, label: str, experiment: Experiment) -> pd.DataFra
     return pd.DataFrame(columns)
 
 
-def _posterior_part(posterior: Posterior, folder: str, law: Hyperfoam | None) -> dict[str, Any]:
+def _posterior_part(posterior: Posterior, law: Hyperfoam | None) -> dict[str, Any]:
     draws = posterior.draws
     derived = {}
     for name, column in derived_of(draws).items():
@@ -161,7 +175,7 @@ def _posterior_part(posterior: Posterior, folder: str, law: Hyperfoam | None) ->
         lo, middle, hi = np.quantile(column, [0.025, 0.5, 0.975])
         derived[name] = {"value": middle, "median": middle, "sd": column.std(), "lo": lo, "hi": hi,
                          **posterior.quantities.get(name, {})}
-    return {"file": f"{folder}/{FILE}", "n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
+    return {"n": len(draws), "checks": dict(posterior.checks), "prior": posterior.prior,
             "derived": derived}
 
 

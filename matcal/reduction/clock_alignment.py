@@ -10,7 +10,7 @@ from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from matcal.statistics.residual_correlation import inflation
+from matcal.statistics.residual_correlation import integrated_autocorrelation_time
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
     at = int(np.argmin(square))
     basis, c = _regression(float(shift[at]), frame_time, with_backlash(travel, slacks[at]) / length_m, pot_time,
                            conductance, _TIME_DEGREE)
-    points = pot_time.size / inflation(c - basis @ np.linalg.lstsq(basis, c, rcond=None)[0])
+    points = pot_time.size / integrated_autocorrelation_time(c - basis @ np.linalg.lstsq(basis, c, rcond=None)[0])
     weight = np.exp(-(square / square[at] - 1) * points / 2)
     weight = weight / weight.sum()
     mean, slack = float(weight @ shift), float(weight @ slacks)

@@ -21,7 +21,7 @@ _DOUBTFUL = 0.01
 
 
 @dataclass(frozen=True)
-class Course:
+class ResistanceHistory:
     """R(k) = R_inf + (R_0 - R_inf) exp(-k/k_c) over k cycles."""
 
     # resistance at first and in the end, Ohm
@@ -86,7 +86,7 @@ def _turns(first: float, found: list[tuple[float, float]]) -> Turns:
     return Turns(np.arange(value.size, dtype=float) + first, value, np.maximum(sd, 1e-6 * np.abs(value)))
 
 
-def fit_course(turns: Turns) -> Course | None:
+def fit_history(turns: Turns) -> ResistanceHistory | None:
     """Weighted least squares of the exponential course; None for fewer than 5 turning points."""
     if turns.cycle.size < _FEWEST:
         return None
@@ -105,9 +105,9 @@ def fit_course(turns: Turns) -> Course | None:
     widen = max(1.0, 2 * best.cost / freedom)
     sd = np.sqrt(widen * np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
     constant = float(np.exp(best.x[2]))
-    return Course(float(unit * best.x[0]), float(unit * best.x[1]), constant,
-                  (float(unit * sd[0]), float(unit * sd[1]), float(constant * sd[2])),
-                  float(chdtrc(freedom, 2 * best.cost)))
+    return ResistanceHistory(float(unit * best.x[0]), float(unit * best.x[1]), constant,
+                             (float(unit * sd[0]), float(unit * sd[1]), float(constant * sd[2])),
+                             float(chdtrc(freedom, 2 * best.cost)))
 
 
 def cycle_table(rest: Turns, peak: Turns) -> dict[str, Array]:
@@ -116,8 +116,8 @@ def cycle_table(rest: Turns, peak: Turns) -> dict[str, Array]:
     out = {"cycle": np.arange(1.0, rows + 1)}
     for name, turns in (("rest", rest), ("peak", peak)):
         out[f"resistance_{name}_Ohm"] = turns.resistance_Ohm[:rows]
-        if (course := fit_course(turns)) is not None:
-            out[f"fit_resistance_{name}_Ohm"] = course.at(turns.cycle[:rows])
+        if (history := fit_history(turns)) is not None:
+            out[f"fit_resistance_{name}_Ohm"] = history.at(turns.cycle[:rows])
     return out
 
 
@@ -130,12 +130,12 @@ def settling_facts(rest: Turns, peak: Turns, doubt: float = 0.0) -> dict[str, fl
     out = {"resistance_first_Ohm": float(value[0]), "resistance_settled_Ohm": float(value[-1]),
            "cycles": float(value.size - 1), "resistance_last_change": float(value[-1] / value[-2] - 1)}
     swing = float(peak.resistance_Ohm[-1] - value[-1])
-    if (course := fit_course(rest)) is not None:
-        out |= {"settling_first_Ohm": course.first_Ohm, "settling_first_sd_Ohm": course.sd[0],
-                "settling_final_Ohm": course.settled_Ohm,
-                "settling_final_sd_Ohm": float(np.hypot(course.sd[1], doubt * swing)),
-                "settling_cycles": course.cycles, "settling_cycles_sd": course.sd[2],
-                "settling_likely": course.likely}
+    if (history := fit_history(rest)) is not None:
+        out |= {"settling_first_Ohm": history.first_Ohm, "settling_first_sd_Ohm": history.sd[0],
+                "settling_final_Ohm": history.settled_Ohm,
+                "settling_final_sd_Ohm": float(np.hypot(history.sd[1], doubt * swing)),
+                "settling_cycles": history.cycles, "settling_cycles_sd": history.sd[2],
+                "settling_likely": history.likely}
     return out
 
 

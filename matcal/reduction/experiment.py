@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,8 @@ class Experiment:
     decisions: tuple[str, ...] = ()
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
     facts: Mapping[str, float] = field(default_factory=dict)
+    # every file that was read for it, sizes included; empty for arrays
+    files: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

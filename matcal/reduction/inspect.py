@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from matcal.readers import vendors
 from matcal.readers.column_options import Selection
 from matcal.readers.detect import read
 from matcal.readers.recording import QUANTITIES, SIZES, Recording
@@ -15,17 +16,39 @@ from matcal.reduction.stroke_segments import find_stroke
 from matcal.reduction.test_kind import decide_kind
 from touchcal.errors import TestFileError
 
-# layout -> what it is called
-LAYOUTS = {"mts_testsuite": "MTS TestSuite text export", "mts_793": "MTS 793 specimen.dat", "plain": "plain table",
-           "instron": "Instron export", "nova": "Autolab NOVA export"}
 
+def inspect(path: Path | str, selection: Selection | None = None, kind: str | None = None) -> dict[str, Any]:
+    """What a test file holds, before anything is reduced.
 
-def describe(path: Path | str, selection: Selection | None = None, kind: str | None = None) -> dict[str, Any]:
-    """Layout, parts, head, columns (name, unit, range in SI), specimen, clock, blocks, motion and kind of a test file,
-    and what was decided in reading it, as JSON values.
+    Parameters
+    ----------
+    path
+        A machine file or table, or the folder of the parts of one TestSuite test.
+    selection
+        Which columns mean what, where the file does not say (`matcal.readers.column_options.parse_selection`).
+    kind
+        Kind of test, where the user says it.
 
-    A file whose kind nothing tells still is described, its `kind` says what to do; `kind` is what the user says.
-    Raises TestFileError for a file that cannot be read, ValueError for an unknown kind.
+    Returns
+    -------
+    dict
+        JSON values: layout, files, rows, first_line, head, columns (name, unit, range in SI), specimen, clock, blocks,
+        motion, kind with the reason for it, and notes on what was decided in reading it. The `kind` of a file that
+        does not tell it is None, and the reason says what to do.
+
+    Raises
+    ------
+    TestFileError
+        For a file that cannot be read.
+    ValueError
+        For an unknown kind.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> found = matcal.inspect("data_raw/mts_uniaxial.txt")
+    >>> found["layout"], found["kind"], list(found["columns"])
+    ('mts_testsuite', 'uniaxial', ['displacement', 'force', 'time'])
     """
     recording = read(path, selection)
     out: dict[str, Any] = {"layout": recording.vendor, "files": [str(p) for p in recording.paths],
@@ -86,7 +109,7 @@ def _kind(recording: Recording, given: str | None) -> dict[str, Any]:
 
 
 def print_description(path: str, found: dict[str, Any]) -> None:
-    """Print what `describe` found: the layout, a table of the columns in the file's own units, then one line each."""
+    """Print what `inspect` found: the layout, a table of the columns in the file's own units, then one line each."""
     from rich.console import Console
     from rich.padding import Padding
     from rich.table import Table
@@ -96,7 +119,7 @@ def print_description(path: str, found: dict[str, Any]) -> None:
     console.width = console.width if console.is_terminal else 120
     parts = f" in {len(found['files'])} parts" if len(found["files"]) > 1 else ""
     console.print(Text(path, style="bold"))
-    console.print(f"  {LAYOUTS[found['layout']]}, {found['rows']:,} rows{parts} from line {found['first_line']}")
+    console.print(f"  {_title(found['layout'])}, {found['rows']:,} rows{parts} from line {found['first_line']}")
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name, side in (("quantity", "left"), ("column", "left"), ("from", "right"), ("to", "right"), ("unit", "left")):
         table.add_column(name, justify=side)  # type: ignore[arg-type]
@@ -111,6 +134,10 @@ def print_description(path: str, found: dict[str, Any]) -> None:
     for name, sentence in _facts(found):
         facts.add_row(name, Text(sentence))
     console.print(Padding(facts, (0, 2, 1, 2), expand=False))
+
+
+def _title(layout: str) -> str:
+    return next(reader.title for reader in vendors.READERS if reader.name == layout)
 
 
 def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:

@@ -6,10 +6,12 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from matcal.readers.column_options import Selection
-from matcal.readers.detect import read
+from matcal.readers.column_options import Selection, parse_selection, selections_of
+from matcal.readers.detect import files_of, read
 from matcal.readers.recording import Recording
+from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.load_cycles import BRANCHES
 from matcal.reduction.reduced_tables import reduce_table
@@ -20,6 +22,9 @@ from matcal.reduction.test_kind import decide_kind
 from touchcal.errors import TestFileError
 from touchcal.toml_file import read_toml
 
+# tests as a user gives them, one or several: what `inputs_of` takes, and experiments
+Given = str | Path | Mapping[str, Any] | Experiment
+
 
 @dataclass(frozen=True)
 class Reduced:
@@ -27,19 +32,72 @@ class Reduced:
 
     # one a test, in the order given
     experiments: list[Experiment]
+    # files that were given
+    files: tuple[Path, ...]
     # files that were read beside those given: specimens' sizes and kinds
     beside: tuple[Path, ...]
 
 
-def reduce_tests(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], specimen: Path | None = None,
+def tests_of(given: Given | Sequence[Given]) -> list[Input | Experiment]:
+    """The tests that a user gives, one or several; ValueError as that of `inputs_of`."""
+    entries = [given] if isinstance(given, str | Path | Mapping | Experiment) else given
+    return [test for entry in entries
+            for test in ([entry] if isinstance(entry, Experiment) else inputs_of(entry))]
+
+
+def read_test(test: Given, specimen: Path | str | None = None, *, columns: Sequence[str] = (),
+              branch: str = "last") -> Experiment:
+    """One test, read and reduced to strain and stress (or conductivity), ready for `matcal.fit`.
+
+    Parameters
+    ----------
+    test
+        A path, "[KIND=]FILE[,FILE]", or a mapping of one kind to files, arrays or a data frame; see `matcal.fit`.
+    specimen
+        TOML file with the sizes of the specimens.
+    columns
+        Which columns mean what, as the option `--columns` of the command: "stress=2:kPa,strain=1".
+    branch
+        Loading of a cyclic test that is used: "last" (preconditioned) or "first".
+
+    Returns
+    -------
+    Experiment
+        With `strain` (compression negative), `value` (Pa or S/m), perhaps `time_s`, and every decision as a sentence
+        in `decisions`. What the file itself holds is told by `matcal.inspect`.
+
+    Raises
+    ------
+    TestFileError
+        For a file that cannot be used.
+    ValueError
+        For an unknown kind or branch, or several tests.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> shear = matcal.read_test("shear=data_raw/shear.csv")
+    >>> shear.kind, shear.strain.size == shear.value.size
+    ('shear', True)
+    """
+    tests = tests_of(test)
+    chosen = selections_of(tests, [parse_selection(text) for text in columns])
+    experiments = read_and_reduce(tests, specimen, chosen, branch).experiments
+    if len(experiments) != 1:
+        raise ValueError(f"read_test reads one test, got {len(experiments)}. Call it once for each.")
+    return experiments[0]
+
+
+def reduce_tests(inputs: Sequence[Input | Experiment], specimen: Path | str | None = None,
                  columns: Sequence[Mapping[Path, Selection]] = (), branch: str = "last") -> list[Experiment]:
     """The experiments of `read_and_reduce`."""
     return read_and_reduce(inputs, specimen, columns, branch).experiments
 
 
-def read_and_reduce(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], specimen: Path | None = None,
+def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str | None = None,
                     columns: Sequence[Mapping[Path, Selection]] = (), branch: str = "last") -> Reduced:
-    """One experiment an input, each input being (kind or None, files); every decision is a sentence in its `decisions`.
+    """One experiment an input, each input being (kind or None, files or recordings), or an experiment, which is passed
+    on; every decision is a sentence in its `decisions`.
 
     The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
     parts of a split export (these may also be inputs of their own: they are read once). `columns` says of each
@@ -49,23 +107,34 @@ def read_and_reduce(inputs: Sequence[tuple[str | None, tuple[Path, ...]]], speci
     """
     if branch not in BRANCHES:
         raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
+    sizes = None if specimen is None else Path(specimen)
     out: list[Experiment] = []
+    given: list[Path] = []
     beside: list[Path] = []
     seen: set[tuple[Path, ...]] = set()
     contents: dict[tuple[str, ...], tuple[Recording, Experiment, Mapping[Path, Selection]]] = {}
-    for (kind, paths), chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
-        recordings = _recordings(paths, chosen)
-        key = tuple(path.resolve() for recording in recordings for path in recording.paths)
-        if len(key) > len(paths) and key in seen:
+    for test, chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
+        if isinstance(test, Experiment):
+            out.append(test)
+            given += test.files
+            continue
+        kind, sources = test
+        recordings = _recordings(sources, chosen)
+        own = [file for path in sources if isinstance(path, Path) for file in files_of(path)]
+        given += own
+        key = tuple(path.resolve() for recording in recordings for path in recording.paths if own)
+        if len(key) > len(sources) and key in seen:
             continue
         seen.add(key)
-        experiment, files = _reduce(kind, recordings, specimen, branch)
-        content = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in key)
-        _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
-        contents.setdefault(content, (recordings[0], experiment, chosen))
-        out.append(experiment)
-        beside += [*_sidecars(recordings), *files]
-    return Reduced(with_scatter(out), tuple(dict.fromkeys(beside)))
+        experiment, files = _reduce(kind, recordings, sizes, branch)
+        if own:
+            content = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in key)
+            _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
+            contents.setdefault(content, (recordings[0], experiment, chosen))
+        more = [*_sidecars(recordings), *files]
+        out.append(replace(experiment, files=tuple(dict.fromkeys([*own, *more]))))
+        beside += more
+    return Reduced(with_scatter(out), tuple(dict.fromkeys(given)), tuple(dict.fromkeys(beside)))
 
 
 def _refuse_twice(before: tuple[Recording, Experiment, Mapping[Path, Selection]] | None, recording: Recording,
@@ -84,11 +153,13 @@ def _sidecars(recordings: Sequence[Recording]) -> list[Path]:
     return [path for path in toml if path.exists() and "kind" in read_toml(path)]
 
 
-def _recordings(paths: tuple[Path, ...], chosen: Mapping[Path, Selection]) -> list[Recording]:
+def _recordings(sources: Sequence[Path | Recording], chosen: Mapping[Path, Selection]) -> list[Recording]:
     """The recordings of one test, a split export counted once."""
     out: list[Recording] = []
-    for path in paths:
-        if not any(Path(path).resolve() == part.resolve() for recording in out for part in recording.paths):
+    for path in sources:
+        if isinstance(path, Recording):
+            out.append(path)
+        elif not any(Path(path).resolve() == part.resolve() for recording in out for part in recording.paths):
             out.append(read(path, chosen.get(path)))
     return out
 

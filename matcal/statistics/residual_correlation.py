@@ -33,7 +33,7 @@ class Errors:
     # (m,) first point of each block
     first: NDArray[np.int64]
     # independent errors of the same size that would be worth as much
-    points: float
+    effective_sample_size: float
     # points of the curve
     count: int
 
@@ -129,14 +129,14 @@ def _average(grid: Sequence[Array], weight: Array, unit: float, first: NDArray[n
     covariance = np.tensordot(per_shape, np.stack(grid), axes=1)
     size = float(covariance[0, 0])
     covariance = covariance * max(1.0, least**2 * first.size / n / size)
-    worth = first.size**2 * float(covariance[0, 0]) / float(covariance.sum())
-    return Errors(covariance, first, max(1.0, worth), n)
+    effective = first.size**2 * float(covariance[0, 0]) / float(covariance.sum())
+    return Errors(covariance, first, max(1.0, effective), n)
 
 
-def inflation(residual: Array) -> float:
+def integrated_autocorrelation_time(residual: Array) -> float:
     """Integrated autocorrelation time 1 + 2 sum rho_k of residuals (n,) with known mean 0, at least 1.
 
-    The sum runs to the first window of five times itself (Sokal); n/inflation is the effective number of points.
+    The sum runs to the first window of five times itself (Sokal); n over it is the effective sample size.
     """
     n = residual.size
     power = np.abs(np.fft.rfft(residual, 2 * n)) ** 2

@@ -20,7 +20,7 @@ from matcal.fitting.hyperfoam.curves import (
     weighted_stress,
 )
 from matcal.fitting.hyperfoam.exponent_search import Problem, allowed_exponents, best_law, pose, search
-from matcal.fitting.hyperfoam.order_selection import OrderRow, chosen_order, confluence, criterion, order_sentences
+from matcal.fitting.hyperfoam.order_selection import OrderRow, chosen_order, collinearity, criterion, order_sentences
 from matcal.fitting.hyperfoam.per_term_poisson import refine, with_nu
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_sentences
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
@@ -155,7 +155,7 @@ def _tried(problem: Problem, orders: Sequence[int], starts: int, auto: bool) -> 
 
 def _worth_another(problem: Problem, tried: Mapping[int, Optimum]) -> bool:
     rows = [_row(problem, optimum) for optimum in tried.values()]
-    return min(rows, key=lambda row: row.bic) is rows[-1] and not rows[-1].confluence
+    return min(rows, key=lambda row: row.bic) is rows[-1] and not rows[-1].collinearity
 
 
 def _term_by_term(problem: Problem, listed: tuple[float, ...] | None, found: Optimum) -> tuple[Hyperfoam, Optimum]:
@@ -244,7 +244,7 @@ def _wider(problem: Problem, tried: Mapping[int, Optimum], order: int, starts: i
 
 def _row(problem: Problem, optimum: Optimum) -> OrderRow:
     curves, order = problem.curves, optimum.alpha.size
-    merged = confluence(optimum.mu_Pa, optimum.alpha, problem.allowed.gap)
+    merged = collinearity(optimum.mu_Pa, optimum.alpha, problem.allowed.gap)
     bic = criterion(optimum.cost, order, sum(c.experiment.value.size for c in curves), different_strains(curves))
     law = _law(optimum, problem.nu, curves)
     return OrderRow(order, float(np.sqrt(optimum.cost)), max(relative_rms(law, c) for c in curves), bic, merged)

@@ -56,7 +56,8 @@ def propagated(errors: Sequence[Errors], gain: Array) -> Array:
 
 def effective_variance(errors: Sequence[Errors]) -> float:
     """Mean over all points of the variance that independent errors would need for the same effect on the fit."""
-    return float(np.sum([e.covariance[0, 0] * e.count**2 / e.points for e in errors]) / sum(e.count for e in errors))
+    needed = [e.covariance[0, 0] * e.count**2 / e.effective_sample_size for e in errors]
+    return float(np.sum(needed) / sum(e.count for e in errors))
 
 
 def prior_precision(fit: Fit) -> Array:

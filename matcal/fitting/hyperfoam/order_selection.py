@@ -36,16 +36,16 @@ class OrderRow:
     # see `criterion`
     bic: float
     # what makes its single parameters meaningless, or ""
-    confluence: str
+    collinearity: str
 
 
 def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
     """The order of least BIC; where its parameters merge or lie on their bound, the best lower order that fits every
     curve within GOOD_ENOUGH or has nearly the same rms (WORTH), if there is one."""
     best = min(rows, key=lambda row: row.bic)
-    if not best.confluence:
+    if not best.collinearity:
         return best
-    clear = [r for r in rows if r.order < best.order and not r.confluence
+    clear = [r for r in rows if r.order < best.order and not r.collinearity
              and (r.worst < GOOD_ENOUGH or r.rms < best.rms / WORTH)]
     return min(clear, key=lambda row: row.bic, default=best)
 
@@ -62,7 +62,7 @@ def criterion(cost: float, order: int, count: int, different: int) -> float:
     return float(count * np.log(max(cost, 1e-30)) + parameters * np.log(count) * price)
 
 
-def confluence(mu_Pa: Array, alpha: Array, least: float) -> str:
+def collinearity(mu_Pa: Array, alpha: Array, least: float) -> str:
     """Why single parameters are not to be read, or "" where they may be."""
     gap = np.diff(alpha)
     if gap.size and gap.min() < 1.01 * least:
@@ -85,10 +85,10 @@ def order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderR
                    f"{different}/({different} - k - 2) times their usual price (McQuarrie 1999).")
     if optimum.unbounded is not None:
         out.append(_bound_sentence(chosen, *optimum.unbounded))
-    if chosen.confluence:
-        out.append(f"At order {chosen.order} {chosen.confluence}: single mu and alpha are not measurable, read mu_0, "
+    if chosen.collinearity:
+        out.append(f"At order {chosen.order} {chosen.collinearity}: single mu and alpha are not measurable, read mu_0, "
                    "E_0 and the stress bands." + _clear_words(rows, chosen))
-    return out + [_passed_sentence(r, chosen) for r in rows if r.order > chosen.order and r.confluence
+    return out + [_passed_sentence(r, chosen) for r in rows if r.order > chosen.order and r.collinearity
                   and r.bic < chosen.bic]
 
 
@@ -96,12 +96,12 @@ def _passed_sentence(passed: OrderRow, chosen: OrderRow) -> str:
     why = (f"order {chosen.order} fits every curve within {GOOD_ENOUGH:.0%} (worst {chosen.worst:.2%})"
            if chosen.worst < GOOD_ENOUGH else "it lowers the residual by less than a tenth")
     return (f"Order {passed.order} was passed over: it would fit to {passed.rms:.2%} instead of {chosen.rms:.2%}, but "
-            f"{passed.confluence}, and {why}; --order {passed.order} takes it all the same, and what it then says "
+            f"{passed.collinearity}, and {why}; --order {passed.order} takes it all the same, and what it then says "
             "outside the tests is not to be trusted.")
 
 
 def _clear_words(rows: tuple[OrderRow, ...], chosen: OrderRow) -> str:
-    clear = [r for r in rows if not r.confluence and r.order < chosen.order]
+    clear = [r for r in rows if not r.collinearity and r.order < chosen.order]
     if not clear:
         return ""
     best = min(clear, key=lambda row: row.bic)

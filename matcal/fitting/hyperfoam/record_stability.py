@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.reduction.experiment import Experiment
@@ -81,7 +81,7 @@ def falling(strain: Array, coordinate: Array, measure: Array) -> list[list[float
     s, x, y = strain[order], coordinate[order], measure[order]
     flags = np.zeros(s.size, dtype=bool)
     for size in sorted({max(_LEAST_POINTS, s.size // parts) for parts in _WIDTHS}):
-        limit = float(student.ppf(1 - _CHANCE, size - 2))
+        limit = float(stdtrit(size - 2, 1 - _CHANCE))
         for k in range(0, s.size - size + 1, max(1, size // (2 * _PER_HALF))):
             slope, error = _slope(x[k:k + size], y[k:k + size])
             flags[k + size // 4:k + size - size // 4] |= slope < -limit * error

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root_scalar
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
 from matcal.laws.hyperfoam import Hyperfoam
@@ -113,7 +113,7 @@ def _reach(groups: Sequence[Sequence[Curve]], law: Hyperfoam) -> float:
     omega = np.geomspace(1e-6, 2.0, 600)
     log = (1 - spare) * np.log(omega) - squares / (2 * omega**2) - omega**2 / (2 * PRIOR_OMEGA**2)
     weight = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
-    return float(root_scalar(lambda q: float(weight @ norm.cdf(q / omega)) - 0.975, bracket=(0.0, 10.0)).root)
+    return float(root_scalar(lambda q: float(weight @ ndtr(q / omega)) - 0.975, bracket=(0.0, 10.0)).root)
 
 
 def _replicates(curves: Sequence[Curve]) -> list[list[Curve]]:

@@ -24,7 +24,7 @@ from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, sl
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, convolve
 from matcal.reduction.experiment import Experiment
-from matcal.statistics.residual_correlation import Errors, correlated_errors, inflation
+from matcal.statistics.residual_correlation import Errors, correlated_errors, integrated_autocorrelation_time
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ class PronyFit:
     holds: tuple[Hold, ...]
     doubts: tuple[Array, ...]
     # independent points that the residuals are worth
-    points: float
+    effective_sample_size: float
 
 
 def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: int | str = 3) -> PronyFit:
@@ -121,7 +121,7 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
                     tuple(stress for _, stress in fits),
                     (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, found.slowest)),
                     time.process_time() - start, bounds, rows, found.slowest, holds, found.doubts,
-                    sum(e.points for e in found.errors))
+                    sum(e.effective_sample_size for e in found.errors))
 
 
 @dataclass(frozen=True)
@@ -217,13 +217,13 @@ def _rows(tables: Sequence[HoldTable], tried: Mapping[int, Array]) -> tuple[Seri
     misses = {n: residual(tables, v) for n, v in tried.items()}
     ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
     least = min(misses.values(), key=lambda m: float(m @ m))
-    worth = sum(t.basis.shape[0] / inflation(t.basis @ m)
-                for t, m in zip(tables, np.split(least, ends), strict=True))
+    effective = sum(t.basis.shape[0] / integrated_autocorrelation_time(t.basis @ m)
+                    for t, m in zip(tables, np.split(least, ends), strict=True))
 
     def row(terms: int, square: float) -> SeriesRow:
         floor = max(square, _FINEST**2 * size) / count
         return SeriesRow(terms, float(np.sqrt(square / size)),
-                         float(worth * np.log(floor) + 2 * terms * np.log(worth)))
+                         float(effective * np.log(floor) + 2 * terms * np.log(effective)))
 
     return tuple(row(n, float(m @ m)) for n, m in misses.items())
 

@@ -42,7 +42,7 @@ def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: A
     """
     terms = vector.size // 2
     best = float(np.sum(vector[:terms]))
-    inflated = [float(e.covariance[0, 0]) * e.count / e.points for e in errors]
+    inflated = [float(e.covariance[0, 0]) * e.count / e.effective_sample_size for e in errors]
     ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
 
     def misfit(at: Array) -> float:

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.hyperfoam.linear_response import (
@@ -40,7 +39,7 @@ Array = NDArray[np.float64]
 # `matcal.statistics.residual_correlation`
 _LEAST_SPARE = 4.0
 # standard deviations to either side that hold 95 % where many points are left
-_LARGE = float(norm.ppf(0.975))
+_LARGE = float(ndtri(0.975))
 # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 PLATEAU_STRAIN = -0.4
 
@@ -103,8 +102,8 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     known = nuisance(fit, prony)
     errors = errors_of(fit, _effects(known, differ, _LARGE))
     variance, n, parameters = effective_variance(errors), sum(e.count for e in errors), 2 * fit.law.alpha.size
-    spare = max(sum(e.points for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
-    reach = float(student.ppf(0.975, spare))
+    spare = max(sum(e.effective_sample_size for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
+    reach = float(stdtrit(spare, 0.975))
     effect = _effects(known, differ, reach)
     gain = joint_gain(free_slopes(fit), effect, variance, prior_precision(fit))[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
@@ -165,10 +164,10 @@ def _share_sentence(shares: Mapping[str, float]) -> str:
 def _effective_points(fit: Fit, gain: Array, covariance: Array) -> float:
     """Points of one noise level for which the quantity that suffers most from correlation has the same variance; as in
     Student's law, not fewer than the parameters and _LEAST_SPARE, for the errors' sizes are averaged already."""
-    worth = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
+    sizes = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
              for g in _gradients(fit.law, measured_quantities).values()]
     least = min(sum(c.experiment.value.size for c in fit.curves), 2 * fit.law.alpha.size + _LEAST_SPARE)
-    return max(min(worth), least)
+    return max(min(sizes), least)
 
 
 def _gradients(law: Hyperfoam, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Array]:

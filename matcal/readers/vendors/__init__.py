@@ -1,1 +1,15 @@
-"""One module a machine: MTS, Instron, Autolab, plain tables and workbooks."""
+"""One module a layout; the first reader of `READERS` that recognises a file reads it.
+
+A new vendor is one module with a `Reader` and one line here, before `plain_table`, which takes whatever is left.
+"""
+
+from matcal.readers.vendors import autolab_nova, instron, mts_793, mts_testsuite, plain_table
+
+READERS = (
+    mts_793.READER,
+    mts_testsuite.READER,
+    autolab_nova.IMPEDANCE,
+    autolab_nova.READER,
+    instron.READER,
+    plain_table.READER,
+)

@@ -8,10 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 from matcal.readers.cells import Grid
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, read_columns
+from matcal.readers.decoding import lines_of
+from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.units import split_name
 from touchcal.errors import TestFileError
@@ -20,25 +23,36 @@ from touchcal.errors import TestFileError
 _HEAD = 20
 
 
-def is_nova(grid: Grid) -> bool:
+def _is_nova(source: Source) -> bool:
     """Whether one of the first lines names a potentiostat's working electrode."""
-    return _names_row(grid) is not None
+    return _names_row(source.grid) is not None
 
 
-def is_impedance(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether rows of cells begin as an impedance spectrum rather than a record in time."""
+def _is_impedance(source: Source) -> bool:
+    """Whether lines or cells begin as an impedance spectrum rather than a record in time."""
+    lines = [[line] for line in lines_of(source.text[:20_000]) if line.strip()]
+    return _begins_as_impedance(lines) or _begins_as_impedance(source.grid.rows)
+
+
+def _refuse_impedance(source: Source, selection: Selection | None = None) -> NoReturn:
+    raise TestFileError(source.path, "this is an impedance spectrum (frequency, Z', Z''), not a record of current over "
+                                     "time. Export the chronoamperometry of the test.")
+
+
+def _begins_as_impedance(rows: Sequence[Sequence[str]]) -> bool:
     head = "\n".join(" ".join(row) for row in rows[:_HEAD]).lower()[:10_000]
     return "z60w data file" in head or (re.search(r"freq[a-z]{0,10} ?[(/\[]? ?hz", head) is not None
                                         and re.search(r"z['′’]|z ?re|re\(z\)|z_real", head) is not None)
 
 
-def read_nova(grid: Grid, selection: Selection | None = None, notes: Sequence[str] = ()) -> Recording:
+def _read_nova(source: Source, selection: Selection | None = None) -> Recording:
     """Time, current and potential in SI; rows flagged as overload are dropped; TestFileError where one is missing."""
+    grid = source.grid
     at = _names_row(grid) or 0
     header = [split_name(cell) for cell in grid.rows[at]]
     if at + 1 == len(grid.rows):
         raise TestFileError(grid.path, "no numbers stand below the names. Export the test again.", line=grid.lines[at])
-    kept, said = _without_overload(grid, at, list(notes))
+    kept, said = _without_overload(grid, at, list(source.notes))
     got = read_columns(kept, Header(header, grid.lines[at], range(at + 1, len(kept.rows))), "nova", selection,
                        notes=said)
     wanted = () if selection is not None and selection.columns else ("time", "current")
@@ -65,3 +79,7 @@ def _without_overload(grid: Grid, at: int, said: list[str]) -> tuple[Grid, list[
     if dropped := len(grid.rows) - len(kept):
         said.append(f"{dropped} rows flagged as current overload dropped.")
     return replace(grid, rows=[grid.rows[n] for n in kept], lines=[grid.lines[n] for n in kept]), said
+
+
+IMPEDANCE = Reader("impedance", "impedance spectrum", _is_impedance, _refuse_impedance)
+READER = Reader("nova", "Autolab NOVA export", _is_nova, _read_nova)

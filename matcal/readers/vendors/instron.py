@@ -7,11 +7,11 @@ language, and a file may begin with a blank line.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 from matcal.readers.cells import Grid
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, read_columns
+from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import metadata_of, sizes_of
 from touchcal.errors import TestFileError
@@ -22,14 +22,15 @@ _HEAD = 60
 _SHORT = 10
 
 
-def is_instron(grid: Grid) -> bool:
+def _is_instron(source: Source) -> bool:
     """Whether a line of units in brackets stands below a line of names and above the numbers."""
-    return bool(_units_rows(grid))
+    return bool(_units_rows(source.grid))
 
 
-def read_instron(grid: Grid, selection: Selection | None = None, notes: Sequence[str] = ()) -> Recording:
+def _read_instron(source: Source, selection: Selection | None = None) -> Recording:
     """Columns in SI, sizes of the specimen from its property lines; TestFileError where several tables follow one
     another, or a column cannot be read."""
+    grid = source.grid
     at, *more = _units_rows(grid)
     if more:
         raise TestFileError(grid.path, f"{len(more) + 1} tables stand one below the other. Export each specimen to a "
@@ -40,7 +41,7 @@ def read_instron(grid: Grid, selection: Selection | None = None, notes: Sequence
     sizes, said = sizes_of(grid, range(at - 1))
     header = Header(cells, grid.lines[at], range(at + 1, len(grid.rows)))
     return read_columns(grid, header, "instron", selection, metadata=metadata_of(grid.rows[:at - 1]), sizes=sizes,
-                        notes=[*notes, *said])
+                        notes=[*source.notes, *said])
 
 
 def _units_rows(grid: Grid) -> list[int]:
@@ -54,3 +55,6 @@ def _units_rows(grid: Grid) -> list[int]:
             found[n] = next((m for m in range(n + 1, len(grid.rows)) if grid.numeric(grid.rows[m]) < 2),
                             len(grid.rows)) - n
     return [n for n, rows in found.items() if rows > max(found.values()) / _SHORT]
+
+
+READER = Reader("instron", "Instron export", _is_instron, _read_instron)

@@ -17,6 +17,7 @@ import numpy as np
 from matcal.readers.cells import Grid, Style, shown, text_grid
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, read_columns
+from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import metadata_of, sizes_of
 from matcal.readers.units import si_factor
@@ -39,17 +40,17 @@ class _Block:
     rows: range
 
 
-def is_793(text: str) -> bool:
+def _is_793(source: Source) -> bool:
     """Whether a text begins as files of the MTS 793 controller do."""
-    return text.startswith(MARK)
+    return source.text.startswith(MARK)
 
 
-def read_793(text: str, path: Path, selection: Selection | None = None) -> Recording:
+def _read_793(source: Source, selection: Selection | None = None) -> Recording:
     """All acquisition blocks with the same columns as one recording with a column `block`, 1, 2, ...
 
     TestFileError where line 1 does not say how numbers are written, no block holds numbers, or time runs backwards.
     """
-    first, _, rest = text.partition("\n")
+    path, (first, _, rest) = source.path, source.text.partition("\n")
     grid = text_grid("\n" + rest, path, *_layout(first.strip(), path))
     blocks, others = _blocks(grid)
     if not blocks:
@@ -189,3 +190,4 @@ def _joined(parts: list[tuple[int, Recording]], notes: list[str]) -> Recording:
                    names={**first.names, "block": "block"}, units={**first.units, "block": ""})
 
 
+READER = Reader("mts_793", "MTS 793 specimen.dat", _is_793, _read_793, has_blocks=True)

@@ -15,18 +15,19 @@ import numpy as np
 from matcal.readers.cells import text_grid
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, read_columns
+from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from touchcal.errors import TestFileError
 
 
-def is_testsuite(text: str) -> bool:
+def _is_testsuite(source: Source) -> bool:
     """Whether a text begins as TestSuite exports do."""
-    return re.match(r"(File Path|Test|Test Run|Date):", text) is not None and "\t" in text
+    return re.match(r"(File Path|Test|Test Run|Date):", source.text) is not None and "\t" in source.text
 
 
-def read_testsuite(text: str, path: Path, selection: Selection | None = None) -> Recording:
+def _read_testsuite(source: Source, selection: Selection | None = None) -> Recording:
     """One part of a TestSuite export, in SI; TestFileError where names, units or numbers are not as expected."""
-    grid = text_grid(text, path, "\t")
+    path, grid = source.path, text_grid(source.text, source.path, "\t")
     start = next((n for n, row in enumerate(grid.rows) if len(row) > 1), len(grid.rows))
     if start + 2 >= len(grid.rows):
         raise TestFileError(path, "a TestSuite head without numbers below it. Export the test again.",
@@ -84,3 +85,6 @@ def _check_overlap(ordered: Sequence[Recording]) -> None:
             raise TestFileError(after.paths[0], f"it starts at {after.columns['time'][0]:g} s, before "
                                                 f"{before.paths[0].name} ends at {before.columns['time'][-1]:g} s. "
                                                 "One of them is there twice.")
+
+
+READER = Reader("mts_testsuite", "MTS TestSuite text export", _is_testsuite, _read_testsuite)

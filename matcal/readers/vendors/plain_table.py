@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, flag_for, read_columns
+from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.units import split_name
 from matcal.readers.vocabulary import quantity_of
@@ -16,8 +15,9 @@ _EXPECTED = "strain and stress, or displacement and force (and time)"
 _EXAMPLE = "for example strain,stress and below it -,kPa"
 
 
-def read_plain(grid: Grid, selection: Selection | None = None, notes: Sequence[str] = ()) -> Recording:
+def _read_plain(source: Source, selection: Selection | None = None) -> Recording:
     """A plain table; TestFileError where names or units are missing, or a cell is no finite number."""
+    grid = source.grid
     first = next((n for n, row in enumerate(grid.rows) if grid.numeric(row) > 1), None)
     if first is None:
         raise TestFileError(grid.path, "no table of numbers in two or more columns was found. Expected a line of names "
@@ -25,7 +25,7 @@ def read_plain(grid: Grid, selection: Selection | None = None, notes: Sequence[s
     above = [n for n in range(first) if not grid.rows[n][0].startswith("#")]
     rows = range(first, len(grid.rows))
     header = _header(grid, above, rows) if above else _headerless(grid, rows, selection)
-    said = [*notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in _comments(grid, first))]
+    said = [*source.notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in _comments(grid, first))]
     return read_columns(grid, header, "plain", selection, notes=said)
 
 
@@ -62,3 +62,6 @@ def _header(grid: Grid, above: list[int], rows: range) -> Header:
 def _widest(grid: Grid, above: list[int]) -> int:
     """Of lines with no known name, the first of those with the most cells: a title is shorter than the names."""
     return max(above, key=lambda n: (len(grid.rows[n]), -n))
+
+
+READER = Reader("plain", "plain table", lambda source: True, _read_plain)

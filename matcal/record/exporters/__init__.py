@@ -1,1 +1,6 @@
-"""Material cards in the input languages of finite-element programs: one module a target, `deck` puts them together."""
+"""Material cards in the input languages of finite-element programs: one module a target, `deck` puts them together.
+
+A new program is one module that holds its `TARGET`, and its name here.
+"""
+
+TARGETS = ("abaqus", "calculix", "febio", "lsdyna", "ansys")

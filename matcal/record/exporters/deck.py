@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module, metadata
+from pathlib import Path
 
-from matcal.card import MaterialCard, with_moduli
+from matcal.card import MaterialCard, as_card, with_moduli
 from matcal.laws.conductivity import Conductivity
 from matcal.record.cautions import cautions
+from matcal.record.exporters import TARGETS
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number
-
-TARGETS = ("abaqus", "calculix", "febio", "lsdyna", "ansys")
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,41 @@ class Deck:
     warnings: tuple[str, ...]
 
 
-def export(card: MaterialCard, target: str, moduli: str | None = None, units: str = "SI",
+def export(card: MaterialCard | Path | str, target: str, moduli: str | None = None, units: str = "SI",
            density_kg_per_m3: float | None = None) -> Deck:
-    """The card's law as input of `target`, with `moduli` "instantaneous", "longterm" or None (as the card holds them).
+    """The card's law as input of a finite-element program, with a comment that says what it is and is not.
 
-    Moduli, times and density are written in `units` ("SI", "mm-t-s", "mm-kg-ms"). ValueError for an unknown target,
-    units or moduli, a card without hyperfoam, moduli that need a Prony series the card lacks, or a law that the
-    target does not have.
+    Parameters
+    ----------
+    card
+        A card with a hyperfoam law, or its file.
+    target
+        One of `TARGETS`: abaqus, calculix, febio, lsdyna, ansys.
+    moduli
+        "instantaneous", "longterm", or None: as the card holds them.
+    units
+        Units of moduli, times and density: "SI", "mm-t-s" (MPa) or "mm-kg-ms" (GPa).
+    density_kg_per_m3
+        Mass density at rest; None: no density is written.
+
+    Returns
+    -------
+    Deck
+        `text` of the file, and `warnings` on what the program does otherwise than the card.
+
+    Raises
+    ------
+    ValueError
+        For an unknown target, units or moduli, a card without hyperfoam, moduli that need a Prony series the card
+        lacks, or a law that the target does not have.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> card = matcal.MaterialCard("foam", matcal.Hyperfoam([12e3], [2.0], [0.0]))
+    >>> print(*matcal.export(card, "abaqus").text.splitlines()[-2:], sep="\\n")
+    *HYPERFOAM, N=1
+    12000.0, 2.0, 0.0
     """
     if target not in TARGETS:
         raise ValueError(f"target '{target}' is unknown; known: {', '.join(TARGETS)}.")
@@ -39,6 +67,7 @@ def export(card: MaterialCard, target: str, moduli: str | None = None, units: st
         raise ValueError(f"units '{units}' are unknown; known: {', '.join(UNITS)}.")
     if density_kg_per_m3 is not None and not density_kg_per_m3 > 0:
         raise ValueError(f"the density must be positive, got {density_kg_per_m3:g} kg/m3.")
+    card = as_card(card)
     into: Target = import_module(f"matcal.record.exporters.{target}").TARGET
     law = with_moduli(card, moduli or "card")
     material = Material(card.name, law, card.prony, UNITS[units], density_kg_per_m3, moduli is not None)

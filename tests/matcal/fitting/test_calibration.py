@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from matcal.fitting.calibrate import Calibration, Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
 from matcal.fitting.conductivity_fit import powers
 from matcal.fitting.hyperfoam.hyperfoam_fit import relative_rms
 from matcal.laws.deformation_modes import nominal_stress
@@ -22,7 +22,7 @@ MU_0_PA = 1e3 * TRUTH["longterm"]["mu_0_kPa"]
 
 
 @pytest.fixture(scope="module")
-def machine() -> Calibration:
+def machine() -> FittedLaws:
     inputs = [(None, (DATA / f"mts_{kind}.txt",)) for kind in ("uniaxial", "shear", "relaxation")]
     skin = ("conductivity", (DATA / "mts_stretch.txt", DATA / "nova_stretch.txt"))
     found = calibrate(reduce_tests([*inputs, skin], DATA / "specimen.toml"))
@@ -31,11 +31,11 @@ def machine() -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def plain() -> Calibration:
+def plain() -> FittedLaws:
     return calibrate(reduce_tests([(None, (DATA / "uniaxial.csv",)), (None, (DATA / "shear.csv",))]))
 
 
-def test_mu_0_is_within_5_percent_and_inside_its_own_interval(machine: Calibration, plain: Calibration) -> None:
+def test_mu_0_is_within_5_percent_and_inside_its_own_interval(machine: FittedLaws, plain: FittedLaws) -> None:
     for found in (machine, plain):
         interval = found.uncertainty.derived["mu_0_Pa"]
         assert interval.value == pytest.approx(MU_0_PA, rel=0.05)
@@ -43,12 +43,12 @@ def test_mu_0_is_within_5_percent_and_inside_its_own_interval(machine: Calibrati
         assert interval.hi - interval.lo < 0.05 * MU_0_PA
 
 
-def test_the_combined_fit_is_under_4_percent_in_both_modes(machine: Calibration) -> None:
+def test_the_combined_fit_is_under_4_percent_in_both_modes(machine: FittedLaws) -> None:
     assert [c.experiment.kind for c in machine.fit.curves] == ["uniaxial", "shear"]
     assert all(relative_rms(machine.fit.law, c) < 0.04 for c in machine.fit.curves)
 
 
-def test_the_longterm_curves_are_recovered(machine: Calibration) -> None:
+def test_the_longterm_curves_are_recovered(machine: FittedLaws) -> None:
     law = machine.fit.law
     assert law.moduli == "longterm"
     for mode, key in (("uniaxial", "strain"), ("shear", "gamma")):
@@ -58,14 +58,14 @@ def test_the_longterm_curves_are_recovered(machine: Calibration) -> None:
         assert np.sqrt(np.mean(error**2) / np.mean(stress**2)) < 0.015
 
 
-def test_leaving_out_the_rate_correction_is_said_and_costs_stiffness(machine: Calibration) -> None:
-    without = calibrate([e for e in machine.experiments if e.kind in ("uniaxial", "shear")], Choices(order=3))
+def test_leaving_out_the_rate_correction_is_said_and_costs_stiffness(machine: FittedLaws) -> None:
+    without = calibrate([e for e in machine.experiments if e.kind in ("uniaxial", "shear")], FitOptions(order=3))
     assert without.fit.law.mu_0_Pa > 1.08 * MU_0_PA
     assert any("not corrected for" in d for d in without.decisions)
     assert any("convolved with the Prony series" in d for d in machine.decisions)
 
 
-def test_the_series_is_recovered(machine: Calibration) -> None:
+def test_the_series_is_recovered(machine: FittedLaws) -> None:
     prony = machine.prony.prony
     np.testing.assert_allclose(prony.g, TRUTH["prony"]["g"], rtol=0.1)
     np.testing.assert_allclose(prony.tau_s[:2], TRUTH["prony"]["tau_s"][:2], rtol=0.15)
@@ -73,7 +73,7 @@ def test_the_series_is_recovered(machine: Calibration) -> None:
     assert np.all(np.abs(error) < 3 * np.sqrt(np.diag(machine.prony.covariance)))
 
 
-def test_the_skin_is_recovered(machine: Calibration) -> None:
+def test_the_skin_is_recovered(machine: FittedLaws) -> None:
     skin = machine.conductivity
     assert skin.chi_square < chi2.ppf(0.99, skin.freedom)
     e = powers(np.linspace(*skin.law.strain_range, 60))
@@ -83,7 +83,7 @@ def test_the_skin_is_recovered(machine: Calibration) -> None:
     assert np.all(np.abs(e @ (found - truth)) < 3 * sd)
 
 
-def test_relaxation_alone_and_conductivity_alone_are_calibrated(machine: Calibration) -> None:
+def test_relaxation_alone_and_conductivity_alone_are_calibrated(machine: FittedLaws) -> None:
     alone = calibrate([e for e in machine.experiments if e.kind in ("relaxation", "conductivity")])
     assert alone.fit is None
     assert any("recorded on the ramp itself shapes" in d for d in alone.decisions)

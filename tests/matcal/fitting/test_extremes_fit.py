@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from matcal.fitting.calibrate import Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.fitting.hyperfoam.curves import weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, fit, relative_rms
 from matcal.fitting.relaxation.record_thinning import KEPT, thinned
@@ -132,7 +132,7 @@ def test_long_records_are_thinned_for_a_calibration_and_it_is_said() -> None:
     assert short.samples.sum() == t.size
     exact = nominal_stress(TABLE_1, "uniaxial", short.strain[1:])
     assert np.abs(short.value[1:] / exact - 1).max() < 0.02
-    found = calibrate([test, curve("shear")], Choices(order=3))
+    found = calibrate([test, curve("shear")], FitOptions(order=3))
     assert any("stand for them" in d for d in found.experiments[0].decisions)
     assert found.fit.law.mu_0_Pa == pytest.approx(9530, rel=0.02)
     with pytest.raises(ValueError, match="thinned"):

@@ -1,4 +1,4 @@
-"""Hyperfoam fit: recovery, independence of starts, weights and orders, confluence, stability held, errors."""
+"""Hyperfoam fit: recovery, independence of starts, weights and orders, collinearity, stability held, errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_model, with_history
 from matcal.fitting.hyperfoam.design_table import tabulate
 from matcal.fitting.hyperfoam.hyperfoam_fit import allowed_exponents, fit, relative_rms
-from matcal.fitting.hyperfoam.order_selection import confluence
+from matcal.fitting.hyperfoam.order_selection import collinearity
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -108,9 +108,9 @@ def test_merged_exponents_are_bounded_and_said() -> None:
     assert np.diff(found.law.alpha).min() >= allowed_exponents(found.curves).gap * (1 - 1e-9)
     assert found.law.mu_0_Pa == pytest.approx(9000, rel=0.01)
     assert fit(weigh([curve("uniaxial", one_term, 5.0), curve("shear", one_term, 5.0)])).law.alpha.size == 1
-    assert "merged" in confluence(np.array([1.0, 1.0]), np.array([1.0, 1.1]), 0.2)
-    assert "times their sum" in confluence(np.array([1e5, -1e5 + 10]), np.array([1.0, 2.0]), 0.2)
-    assert confluence(TABLE_1.mu_Pa, np.sort(TABLE_1.alpha), 0.2) == ""
+    assert "merged" in collinearity(np.array([1.0, 1.0]), np.array([1.0, 1.1]), 0.2)
+    assert "times their sum" in collinearity(np.array([1e5, -1e5 + 10]), np.array([1.0, 2.0]), 0.2)
+    assert collinearity(TABLE_1.mu_Pa, np.sort(TABLE_1.alpha), 0.2) == ""
 
 
 def test_standard_errors_show_which_parameters_are_seen() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard, with_moduli
-from matcal.fitting.calibrate import Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.laws.deformation_modes import hereditary_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
@@ -34,7 +34,7 @@ def hold(to: float = -0.5, ramp_s: float = 1.0, end_s: float = 600.0) -> Experim
 @pytest.mark.parametrize("speeds", [(SPEED,), (SPEED, 20 * SPEED, 400 * SPEED)])
 def test_both_kinds_of_moduli_come_back(speeds: tuple[float, ...]) -> None:
     tests = [ramp("uniaxial", -0.8, v) for v in speeds] + [ramp("shear", 1.0, v) for v in speeds]
-    found = calibrate([*tests, hold()], Choices(order=3))
+    found = calibrate([*tests, hold()], FitOptions(order=3))
     assert found.fit is not None
     assert found.prony is not None
     card = MaterialCard("exact", found.fit.law, found.prony.prony)
@@ -49,7 +49,7 @@ def test_both_kinds_of_moduli_come_back(speeds: tuple[float, ...]) -> None:
 
 def test_without_a_relaxation_test_rate_looks_like_scatter_and_that_is_said() -> None:
     tests = [ramp("uniaxial", -0.8, v) for v in (SPEED, 400 * SPEED)]
-    found = calibrate(tests, Choices(order=3))
+    found = calibrate(tests, FitOptions(order=3))
     assert found.fit is not None
     slow, fast = (c.factor for c in found.fit.curves)
     assert fast / slow > 1.2

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from matcal.fitting.calibrate import Calibration, Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
 from matcal.fitting.hyperfoam.cross_prediction import unstable_within
 from matcal.fitting.hyperfoam.hyperfoam_fit import relative_rms
 from matcal.reduction.reduce import reduce_tests
@@ -18,11 +18,11 @@ pytestmark = pytest.mark.skipif(not FOLDER.exists(), reason="third-party files a
 KIND = {"UC": "uniaxial", "UT": "uniaxial", "SS": "shear"}
 
 
-def calibrated(fitted: str, kept_out: str = "", **choices: Any) -> Calibration:
+def calibrated(fitted: str, kept_out: str = "", **choices: Any) -> FittedLaws:
     def tests(names: str) -> list:
         return reduce_tests([(KIND[n], (FOLDER / f"foam_leap_{n}.csv",)) for n in names.split()])
 
-    return calibrate(tests(fitted), Choices(**choices), tests(kept_out))
+    return calibrate(tests(fitted), FitOptions(**choices), tests(kept_out))
 
 
 @pytest.mark.parametrize("order", ["auto", 2])

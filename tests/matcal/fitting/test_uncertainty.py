@@ -14,7 +14,7 @@ from matcal.fitting.uncertainty.nuisance import nuisance, refined_records, with_
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.reduction.experiment import Experiment
-from matcal.statistics.residual_correlation import inflation
+from matcal.statistics.residual_correlation import integrated_autocorrelation_time
 
 # Table 1 and small terms that a three-term law cannot follow exactly
 TRUTH = Hyperfoam([14420.0, 16780.0, -21670.0, -190.0, 640.0, -190.0], [0.288, 4.249, 0.741, 2.0, 5.0, 7.0], [0.0] * 6)
@@ -72,10 +72,10 @@ def test_a_law_that_does_not_fit_says_so_in_its_interval() -> None:
 def test_correlated_residuals_count_as_few_points() -> None:
     rng = np.random.default_rng(0)
     white = rng.normal(size=4000)
-    assert inflation(white) < 1.3
+    assert integrated_autocorrelation_time(white) < 1.3
     smooth = np.convolve(rng.normal(size=4019), np.ones(20) / np.sqrt(20), "valid")
-    assert inflation(smooth) == pytest.approx(20, rel=0.3)
-    assert inflation(np.zeros(10)) == 1
+    assert integrated_autocorrelation_time(smooth) == pytest.approx(20, rel=0.3)
+    assert integrated_autocorrelation_time(np.zeros(10)) == 1
 
 
 def test_drift_is_lent_from_the_tests_that_measured_it() -> None:

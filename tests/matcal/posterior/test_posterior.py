@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import quad
 
 from matcal.card import MaterialCard, write_card
-from matcal.fitting.calibrate import Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_model, weighted_stress, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.hyperfoam.linear_response import PRIOR_MODULI
@@ -132,7 +132,7 @@ def sampled_with_series():
                       + 100 * rng.normal(size=91), time_s, noise=100.0)
     test = Experiment("uniaxial", slow, hereditary_stress(law, series, "uniaxial", time_s, slow)
                       + 5 * rng.normal(size=91) * (time_s > 0), time_s, noise=5.0)
-    found = calibrate([hold, test], Choices(order=1, prony_terms=1))
+    found = calibrate([hold, test], FitOptions(order=1, prony_terms=1))
     return sample(found.fit, found.uncertainty, found.prony, None, seed=2)
 
 

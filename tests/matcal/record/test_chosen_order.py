@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard
-from matcal.fitting.calibrate import Choices, calibrate
+from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.hyperfoam.order_selection import GOOD_ENOUGH, OrderRow, chosen_order, criterion, order_sentences
@@ -17,7 +17,7 @@ from matcal.fitting.uncertainty.intervals import derived_quantities
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record.cautions import cautions
-from matcal.record.fit_summary import fit_part
+from matcal.record.fit_summary import summary
 from matcal.reduction.experiment import Experiment
 
 TWO_TERMS = Hyperfoam([12000.0, 8000.0], [4.0, -1.5], [0.0, 0.0])
@@ -29,8 +29,8 @@ def curve(mode: str, strain: np.ndarray, noise: float = 0.0, seed: int = 0) -> E
     return Experiment(mode, strain, stress * (1 + scatter), source=(f"{mode}.csv",))
 
 
-def row(order: int, rms: float, bic: float, confluence: str = "", worst: float | None = None) -> OrderRow:
-    return OrderRow(order, rms, rms if worst is None else worst, bic, confluence)
+def row(order: int, rms: float, bic: float, collinearity: str = "", worst: float | None = None) -> OrderRow:
+    return OrderRow(order, rms, rms if worst is None else worst, bic, collinearity)
 
 
 def test_a_readable_order_that_fits_well_enough_is_taken_before_one_that_merges() -> None:
@@ -87,7 +87,7 @@ def test_a_load_zero_from_one_reading_is_no_term_of_the_law() -> None:
 
 
 def test_a_plateau_that_no_test_reached_is_left_out_and_said() -> None:
-    found = calibrate([curve("uniaxial", np.linspace(-0.2, -0.005, 60), 0.002)], Choices(order=1))
+    found = calibrate([curve("uniaxial", np.linspace(-0.2, -0.005, 60), 0.002)], FitOptions(order=1))
     assert found.uncertainty is not None
     assert set(found.uncertainty.derived) == {"mu_0_Pa", "E_0_Pa"}
     assert any("plateau_Pa is left out" in s for s in found.decisions)
@@ -100,7 +100,7 @@ def test_moduli_on_their_bound_are_warned_of_with_the_safer_command() -> None:
     assert found.fit is not None
     assert found.fit.optimum.unbounded is not None
     assert any("where no linearisation holds" in s for s in found.decisions)
-    card = MaterialCard("toe", found.fit.law, None, None, fit=fit_part(found), stability={}, provenance={}, data="",
+    card = MaterialCard("toe", found.fit.law, None, None, fit=summary(found), stability={}, provenance={}, data="",
                         posterior={})
     warned = " ".join(cautions(card))
     assert "Outside the tests --order" in warned
@@ -120,7 +120,7 @@ def test_scatter_between_specimens_is_not_misfit() -> None:
     assert mu_0.value == pytest.approx(TWO_TERMS.mu_0_Pa * np.cbrt(0.99), rel=0.02)
     assert 0.12 < (mu_0.hi - mu_0.lo) / 2 / mu_0.value < 0.25
     assert shares["scatter between specimens"] > 0.8
-    row = fit_part(found)["uniaxial_1"]
+    row = summary(found)["uniaxial_1"]
     assert row["relative_rms"] > 0.08
     assert row["relative_rms_of_specimen"] < 0.004
 
@@ -129,7 +129,7 @@ def test_more_specimens_pin_the_mean_foam_better() -> None:
     strain, widths = np.linspace(-0.7, -0.01, 40), []
     for factors in ((0.95, 1.05), (0.93, 0.97, 1.0, 1.03, 1.07)):
         found = calibrate([replace(e := curve("uniaxial", strain, 0.002, k), value=factor * e.value)
-                           for k, factor in enumerate(factors)], Choices(order=2))
+                           for k, factor in enumerate(factors)], FitOptions(order=2))
         assert found.uncertainty is not None
         mu_0 = found.uncertainty.derived["mu_0_Pa"]
         widths.append((mu_0.hi - mu_0.lo) / mu_0.value)

@@ -32,8 +32,9 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
+from matcal.record.exporters import TARGETS
 from matcal.record.exporters.base import UNITS
-from matcal.record.exporters.deck import TARGETS, export
+from matcal.record.exporters.deck import export
 from matcal.record.exporters.formatting import number
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0], "instantaneous")

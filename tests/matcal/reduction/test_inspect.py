@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from matcal.cli.main import main
-from matcal.reduction.inspect import describe, print_description
+from matcal.reduction.inspect import inspect, print_description
 from touchcal.errors import TestFileError
 
 DATA = Path(__file__).parents[3] / "data_raw"
 
 
 def test_machine_file() -> None:
-    got = describe(DATA / "mts_cyclic.txt")
+    got = inspect(DATA / "mts_cyclic.txt")
     assert json.loads(json.dumps(got, allow_nan=False)) == got
     assert (got["layout"], got["kind"], got["loadings"]) == ("mts_testsuite", "conductivity", 10)
     assert got["loading_speed_mm_per_min"] == pytest.approx(5.0, rel=1e-3)
@@ -27,11 +27,11 @@ def test_machine_file() -> None:
 
 def test_file_of_no_clear_kind_is_described_all_the_same(tmp_path: Path) -> None:
     (tmp_path / "foam.csv").write_text("strain,stress (kPa)\n0,0\n0.1,1\n")
-    got = describe(tmp_path / "foam.csv")
+    got = inspect(tmp_path / "foam.csv")
     assert got["kind"] is None
     assert "Write KIND=foam.csv" in got["kind_reason"]
     with pytest.raises(TestFileError, match="no such file"):
-        describe(tmp_path / "absent.csv")
+        inspect(tmp_path / "absent.csv")
 
 
 HEAD_793 = "Datenerfassung\t\tZeit:\t9\ts\t28.01.2015\nLaufzeit\tCh 1 Weg\tCh 1 Kraft\ns\tmm\tkN\n"
@@ -43,7 +43,7 @@ def test_blocks_sizes_and_the_folder_of_a_controller_file(tmp_path: Path, capsys
     path = tmp_path / "Druckversuch Probe 7" / "specimen.dat"
     path.parent.mkdir()
     path.write_bytes(TWO_BLOCKS.encode("cp1252"))
-    got = describe(path)
+    got = inspect(path)
     assert got["blocks"] == {"1": 2, "2": 1}
     assert got["specimen"] == {"diameter_m": pytest.approx(0.0505)}
     assert (got["kind"], got["columns"]["force"]["max"]) == ("uniaxial", 200.0)
@@ -60,12 +60,12 @@ def test_blocks_sizes_and_the_folder_of_a_controller_file(tmp_path: Path, capsys
     ("hydrostatic.csv", "volumetric"), ("traction-2.csv", "uniaxial"), ("biaxial tension.csv", "biaxial")])
 def test_kinds_by_name(name: str, kind: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text("strain,stress (kPa)\n0,0\n0.1,1\n")
-    assert describe(tmp_path / name)["kind"] == kind
+    assert inspect(tmp_path / name)["kind"] == kind
 
 
 def test_kind_by_columns(tmp_path: Path) -> None:
     (tmp_path / "foam.csv").write_text("volume ratio,pressure (kPa)\n1,0\n0.9,10\n")
-    assert describe(tmp_path / "foam.csv")["kind"] == "volumetric"
+    assert inspect(tmp_path / "foam.csv")["kind"] == "volumetric"
 
 
 def _run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:

@@ -9,7 +9,7 @@ from matcal.reduction.clock_alignment import Shift, shift_with_backlash, with_ba
 from matcal.reduction.cyclic_resistance import (
     Turns,
     cycle_table,
-    fit_course,
+    fit_history,
     settling_facts,
     settling_sentences,
     turning_points,
@@ -23,7 +23,7 @@ def _course(rng: np.random.Generator, sd: float, constant: float = 2.0, cycles: 
 
 def test_course_and_its_errors() -> None:
     rng = np.random.default_rng(0)
-    found = [fit_course(_course(rng, 3.0)) for _ in range(100)]
+    found = [fit_history(_course(rng, 3.0)) for _ in range(100)]
     z = np.array([[(c.first_Ohm - 2340) / c.sd[0], (c.settled_Ohm - 1800) / c.sd[1], (c.cycles - 2) / c.sd[2]]
                   for c in found if c is not None])
     spread = np.sqrt(np.mean(z**2, axis=0))
