@@ -32,9 +32,10 @@ from surrogate.learners.bayesian_network import bayesian_regularisation, layer
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.min_max import min_max, scaled
 from surrogate.learners.network import MOST, ROBUST
+from surrogate.learners.registry import METHODS
 from surrogate.learners.signal_features import features, learn_directions, sound_components
 from surrogate.model.evaluate import evaluate
-from surrogate.model.model import METHODS, Model
+from surrogate.model.model import Model
 from surrogate.model.train import train
 from surrogate.statistics.metrics import Array, rms
 

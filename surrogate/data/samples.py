@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -53,6 +53,10 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.scene)
+
+    def targets(self, names: Sequence[str]) -> Array:
+        """(n, outputs) targets of the outputs of these names."""
+        return self.target[:, [outputs.NAMES.index(name) for name in names]]
 
 
 def read_samples(folder: Path | str) -> Samples:

@@ -16,6 +16,7 @@ from surrogate.data import outputs
 from surrogate.data.samples import PARTS, Samples, content_hash, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Estimate
+from surrogate.learners.registry import METHODS, listed
 from surrogate.model.model import Model, estimate, interval_scales
 from surrogate.statistics.conformal import few, told
 from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
@@ -144,7 +145,8 @@ def material_told(model: Model, samples: Samples) -> str:
                 "narrow for others. Calibrate on a set with draws in [material].")
     if cards > 1:
         return f"intervals hold the spread of {cards} cards of the posterior" + (
-            "." if model.method == "forward" else ", as one of all errors: only the forward method tells it apart.")
+            "." if METHODS[model.method].separates_errors else ", as one of all errors: only the "
+            f"{listed(lambda method: method.separates_errors)} method tells it apart.")
     return "material uncertainty is not in the intervals: the training rows have one card." + (
         f" These rows have {here}: train on a sweep with draws in [material]." if here > 1 else "")
 

@@ -2,34 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import Ring
-from surrogate.learners.base import Estimate
+from surrogate.learners.base import Estimate, Learner
+from surrogate.learners.registry import METHODS
 from surrogate.statistics.conformal import COVERAGE, conformal_scale
 from surrogate.statistics.metrics import Array
 from touchcal import cache
 from touchcal.array_store import fingerprint
 
-if TYPE_CHECKING:
-    from surrogate.learners.forward import TouchInversion
-    from surrogate.learners.gp import Processes
-    from surrogate.learners.mlp import Mlp
-    from surrogate.learners.network import FeatureNetworks
-    from surrogate.learners.ridge import Ridge
-    from surrogate.learners.trainbr import Trainbr
-
-METHODS = ("trainbr", "network", "forward", "mlp", "ridge", "gp")
-# Methods whose answers take long enough for the scales of their intervals to be kept between runs.
-SLOW = ("forward", "gp")
 # What decides the scales of intervals.
 _CODE = ("surrogate.model.train", "surrogate.model.model")
 # Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
@@ -77,7 +66,7 @@ class Model:
     ring: Ring
     # names of the outputs, in the order of outputs.NAMES
     names: tuple[str, ...]
-    learner: Trainbr | FeatureNetworks | TouchInversion | Mlp | Ridge | Processes
+    learner: Learner
     calibration: Calibration
     rows: Rows
     trained: Range
@@ -95,35 +84,9 @@ class Model:
         return tuple(outputs.of(name).unit for name in self.names)
 
 
-def check_method(method: str) -> None:
-    """ValueError for an unknown method, listing the known."""
-    if method not in METHODS:
-        raise ValueError(f"method '{method}' is unknown; known: {', '.join(METHODS)}.")
-
-
-def learner_class(method: str) -> type[Any]:
-    """The class of a method's learner, imported when it is asked for, as some need torch; ValueError for another."""
-    check_method(method)
-    match method:
-        case "trainbr":
-            from surrogate.learners.trainbr import Trainbr as Learner
-        case "network":
-            from surrogate.learners.network import FeatureNetworks as Learner
-        case "forward":
-            from surrogate.learners.forward import TouchInversion as Learner
-        case "mlp":
-            from surrogate.learners.mlp import Mlp as Learner
-        case "ridge":
-            from surrogate.learners.ridge import Ridge as Learner
-        case _:
-            from surrogate.learners.gp import Processes as Learner
-    return Learner
-
-
 def estimate(model: Model, signal_V: Array, noise_V: float = 0.0) -> Estimate:
     """Outputs of signals (n, readings) in V under white noise of standard deviation noise_V, before calibration."""
-    learner = sys.modules[learner_class(model.method).__module__]
-    return learner.estimate(model.learner, signal_V, noise_V)
+    return model.learner.estimate(signal_V, noise_V)
 
 
 def interval_scale(model: Model, noise_V: float = 0.0) -> Array:
@@ -134,7 +97,7 @@ def interval_scale(model: Model, noise_V: float = 0.0) -> Array:
 def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
     """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale; kept between
     runs where they take long (TOUCHCAL_CACHE)."""
-    if model.method not in SLOW:
+    if not METHODS[model.method].slow:
         return _scales(model, noise_V, coverages)
     kept, note = cache.kept(_key(model, noise_V, coverages), lambda: {"scales": _scales(model, noise_V, coverages)})
     if note:
@@ -144,7 +107,7 @@ def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) ->
 
 def calibrated(model: Model, noise_V: float) -> bool:
     """Whether interval_scale answers at once at this noise."""
-    return model.method not in SLOW or cache.stored(_key(model, noise_V, (COVERAGE,))) is not None
+    return not METHODS[model.method].slow or cache.stored(_key(model, noise_V, (COVERAGE,))) is not None
 
 
 def _key(model: Model, noise_V: float, coverages: Sequence[float]) -> str:
@@ -159,15 +122,5 @@ def _scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
     noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
     found = estimate(model, noisy, noise_V)
-    error, few = found.value - target, discrete(model)
+    error, few = found.value - target, model.learner.discrete(model.names)
     return np.array([conformal_scale(error, found.sd, len(rows.target), c, few) for c in coverages])
-
-
-def discrete(model: Model) -> NDArray[np.bool_]:
-    """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
-    if model.method != "forward":
-        return np.zeros(len(model.names), bool)
-    from surrogate.learners.forward import TouchInversion
-    assert isinstance(model.learner, TouchInversion)
-    known = len(model.learner.forward.known_mm) > 0
-    return np.array([known and name == "d" for name in model.names])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from surrogate.data.frame_rows import Lines
 from surrogate.learners.base import Estimate
 from surrogate.learners.novelty import Familiar, learn_familiar, of_other_sign, strangeness
+from surrogate.learners.registry import METHODS
 from surrogate.model.missing_channels import Mask, named, silent, why_not, without
 from surrogate.model.model import Model, estimate, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -154,7 +155,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
 
 def _parts_told(model: Model) -> int:
     """Number of parts that a model tells of the force's standard deviation."""
-    return len(PARTS) if model.method == "forward" and "F" in model.names else 0
+    return len(PARTS) if METHODS[model.method].separates_errors and "F" in model.names else 0
 
 
 def _force_parts(model: Model, found: Estimate, sd: Array) -> Array:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import Ring
-from surrogate.model.model import METHODS, Calibration, Model, Range, Rows, learner_class
+from surrogate.learners.registry import METHODS
+from surrogate.model.model import Calibration, Model, Range, Rows
 from touchcal.array_store import Arrays, flat, rebuilt
 from touchcal.errors import TestFileError
 from touchcal.json_file import write_json
@@ -90,7 +91,7 @@ def _assemble(text: dict[str, Any], arrays: Arrays) -> Model:
     if arrays["baseline_V"].shape != ring.read.shape:
         raise ValueError("baseline_V is not of the ring's readings")
     return Model(text["method"], ring, names,
-                 rebuilt(learner_class(text["method"]), "learner", arrays),
+                 rebuilt(METHODS[text["method"]].learner(), "learner", arrays),
                  rebuilt(Calibration, "calibration", arrays), rebuilt(Rows, "rows", arrays),
                  rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
                  {key: value for key, value in text.items() if key not in own})

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
-from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.data import material_states, outputs
+from surrogate.data import outputs
 from surrogate.data.samples import PARTS, Samples, content_hash, split, take
 from surrogate.data.sensor_ring import same_ring
-from surrogate.model.model import Calibration, Model, Range, Rows, check_method, estimate
+from surrogate.learners.base import Progress, Training
+from surrogate.learners.registry import listed, method_of
+from surrogate.model.model import Calibration, Model, Range, Rows, estimate
 
-if TYPE_CHECKING:
-    from surrogate.learners.bayesian_network.ensemble import Networks
-
-# Methods whose training takes steps.
-ITERATED = ("trainbr", "network", "mlp")
 # Fewest rows of another set that calibrate intervals: as many as have an order statistic at 95 %.
 MIN_CALIBRATING = 19
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES, seed: int = 0, *,
@@ -32,31 +27,31 @@ def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES,
     """Train `method` for the outputs of these names; of the touches 70 % train, 15 % calibrate, 15 % test,
     by the seed.
 
-    `epochs` bounds the steps of those ITERATED; `workers` processes share the outputs of trainbr and network; `each`
+    `epochs` bounds the steps of an iterated method; `workers` processes share the outputs of networks; `each`
     may show progress over them. Rows `calibrate`, as of another mesh, take the place of those 15 % when intervals are
     calibrated, so that these hold what that set shows of the model's error. ValueError for an unknown method, too few
     rows, another sensor, or data that the method cannot learn.
     """
-    check_method(method)
-    if epochs is not None and method not in ITERATED:
-        raise ValueError(f"epochs are steps of {', '.join(ITERATED)}; {method} has none. Leave them out.")
+    chosen = method_of(method)
+    if epochs is not None and not chosen.epochs:
+        raise ValueError(f"epochs are steps of {listed(lambda one: one.epochs)}; {method} has none. Leave them out.")
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
     part = split(samples.touch, seed)
-    chosen = [outputs.NAMES.index(name) for name in names]
     training, validation = take(samples, part == "train"), take(samples, part == "val")
     _check_signals(training)
     if calibrate is not None:
         _check_calibrating(samples, calibrate)
         validation = calibrate
     begun = _cpu_s()
-    learner, record = _learn(training, method, names, chosen, seed, epochs, workers, each)
+    asked = Training(names, seed, epochs or chosen.epochs, workers, each)
+    learner = chosen.learner().fit(training, asked)
     fit_s = _cpu_s() - begun
-    target = training.target[:, chosen]
+    target = training.targets(names)
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
-    model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.target[:, chosen]),
+    model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.targets(names)),
                   _rows(samples, part, calibrate), span, samples.baseline_V.mean(0), seed, fit_s,
-                  {**_provenance(samples, part, validation), "training": record})
+                  {**_provenance(samples, part, validation), "training": learner.record(asked)})
     worst = float(estimate(model, validation.signal_V).misfit.max())
     return replace(model, trained=replace(span, misfit=worst))
 
@@ -94,56 +89,6 @@ def _check_signals(samples: Samples) -> None:
                          "has numbers alone. Sweep that part again.")
     if silent := [int(s) for s, row in zip(samples.scene, samples.signal_V, strict=True) if not np.any(row)]:
         raise ValueError(f"scene {silent[0]} has no signal: every dv is 0. Mend the skin or the force of the sweep.")
-
-
-def _learn(training: Samples, method: str, names: tuple[str, ...], chosen: list[int], seed: int, epochs: int | None,
-           workers: int, each: Progress) -> tuple[Any, dict[str, Any]]:
-    """The learner, and how its training went as JSON."""
-    signal, target = training.signal_V, training.target[:, chosen]
-    match method:
-        case "trainbr":
-            from surrogate.learners import trainbr
-            from surrogate.learners.bayesian_network import bayesian_regularisation
-
-            options = (
-                bayesian_regularisation.Options() if epochs is None else bayesian_regularisation.Options(epochs=epochs)
-            )
-            found = trainbr.learn(signal, target, seed, options, workers, each)
-            return found, _trainings(names, found.networks)
-        case "network":
-            from surrogate.learners import network
-
-            options = network.ROBUST if epochs is None else replace(network.ROBUST, epochs=epochs)
-            found = network.learn(signal, target, seed, options, workers, each)
-            return found, _trainings(names, found.networks)
-        case "forward":
-            from surrogate.learners import forward
-
-            states = material_states.states(material_states.learn(training.material), training.material)
-            inversion = forward.learn(training.ring, signal, training.target, names, states)
-            return inversion, {"modes": len(inversion.forward.field), "signal_floor": inversion.forward.floor,
-                               "material_states": states.shape[1]}
-        case "mlp":
-            from surrogate.learners import mlp
-
-            found = mlp.learn(signal, target, seed, epochs or mlp.STEPS)
-            return found, {"components": len(found.directions.axes), "units": mlp.UNITS, "steps": epochs or mlp.STEPS}
-        case "ridge":
-            from surrogate.learners import ridge
-
-            lines = ridge.learn(signal, target)
-            return lines, dict(zip(names, lines.sizes, strict=True))
-        case _:
-            from surrogate.learners import gp
-
-            found = gp.learn(signal, target)
-            return found, {"components": len(found.directions.axes), "rows_kept": len(found.processes[0].nodes)}
-
-
-def _trainings(names: tuple[str, ...], found: Networks) -> dict[str, Any]:
-    keys = ("gamma", "alpha", "beta", "epochs", "stop", "log_evidence", "collapses", "collapsed")
-    return {name: {key: getattr(training, key) for key in keys} | {"parameters": found.weights.shape[1]}
-            for name, training in zip(names, found.trainings, strict=True)}
 
 
 def _codes(part: NDArray[np.str_]) -> NDArray[np.int64]:

@@ -56,19 +56,19 @@ def test_leave_one_out_by_leverages_equals_leaving_out(synthetic: Synthetic) -> 
 
 def test_places_are_read_from_two_hundred_touches(synthetic: Synthetic) -> None:
     touch, signal = synthetic(200, 0)
-    learned = ridge.learn(signal, touch)
+    learned = ridge.fit(signal, touch)
     touch, signal = synthetic(200, 1)
-    error = ridge.estimate(learned, signal, 0.0).value - touch
+    error = learned.estimate(signal, 0.0).value - touch
     assert np.sqrt(np.mean(error[:, :2] ** 2)) < 1.0
 
 
 def test_noise_is_carried_to_the_outputs(synthetic: Synthetic) -> None:
     touch, signal = synthetic(150, 0)
-    learned, noise = ridge.learn(signal, touch[:, :1]), 1e-8
+    learned, noise = ridge.fit(signal, touch[:, :1]), 1e-8
     frame = np.repeat(signal[5:6], 4000, axis=0)
     noisy = frame + noise * np.random.default_rng(0).normal(size=frame.shape)
-    scatter = ridge.estimate(learned, noisy, 0.0).value.std()
-    quiet, loud = (ridge.estimate(learned, signal[5:6], v).sd[0, 0] for v in (0.0, noise))
+    scatter = learned.estimate(noisy, 0.0).value.std()
+    quiet, loud = (learned.estimate(signal[5:6], v).sd[0, 0] for v in (0.0, noise))
     assert np.sqrt(loud**2 - quiet**2) == pytest.approx(scatter, rel=0.05)
 
 

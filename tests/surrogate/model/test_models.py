@@ -13,9 +13,10 @@ from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, split, take
 from surrogate.data.sensor_ring import ring_of_design
+from surrogate.learners.registry import METHODS
 from surrogate.model import store, torchscript
 from surrogate.model.evaluate import evaluate, parts_of
-from surrogate.model.model import METHODS, Model, calibrated, estimate, interval_scale
+from surrogate.model.model import Model, calibrated, estimate, interval_scale
 from surrogate.model.train import train
 from touchcal.errors import TestFileError
 
