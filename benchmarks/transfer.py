@@ -27,8 +27,9 @@ from eitsim.sweeps.measurement.instrument import below
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, take
 from surrogate.learners.base import Estimate
-from surrogate.model.model import Model, estimate, interval_scales
+from surrogate.model.model import Model
 from surrogate.model.train import train
+from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import conformal_scale
 from surrogate.statistics.metrics import COVERAGES, rms, score
 

@@ -46,21 +46,20 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
 
     Example: surrogate train sweep --out forward --method forward --seed 1
     """
+    import surrogate
     from surrogate.data.outputs import chosen
     from surrogate.data.samples import read_samples
     from surrogate.model import store
-    from surrogate.model.evaluate import evaluate as scored
-    from surrogate.model.train import train as fit
 
     check_out(out, folder=True)
     method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)
     samples = read_samples(folder)
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
-    model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
-                calibrate=None if calibrate is None else read_samples(calibrate))
-    store.save(model, out)
-    result = scored(model, samples, levels, most_trained=METHODS[model.method].most_scored)
+    model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
+                            calibrate=calibrate)
+    model.save(out)
+    result = surrogate.evaluate(model, samples, levels, most_trained=METHODS[model.method].most_scored)
     store.save_evaluation(out, result.scores, result.predictions)
     if as_json:
         print_json({"model": out, "training": model.record["training"], **result.scores})
@@ -84,16 +83,15 @@ def evaluate(model_folder: ModelFolder,
 
     Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
     """
+    import surrogate
     from surrogate.bounds.bound_files import read_limits, with_limits
-    from surrogate.data.samples import read_samples
-    from surrogate.model import store
-    from surrogate.model.evaluate import evaluate as scored
     from surrogate.model.evaluate import transfer
 
-    levels, model = _levels(noise_db), store.load(model_folder)
+    levels, model = _levels(noise_db), surrogate.load(model_folder)
     limits = read_limits(model_folder)
-    sets = {str(folder): with_limits(scored(model, read_samples(folder), levels, noise_reference,
-                                            METHODS[model.method].most_scored).scores, limits) for folder in folders}
+    sets = {str(folder): with_limits(surrogate.evaluate(model, folder, levels, noise_reference,
+                                                        METHODS[model.method].most_scored).scores, limits)
+            for folder in folders}
     if not as_json:
         for name, scores in sets.items():
             if len(sets) > 1:
@@ -113,11 +111,11 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
 
     Example: surrogate export network --out network.pt
     """
-    from surrogate.model import store
+    import surrogate
     from surrogate.model import torchscript as script
 
     check_out(out)
-    script.write(store.load(model_folder), out)
+    script.write(surrogate.load(model_folder), out)
     print(f"network: {out}")
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS, listed
-from surrogate.model.model import Model
+from surrogate.model.trained import TrainedModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -46,7 +46,7 @@ def named(dead: Mask) -> str:
     return f"dead channel: column {told}" if len(columns) == 1 else f"dead channels: columns {told}"
 
 
-def why_not(model: Model, dead: Mask) -> str:
+def why_not(model: TrainedModel, dead: Mask) -> str:
     """In words, why a model cannot do without these channels (readings,); empty where it can."""
     if not METHODS[model.method].handles_missing_channels:
         return ("a model trained on all readings cannot do without it; --method "
@@ -56,14 +56,14 @@ def why_not(model: Model, dead: Mask) -> str:
     return ""
 
 
-def check_needed(model: Model, dead: Mask, where: str) -> None:
+def check_needed(model: TrainedModel, dead: Mask, where: str) -> None:
     """ValueError where a model cannot do without channels (readings,) that are dead in every frame of a place, such as
     a file."""
     if dead.any() and (problem := why_not(model, dead)):
         raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Mend it: {problem}.")
 
 
-def without(model: Model, dead: Mask) -> Model:
+def without(model: TrainedModel, dead: Mask) -> TrainedModel:
     """The model that leaves these channels (readings,) out of its misfit, its intervals to be calibrated on
     validation rows that lack them too."""
     if problem := why_not(model, dead):

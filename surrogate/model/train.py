@@ -4,45 +4,80 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.data import outputs
-from surrogate.data.samples import PARTS, Samples, content_hash, split, take
+from eitsim.sweeps.dataset.parquet import Dataset
+from surrogate.data.outputs import chosen as chosen_outputs
+from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, split, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Progress, Training
 from surrogate.learners.registry import listed, method_of
-from surrogate.model.model import Calibration, Model, Range, Rows, estimate
+from surrogate.model.model import Model
+from surrogate.model.trained import Calibration, Range, Rows, estimate
 
 # Fewest rows of another set that calibrate intervals: as many as have an order statistic at 95 %.
 MIN_CALIBRATING = 19
 
 
-def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES, seed: int = 0, *,
-          epochs: int | None = None, workers: int = 1, each: Progress = iter,
-          calibrate: Samples | None = None) -> Model:
-    """Train `method` for the outputs of these names; of the touches 70 % train, 15 % calibrate, 15 % test,
-    by the seed.
+def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs: str | Sequence[str] = "all",
+          seed: int = 0, *, epochs: int | None = None, workers: int = 1, each: Progress = iter,
+          calibrate: Samples | Dataset | Path | str | None = None) -> Model:
+    """Train a surrogate on a data set: of the touches 70 % train, 15 % calibrate the intervals, 15 % test, by the seed.
 
-    `epochs` bounds the steps of an iterated method; `workers` processes share the outputs of networks; `each`
-    may show progress over them. Rows `calibrate`, as of another mesh, take the place of those 15 % when intervals are
-    calibrated, so that these hold what that set shows of the model's error. ValueError for an unknown method, too few
-    rows, another sensor, or data that the method cannot learn.
+    Parameters
+    ----------
+    data : Dataset, path or Samples
+        Solved scenes of one sensor with one touch each, or the folder that `eitsim sweep` wrote.
+    method : str
+        One of `METHODS`.
+    outputs : "all", a comma-separated text or a sequence
+        Names among x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max.
+    seed : int
+        Seed of the split and of the networks.
+    epochs : int, optional
+        Most steps of an iterated method.
+    workers : int
+        Processes that share the outputs of networks; the networks are the same for any number of them.
+    each : callable
+        May show progress: it is given the numbers of the networks and yields them.
+    calibrate : Dataset, path or Samples, optional
+        Rows, as of another mesh, that take the place of those 15 % when intervals are calibrated, so that these hold
+        what that set shows of the model's error.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    ValueError
+        For an unknown method or output, too few rows, another sensor, or data that the method cannot learn.
+    TestFileError
+        Where a folder is no data set, or a damaged one.
+
+    Examples
+    --------
+    >>> model = surrogate.train("sweep", method="ridge", outputs="x0,y0,F", seed=1)     # doctest: +SKIP
     """
     chosen = method_of(method)
     if epochs is not None and not chosen.epochs:
         raise ValueError(f"epochs are steps of {listed(lambda one: one.epochs)}; {method} has none. Leave them out.")
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
+    samples, names = read_samples(data), chosen_outputs(outputs)
     part = split(samples.touch, seed)
     training, validation = take(samples, part == "train"), take(samples, part == "val")
     _check_signals(training)
-    if calibrate is not None:
-        _check_calibrating(samples, calibrate)
-        validation = calibrate
+    other = None if calibrate is None else read_samples(calibrate)
+    if other is not None:
+        _check_calibrating(samples, other)
+        validation = other
     begun = _cpu_s()
     asked = Training(names, seed, epochs or chosen.epochs, workers, each)
     learner = chosen.learner().fit(training, asked)
@@ -50,7 +85,7 @@ def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES,
     target = training.targets(names)
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
     model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.targets(names)),
-                  _rows(samples, part, calibrate), span, samples.baseline_V.mean(0), seed, fit_s,
+                  _rows(samples, part, other), span, samples.baseline_V.mean(0), seed, fit_s,
                   {**_provenance(samples, part, validation), "training": learner.record(asked)})
     worst = float(estimate(model, validation.signal_V).misfit.max())
     return replace(model, trained=replace(span, misfit=worst))

@@ -17,9 +17,10 @@ from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.model.evaluate import evaluate, material_told, parts_of
-from surrogate.model.model import Model, interval_scale
+from surrogate.model.model import Model
 from surrogate.model.predict import columns, numbers_of, predict, prepare
 from surrogate.model.train import train
+from surrogate.model.trained import interval_scale
 from surrogate.statistics.conformal import normal
 
 Array = NDArray[np.float64]

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import surrogate
 from surrogate.data.samples import Samples, take
 from surrogate.learners import base, registry
 from surrogate.learners.registry import METHODS, Method
-from surrogate.model import store
 from surrogate.model.evaluate import evaluate
-from surrogate.model.model import estimate
 from surrogate.model.predict import predict, prepare
 from surrogate.model.train import train
+from surrogate.model.trained import estimate
 from touchcal.code_version import modules_needed
 
 TOY = '''
@@ -59,9 +59,9 @@ def test_a_new_method_trains_stores_loads_predicts_and_is_scored(samples: Sample
     assert type(model.learner).__name__ == "Mean"
     trained = take(samples, np.isin(samples.row_hash, model.rows.row_hash[model.rows.part == 0])).targets(names)
     assert np.array_equal(estimate(model, samples.signal_V).value[0], trained.mean(axis=0))
-    store.save(model, toy / "model")
+    model.save(toy / "model")
     assert json.loads((toy / "model/model.json").read_text())["method"] == "mean"
-    again = store.load(toy / "model")
+    again = surrogate.load(toy / "model")
     assert type(again.learner) is type(model.learner)
     frames = samples.baseline_V[0] + samples.signal_V[:3]
     found = predict(prepare(again, samples.baseline_V[0]), frames)
