@@ -40,12 +40,12 @@ class TouchInversion(Learner):
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:
         """Fit the map from touch and state of the material to signal, and the response of the requested outputs."""
-        states = material_states.states(material_states.learn(rows.material), rows.material)
+        states = material_states.states(material_states.fit(rows.material), rows.material)
         touch = rows.target[:, :outputs.TOUCH]
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
-        response = mechanical_response.learn(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
+        response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
-        return cls(forward_map.learn(rows.ring, touch, rows.signal_V, states), response,
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states), response,
                    np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
@@ -102,9 +102,9 @@ def _sd(covariance: Array) -> Array:
 def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array]:
     """Mechanical outputs and their standard deviations; over the whole posterior where that is broad."""
     carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
-    of_table, doubt = _table_response(learner)
+    of_table, discrepancy = _table_response(learner)
     mean, covariance = moments(found.punches, of_table)
-    spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ doubt**2)
+    spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ discrepancy**2)
     broad = found.broad[:, None]
     return np.where(broad, mean, answer.value), np.where(broad, spread, np.sqrt(carried + answer.sd**2))
 

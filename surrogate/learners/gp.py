@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
-from surrogate.learners.signal_features import Directions, carried, features, learn_directions, sound_components
+from surrogate.learners.signal_features import Directions, carried, features, fit_directions, sound_components
 from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
 
@@ -30,7 +30,7 @@ class Processes(Learner):
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> Processes:
         """Fit a process to each output; of many rows, gaussian_process.MAX_NODES are kept."""
-        directions = learn_directions(rows.signal_V, sound_components(rows.signal_V, MOST))
+        directions = fit_directions(rows.signal_V, sound_components(rows.signal_V, MOST))
         f = features(directions, rows.signal_V)
         return cls(directions, tuple(gaussian_process.fit(f, y) for y in rows.targets(training.names).T))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.bayesian_network.min_max import MinMax, min_max, scaled, unscaled
-from surrogate.learners.signal_features import Directions, carried, features, learn_directions, sound_components
+from surrogate.learners.signal_features import Directions, carried, features, fit_directions, sound_components
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Mlp(Learner):
     def fit(cls, rows: Samples, training: Training) -> Mlp:
         """Fit by least squares: Adam with a rate that falls to zero."""
         target = rows.targets(training.names)
-        directions = learn_directions(rows.signal_V, sound_components(rows.signal_V, MOST))
+        directions = fit_directions(rows.signal_V, sound_components(rows.signal_V, MOST))
         targets, f = min_max(target), features(directions, rows.signal_V)
         layers = _fitted(f, scaled(targets, target), training.seed, training.epochs)
         error = unscaled(targets, _run(layers, f)[0]) - target

@@ -14,7 +14,7 @@ from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.bayesian_network import ensemble
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.ensemble import Networks
-from surrogate.learners.signal_features import Directions, carried, features, learn_directions, sound_components
+from surrogate.learners.signal_features import Directions, carried, features, fit_directions, sound_components
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class FeatureNetworks(Learner):
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> FeatureNetworks:
         """Train one network for each output, as ensemble.fit does."""
-        directions = learn_directions(rows.signal_V, sound_components(rows.signal_V, MOST))
+        directions = fit_directions(rows.signal_V, sound_components(rows.signal_V, MOST))
         return cls(directions, ensemble.fit(features(directions, rows.signal_V), rows.targets(training.names),
                                             training.seed, replace(ROBUST, epochs=training.epochs), training.workers,
                                             training.each))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
-from surrogate.learners.signal_features import Directions, carried, features, learn_directions
+from surrogate.learners.signal_features import Directions, carried, features, fit_directions
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ def _slopes(lines: Lines, f: Array) -> Array:
 
 
 def _basis(signal_V: Array, components: int) -> _Basis:
-    directions = learn_directions(signal_V, components)
+    directions = fit_directions(signal_V, components)
     products = _products(features(directions, signal_V))
     mean, sd = products.mean(0), np.maximum(products.std(0), 1e-12)
     left, singular, right = np.linalg.svd((products - mean) / sd, full_matrices=False)

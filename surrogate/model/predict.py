@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from surrogate.data import outputs
 from surrogate.data.frame_rows import Lines
 from surrogate.learners.base import Estimate
-from surrogate.learners.novelty import Familiar, learn_familiar, of_other_sign, strangeness
+from surrogate.learners.novelty import Novelty, fit_novelty, novelty_score, of_other_sign
 from surrogate.learners.registry import METHODS
 from surrogate.model.missing_channels import Mask, named, silent, why_not, without
 from surrogate.model.trained import TrainedModel, estimate, interval_scale
@@ -52,7 +52,7 @@ class Predictor:
     noise_V: float
     # (outputs,) standard deviations that make a 90 % interval
     scale: Array
-    familiar: Familiar
+    novelty: Novelty
     # (readings,) channels that are dead whatever a frame reads
     dead: Mask
     # predictors of the readings that are left, by the bytes of a mask of dead channels
@@ -84,7 +84,7 @@ def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: 
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     return Predictor(model, baseline_V, noise_V, interval_scale(model, noise_V),
-                     learn_familiar(model.ring, model.calibration.signal_V), lost)
+                     fit_novelty(model.ring, model.calibration.signal_V), lost)
 
 
 def predict(predictor: Predictor, volts: Array) -> Predictions:
@@ -133,18 +133,18 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     """Predictions of frames that have all their channels."""
     model, signal = predictor.model, volts - predictor.baseline_V
     size = np.linalg.norm(signal, axis=1)
-    wild = size > WILD * predictor.familiar.strongest_V
+    wild = size > WILD * predictor.novelty.strongest_V
     touched = (size >= WEAK * model.trained.weakest_V) & ~wild
     shape = (len(signal), len(model.names))
     value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
     flags[wild] = f"{OUTSIDE}; {MISFIT}"
-    reverse = touched & of_other_sign(predictor.familiar, signal, predictor.noise_V)
+    reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise_V)
     reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _parts_told(model)), np.nan)
     if np.any(touched):
         found = estimate(model, signal[touched], predictor.noise_V)
-        strange = strangeness(predictor.familiar, signal[touched], predictor.noise_V) / MISFIT_FACTOR
-        outside = _outside(model, found) | (size[touched] > STRONG * predictor.familiar.strongest_V)
+        strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
+        outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value
         half_width[touched] = _widened(model, found.sd * predictor.scale, strange, outside)
         flags[touched] = _flags(model, found, strange > 1, outside)

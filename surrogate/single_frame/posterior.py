@@ -133,7 +133,7 @@ def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
     unknown = to_unknown(touch[None], forward.p0)
     here = linearise(forward, unknown)
     floor = floor_at(forward, unknown)[0] * np.linalg.norm(here.signal_V)
-    return Unknowns(float(np.hypot(noise_V, floor)), here.doubt[0])
+    return Unknowns(float(np.hypot(noise_V, floor)), here.discrepancy[0])
 
 
 def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, seed: int,

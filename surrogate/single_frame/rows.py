@@ -14,10 +14,10 @@ from surrogate.data.baseline_frame import OTHER_BASELINE
 from surrogate.data.frame_rows import Lines
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.invert import invert
-from surrogate.forward_map.inversion.nonlinearity import bend
+from surrogate.forward_map.inversion.nonlinearity import relative_curvature
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
-from surrogate.learners.novelty import learn_familiar
+from surrogate.learners.novelty import fit_novelty
 from surrogate.model.missing_channels import Mask, named, silent
 from surrogate.model.predict import MISFIT, NO_TOUCH, WEAK, Predictions, Predictor, read_touches
 from surrogate.model.trained import TrainedModel
@@ -73,7 +73,7 @@ def uncalibrated(model: TrainedModel, baseline_V: Array, noise_V: float, dead: M
     """As `prepare`, without calibrating intervals that a posterior replaces: that inverts every calibration row."""
     lost = silent(baseline_V[None], model.baseline_V)[0] | dead
     return Predictor(model, baseline_V, noise_V, np.ones(len(model.names)),
-                     learn_familiar(model.ring, model.calibration.signal_V), lost)
+                     fit_novelty(model.ring, model.calibration.signal_V), lost)
 
 
 def whole(lines: Lines, model: TrainedModel) -> Lines:
@@ -134,7 +134,7 @@ def direct_row(model: TrainedModel, simulator: Simulator, one: One, noise_V: flo
     if why:
         shared = np.sqrt(np.maximum(np.diag(own.covariance) - np.diag(own.own) * max(own.misfit, 1.0), 0.0))
         return _direct_row(one, kept, np.hypot(half, shared * normal(COVERAGE)), "learned", own, _joined(flag, why))
-    if not sure and bend(learner.forward, own.touch, own.covariance, own.unknowns.whitening) > BENT:
+    if not sure and relative_curvature(learner.forward, own.touch, own.covariance, own.unknowns.whitening) > BENT:
         flag = _joined(flag, BENT_WORDS)
     return _direct_row(one, own.touch, np.sqrt(np.diag(own.covariance)) * normal(COVERAGE), "simulator", own, flag)
 

@@ -14,6 +14,7 @@ import pytest
 
 import surrogate
 from eitsim.sweeps.dataset.parquet import read_dataset
+from surrogate.data.baseline_frame import untouched
 from surrogate.data.samples import Samples
 from surrogate.learners.registry import METHODS
 from surrogate.model.predict import columns
@@ -22,7 +23,7 @@ NAMES = ("x0", "F", "sigma_max", "A_c")
 
 
 def test_the_names_are_those_that_are_listed() -> None:
-    assert surrogate.__all__ == ["METHODS", "Learner", "Model", "cramer_rao", "evaluate", "load", "train"]
+    assert surrogate.__all__ == ["Learner", "METHODS", "Model", "cramer_rao", "evaluate", "load", "train"]
     assert all(getattr(surrogate, name) is not None for name in surrogate.__all__)
     assert surrogate.METHODS is METHODS
 
@@ -64,13 +65,14 @@ def test_predictions_are_in_si_and_those_of_the_command(model: surrogate.Model, 
 
 
 def test_one_frame_serves_and_noise_follows_from_untouched_frames(model: surrogate.Model, samples: Samples) -> None:
-    baseline, rng = samples.baseline_V[0], np.random.default_rng(0)
-    frame = baseline + samples.signal_V[0]
-    quiet = model.predict(frame)
-    loud = model.predict(frame, baseline + 1e-4 * rng.normal(size=(50, len(baseline))))
-    width = [float((found["F_hi90_N"] - found["F_lo90_N"]).iloc[0]) for found in (quiet, loud)]
+    baseline, frame = samples.baseline_V[0], samples.baseline_V[0] + samples.signal_V[0]
+    several = baseline + 1e-4 * np.random.default_rng(0).normal(size=(50, len(baseline)))
+    quiet, loud = model.predict(frame), model.predict(frame, several)
     assert len(quiet) == 1
-    assert width[1] > 1.2 * width[0]
+    pd.testing.assert_frame_equal(loud, model.predict(frame, several.mean(axis=0), noise_V=untouched(several).noise_V))
+    assert not loud.equals(model.predict(frame, several.mean(axis=0)))
+    pd.testing.assert_frame_equal(quiet, model.predict(frame, model.baseline_V, noise_V=0.0))
+
 
 
 def test_wrong_frames_are_refused_and_a_strange_baseline_is_cautioned(model: surrogate.Model, samples: Samples) -> None:

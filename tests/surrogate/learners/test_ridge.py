@@ -15,14 +15,14 @@ Synthetic = Callable[[int, int], tuple[Array, Array]]
 
 def test_whitened_features_have_unit_covariance(synthetic: Synthetic) -> None:
     _, signal = synthetic(100, 0)
-    found = signal_features.features(signal_features.learn_directions(signal, 6), signal)
+    found = signal_features.features(signal_features.fit_directions(signal, 6), signal)
     assert np.allclose(np.cov(found[:, :6].T, bias=True), np.eye(6), atol=1e-9)
     assert np.allclose([found[:, 6].mean(), found[:, 6].std()], [0, 1])
 
 
 def test_feature_slopes_equal_finite_differences(synthetic: Synthetic) -> None:
     _, signal = synthetic(30, 0)
-    directions = signal_features.learn_directions(signal, 6)
+    directions = signal_features.fit_directions(signal, 6)
     slopes, h = signal_features.feature_slopes(directions, signal[:2]), 1e-7 * np.linalg.norm(signal[0])
     for k in (0, 50, 207):
         move = h * np.eye(208)[k]
@@ -37,7 +37,7 @@ def test_feature_slopes_equal_finite_differences(synthetic: Synthetic) -> None:
 def test_an_untouched_frame_has_no_features(synthetic: Synthetic) -> None:
     _, signal = synthetic(30, 0)
     with pytest.raises(ValueError, match="frame 1 equals the untouched one"):
-        signal_features.features(signal_features.learn_directions(signal, 6), np.vstack([signal[0], np.zeros(208)]))
+        signal_features.features(signal_features.fit_directions(signal, 6), np.vstack([signal[0], np.zeros(208)]))
 
 
 def test_leave_one_out_by_leverages_equals_leaving_out(synthetic: Synthetic) -> None:
