@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 # Fewest training rows that the map is learned from.
 MIN_ROWS = 14
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
-MIN_FLOOR = 1e-5
+MIN_NOISE_FLOOR = 1e-5
 # Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
 INTERIOR = 0.40
 # Derivatives of the electrodes' fields that signals and their slopes take.
@@ -150,10 +150,10 @@ def _series(ring: Ring, z: NDArray[np.complex128], inputs: Array, force_N: Array
                   for n in range(1, multipole_series.ORDERS)]
     freedom = signal_V.shape[1] - multipole_series.ORDERS
     floor = np.sqrt(np.mean(np.sum(found.residual**2, axis=1) / np.sum(signal_V**2, axis=1)) / freedom)
-    return field, sign, tuple(processes), max(float(floor), MIN_FLOOR)
+    return field, sign, tuple(processes), max(float(floor), MIN_NOISE_FLOOR)
 
 
-def floor_at(forward: ForwardMap, unknown: Array) -> Array:
+def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
     """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at touches (n, 4) given as
     (x, y, log d, g); as large as it counts among readings that are taken for independent ones."""
     floor = np.full(len(unknown), forward.floor)

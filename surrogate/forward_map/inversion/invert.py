@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.forward_map import electrode_correction
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, floor_at, linearise, strength_discrepancy
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise, noise_floor, strength_discrepancy
 from surrogate.forward_map.inversion import known_diameters, reading_covariance
 from surrogate.forward_map.inversion.diameter_force_posterior import (
     Posterior,
@@ -89,11 +89,12 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
     punches = posterior(forward, make_table(forward), located)
-    usual = floor_at(forward, np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])) * size
+    near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
+    usual = noise_floor(forward, near) * size
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
                      _starts(forward, signal, located, punches), SHORT)
     start = _unknown(forward, _best(short, len(signal), 1).state)
-    floor = floor_at(forward, start) * size
+    floor = noise_floor(forward, start) * size
     sd = reading_covariance.at(forward, start, size, noise_V)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)

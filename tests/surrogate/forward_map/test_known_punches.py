@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import forward_map
+from surrogate.forward_map import forward_map, load_coordinates
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import known_diameters
 from surrogate.forward_map.inversion.invert import invert
@@ -24,9 +24,9 @@ def learned(ring: Ring, synthetic: Synthetic) -> ForwardMap:
 
 
 def test_punches_are_known_where_many_rows_share_few_diameters() -> None:
-    assert known_diameters.known_mm(np.repeat([14.0, 10.0], 50)).tolist() == [10.0, 14.0]
+    assert load_coordinates.known_mm(np.repeat([14.0, 10.0], 50)).tolist() == [10.0, 14.0]
     for others in (np.linspace(10, 18, 500), np.full(200, 12.0), np.repeat([10.0, 14.0], [200, 20])):
-        assert not len(known_diameters.known_mm(others))
+        assert not len(load_coordinates.known_mm(others))
 
 
 def test_a_known_punch_is_found_to_its_diameter_in_noise(learned: ForwardMap, synthetic: Synthetic) -> None:
