@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 from conditions import quick, shown, written
 
+import surrogate
 from surrogate.data.frame_rows import BATCH, frames_of, waiting_lines
-from surrogate.model import store
 from surrogate.model.model import Model
 from surrogate.model.predict import prepare
 from surrogate.model.stream import answers, widen_pipe
@@ -87,7 +87,7 @@ def _write(write_end: int, lines: list[bytes], begun: float, pace: float) -> Non
 
 
 def main() -> None:
-    models = [store.load(Path(name)) for name in sys.argv[1:]]
+    models = [surrogate.load(Path(name)) for name in sys.argv[1:]]
     if not models:
         raise SystemExit("streaming.py: give folders of models, from `surrogate train`.")
     rows = [row(model, most, frames) for model in models for most, frames in ((BATCH, FRAMES), (1, LONE))]

@@ -32,9 +32,10 @@ from surrogate.learners.bayesian_network import bayesian_regularisation, layer
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.min_max import min_max, scaled
 from surrogate.learners.network import MOST, ROBUST
-from surrogate.learners.signal_features import features, learn_directions, sound_components
+from surrogate.learners.registry import METHODS
+from surrogate.learners.signal_features import features, fit_directions, sound_components
 from surrogate.model.evaluate import evaluate
-from surrogate.model.model import METHODS, Model
+from surrogate.model.model import Model
 from surrogate.model.train import train
 from surrogate.statistics.metrics import Array, rms
 
@@ -69,7 +70,7 @@ def inputs(method: str, seen_V: Array, signal_V: Array) -> Array:
     """What the networks of a method make of signals, learned from those seen."""
     if method == "trainbr":
         return scaled(min_max(seen_V), signal_V)
-    return features(learn_directions(seen_V, sound_components(seen_V, MOST)), signal_V)
+    return features(fit_directions(seen_V, sound_components(seen_V, MOST)), signal_V)
 
 
 def along(x: Tensor, z: Tensor, target: Array, options: Options) -> list[tuple[int, float, Array]]:

@@ -27,8 +27,9 @@ from eitsim.sweeps.measurement.instrument import below
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, take
 from surrogate.learners.base import Estimate
-from surrogate.model.model import Model, discrete, estimate, interval_scales
+from surrogate.model.model import Model
 from surrogate.model.train import train
+from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import conformal_scale
 from surrogate.statistics.metrics import COVERAGES, rms, score
 
@@ -93,8 +94,8 @@ def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:
     error, covered = found.value - mesh.target, []
     for _ in range(SPLITS):
         used, apart = np.array_split(rng.permutation(len(mesh)), 2)
-        scales = np.array([conformal_scale(error[used], found.sd[used], len(used), c, discrete(model))
-                           for c in COVERAGES])
+        few = model.learner.discrete(model.names)
+        scales = np.array([conformal_scale(error[used], found.sd[used], len(used), c, few) for c in COVERAGES])
         covered.append(np.mean(np.abs(error[apart]) <= found.sd[apart] * scales[:, None], axis=1))
     held = np.mean(covered, axis=0)
     for k, row in enumerate(scored("one card, calibrated", "mesh, other half", np.inf, mesh, found,

@@ -21,14 +21,14 @@ _TREE = "tree"
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def arrays_of(value: Any) -> dict[str, NDArray[Any]]:
-    """Arrays from which `value_of` makes the value again, bit for bit; TypeError for what is none of the above."""
+def to_arrays(value: Any) -> dict[str, NDArray[Any]]:
+    """Arrays from which `from_arrays` makes the value again, bit for bit; TypeError for what is none of the above."""
     arrays: dict[str, NDArray[Any]] = {}
     return {_TREE: np.array(json.dumps(_tree(value, arrays))), **arrays}
 
 
-def value_of(arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """The value that `arrays_of` made arrays of."""
+def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Any:
+    """The value that `to_arrays` made arrays of."""
     return _made(json.loads(str(arrays[_TREE])), arrays)
 
 

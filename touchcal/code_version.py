@@ -2,7 +2,8 @@
 
 Moving a definition, splitting or merging modules, comments, docstrings and layout leave the hash as it is. What counts
 is every function, class and constant that is named, directly or not, from all of the modules asked for, together with
-bare statements of the modules met on the way. What a decorator or a string alone makes known is not followed.
+bare statements of the modules met on the way. A string `package.module:Name`
+names that definition; what a decorator or another string alone makes known is not followed.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,9 @@ ROOT = Path(__file__).parents[1]
 SOLVERS = ("eitsim.sweeps.run.parts", "eitsim.sweeps.run.load_path_choice")
 # Digits of the hash that a table of results carries.
 DIGITS = 12
+
+# A string that names a definition.
+_POINTER = re.compile(rf"({'|'.join(PACKAGES)})(\.\w+)*:\w+")
 
 # A definition: the module's name and its own, "" for the module's bare statements.
 _Name = tuple[str, str]
@@ -129,6 +134,8 @@ class _Code:
             yield module, chain[0]
         if chain[0] in read.imported and (module, chain[0]) not in way:
             yield from self._at([*read.imported[chain[0]].split("."), *chain[1:]], (*way, (module, chain[0])))
+        elif chain[0] in PACKAGES:
+            yield from self._at(chain, way)
 
     def _at(self, path: Sequence[str], way: tuple[_Name, ...]) -> Iterator[_Name]:
         """What a dotted path leads to: a member of the innermost module on it, or that module whole."""
@@ -206,6 +213,8 @@ def _chains(statement: ast.AST) -> Iterator[list[str]]:
 
 
 def _dotted(node: ast.AST) -> list[str] | None:
+    if isinstance(node, ast.Constant) and isinstance(node.value, str) and _POINTER.fullmatch(node.value):
+        return node.value.replace(":", ".").split(".")
     if isinstance(node, ast.Name):
         return [node.id]
     if isinstance(node, ast.Attribute) and (before := _dotted(node.value)) is not None:

@@ -15,21 +15,10 @@ from reports.document.page import Plate, Report, write_pdf
 from reports.document.style import house
 from reports.surrogate import bound_figures, noise_figures, parity_figures, surrogate_tables, training_figures
 from surrogate.bounds import bound_files
+from surrogate.learners.registry import METHODS
 from touchcal.errors import TestFileError
 
 DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
-METHODS = {
-    "trainbr": "One network with one hidden layer an output, on min-max voltages, trained by Levenberg–Marquardt with "
-               "Bayesian regularisation: it minimises β E_D + α E_W, the weighted squares of errors and of weights, "
-               "and takes α and β from the evidence.",
-    "forward": "A learned map from a touch to its signal, inverted by least squares for every frame; the mechanical "
-               "outputs follow from the touch that was found.",
-    "network": "One network with one hidden layer an output, on the direction and the logarithmic size of the signal, "
-               "trained by Levenberg–Marquardt with Bayesian regularisation after a warm-up, anew where it collapses.",
-    "ridge": "Ridge regression on quadratic features of the signal's direction and size.",
-    "mlp": "A network of two hidden layers on the signal's direction and size, trained by gradient descent.",
-    "gp": "A Gaussian process of each output on the signal's direction and size.",
-}
 NO_NOISE = "No noise was added for these scores: the stored evaluation holds no noise level."
 
 
@@ -136,7 +125,8 @@ def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[s
 def _prose(model: Mapping[str, Any]) -> dict[str, Any]:
     split, words = model["dataset"]["split"], {"train": "train", "val": "calibrate the intervals", "test": "test"}
     rows = ", ".join(f"{counted(split[part], 'row')} {word}" for part, word in words.items())
-    return {"method": METHODS.get(model["method"], f"Method {model['method']}."),
+    method = METHODS.get(model["method"])
+    return {"method": method.description if method else f"Method {model['method']}.",
             "split": f"{rows}; drawn by the seed.",
             "dataset": f"Data set of {counted(model['dataset']['rows'], 'row')}, sha256 {model['dataset']['sha256']}.",
             "versions": f"Trained with {provenance.version_lines(model['versions'])}."}

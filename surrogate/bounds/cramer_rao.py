@@ -19,7 +19,7 @@ from eitsim.scene.scene import Punch, Scene
 from eitsim.sweeps.measurement.instrument import below
 from matcal.card import MaterialCard
 from surrogate.bounds.fisher_information import correlation, information
-from surrogate.bounds.material_spread import MaterialSpread
+from surrogate.bounds.material_spread import MaterialSpread, known_material
 from surrogate.bounds.reading_derivatives import Derivatives, derivatives_of, slopes_of
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import ring_of
@@ -109,6 +109,43 @@ def _turned_rows(punch: Punch, one: Solved, spread: MaterialSpread, level: float
                "x_mm": one.radius_mm * np.cos(one.angle + turn), "y_mm": one.radius_mm * np.sin(one.angle + turn),
                "d_mm": punch.diameter_m * 1e3, "F_N": punch.force_N, "sd_x0_mm": sd[0], "sd_y0_mm": sd[1],
                "sd_d_mm": sd[2], "sd_F_N": sd[3], "correlation_d_F": float(correlation(covariance, "d", "F"))}
+
+
+def cramer_rao(scene: Scene, card: MaterialCard, noise_dB: Sequence[float] = (80.0, 60.0),
+               spreads: Mapping[str, MaterialSpread] | None = None, *, rim: bool = False) -> pd.DataFrame:
+    """Least standard deviations that an unbiased reading of one touch can have under white noise.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene of one punch.
+    card : MaterialCard
+        Foam and skin.
+    noise_dB : sequence of float
+        Levels of noise, dB below the RMS of the baseline voltages.
+    spreads : mapping, optional
+        Name -> what is open of the material; the material is known where left out.
+    rim : bool
+        Whether what the rim changes of the mechanics counts.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a level, material and output x0, y0, d, F: `noise_db`, `noise_V`, `material`, `output`, `unit`,
+        `limit` in that unit, `correlation_d_F`.
+
+    Raises
+    ------
+    ValueError
+        Where the scene has not one punch, or its drive is not that of pairs.
+
+    Examples
+    --------
+    >>> surrogate.cramer_rao(eitsim.read_scene("scene.toml"), matcal.read_card("card.json"))    # doctest: +SKIP
+    """
+    found = derivatives_of(scene, card, rim=rim)
+    return pd.DataFrame([row for level in noise_dB for name, spread in (spreads or {"known": known_material()}).items()
+                         for row in limits_of(found, spread, level, name)])
 
 
 def covariance_at(found: Derivatives, spread: MaterialSpread, noise_db: float) -> Array:

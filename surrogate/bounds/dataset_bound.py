@@ -125,7 +125,7 @@ def _gradients(samples: Samples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
     some = take(samples, np.linspace(0, len(samples) - 1, min(len(samples), _ROWS)).round().astype(int))
     names, touch = outputs.NAMES[outputs.TOUCH:], some.target[:, :outputs.TOUCH]
-    learned = mechanical_response.learn(some.ring.radius_mm, touch, some.target[:, outputs.TOUCH:], names,
+    learned = mechanical_response.fit(some.ring.radius_mm, touch, some.target[:, outputs.TOUCH:], names,
                              np.zeros((len(touch), 0)))
 
     def value(punch: Array) -> Array:

@@ -76,13 +76,10 @@ def _of_data(folder: Path, card: Path, levels: list[float], material: bool) -> l
 
 def _of_scene(path: Path | None, card_path: Path, levels: list[float], material: bool, rim: bool
               ) -> list[dict[str, Any]]:
-    from surrogate.bounds.cramer_rao import limits_of
-    from surrogate.bounds.reading_derivatives import derivatives_of
+    import surrogate
 
     scene, card, spreads = _touch(path, card_path, material)
-    found = derivatives_of(scene, card, rim=rim)
-    return [row for level in levels for which, spread in spreads.items()
-            for row in limits_of(found, spread, level, which)]
+    return surrogate.cramer_rao(scene, card, levels, spreads, rim=rim).to_dict("records")
 
 
 def _of_map(path: Path | None, card_path: Path, levels: list[float], material: bool, rim: bool

@@ -11,6 +11,7 @@ import typer
 
 from surrogate.cli.limit_command import limit
 from surrogate.cli.predict_command import ModelFolder, predict
+from surrogate.learners.registry import METHODS, method_of
 from touchcal.terminal import JsonOption, application, check_out, counter, numbers, print_json, run
 
 if TYPE_CHECKING:
@@ -21,21 +22,19 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 app = application("Learn touches from electrode voltages: the paper's networks, a forward map, ridge regression.")
 
-# Training rows that a forward model is scored on, at most: it reads frames at some 15 ms each.
-MOST_TRAINED = 600
 DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
 
 
 @app.command()
 def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of the model.")],
-          method: Annotated[str, typer.Option(help="trainbr (the paper's networks), network (the same made robust), "
-                                                   "forward (learned forward map, inverted), mlp, ridge or gp "
-                                                   "(Gaussian processes).")] = "forward",
+          method: Annotated[str, typer.Option(help="; ".join(f"{one.name}: {one.summary}" for one in
+                                                             METHODS.values()) + ".")] = "forward",
           outputs: Annotated[str, typer.Option(help="all, or names separated by commas: x0, y0, d, F, sigma_max, "
                                                     "sigma_ave, A_c, delta_max.")] = "all",
           seed: Annotated[int, typer.Option(help="Seed of the split and of the networks.")] = 0,
-          epochs: Annotated[int | None, typer.Option(help="Most steps of trainbr and network (300 where left out) or "
-                                                           "steps of mlp (2000).")] = None,
+          epochs: Annotated[int | None, typer.Option(help="Most steps; where left out "
+                                                 + ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values()
+                                                             if one.epochs) + ".")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help="Processes that share the networks; where left out, "
                                                                   "one a core from 1,000 rows on.")] = None,
           calibrate: Annotated[Path | None, typer.Option(help="Data set, as of another mesh, whose rows calibrate the "
@@ -47,22 +46,20 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
 
     Example: surrogate train sweep --out forward --method forward --seed 1
     """
+    import surrogate
     from surrogate.data.outputs import chosen
     from surrogate.data.samples import read_samples
     from surrogate.model import store
-    from surrogate.model.evaluate import evaluate as scored
-    from surrogate.model.model import check_method
-    from surrogate.model.train import train as fit
 
     check_out(out, folder=True)
-    check_method(method)
+    method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)
     samples = read_samples(folder)
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
-    model = fit(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
-                calibrate=None if calibrate is None else read_samples(calibrate))
-    store.save(model, out)
-    result = scored(model, samples, levels, most_trained=_most_trained(model))
+    model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
+                            calibrate=calibrate)
+    model.save(out)
+    result = surrogate.evaluate(model, samples, levels, most_trained=METHODS[model.method].most_scored)
     store.save_evaluation(out, result.scores, result.predictions)
     if as_json:
         print_json({"model": out, "training": model.record["training"], **result.scores})
@@ -86,16 +83,15 @@ def evaluate(model_folder: ModelFolder,
 
     Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
     """
+    import surrogate
     from surrogate.bounds.bound_files import read_limits, with_limits
-    from surrogate.data.samples import read_samples
-    from surrogate.model import store
-    from surrogate.model.evaluate import evaluate as scored
     from surrogate.model.evaluate import transfer
 
-    levels, model = _levels(noise_db), store.load(model_folder)
+    levels, model = _levels(noise_db), surrogate.load(model_folder)
     limits = read_limits(model_folder)
-    sets = {str(folder): with_limits(scored(model, read_samples(folder), levels, noise_reference,
-                                            _most_trained(model)).scores, limits) for folder in folders}
+    sets = {str(folder): with_limits(surrogate.evaluate(model, folder, levels, noise_reference,
+                                                        METHODS[model.method].most_scored).scores, limits)
+            for folder in folders}
     if not as_json:
         for name, scores in sets.items():
             if len(sets) > 1:
@@ -109,21 +105,17 @@ def evaluate(model_folder: ModelFolder,
         print_json({"model": model_folder, "sets": sets, "transfer": transfer(sets)})
 
 
-def _most_trained(model: Model) -> int | None:
-    return MOST_TRAINED if model.method == "forward" else None
-
-
 @app.command()
 def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="TorchScript file to write.")]) -> None:
     """Write a network as TorchScript: differences to the untouched frame in V to outputs in their units.
 
     Example: surrogate export network --out network.pt
     """
-    from surrogate.model import store
+    import surrogate
     from surrogate.model import torchscript as script
 
     check_out(out)
-    script.write(store.load(model_folder), out)
+    script.write(surrogate.load(model_folder), out)
     print(f"network: {out}")
 
 

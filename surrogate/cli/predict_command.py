@@ -62,7 +62,7 @@ def predict(model_folder: ModelFolder,
 
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
-    from surrogate.model import store
+    import surrogate
 
     if out is not None:
         check_out(out)
@@ -75,7 +75,7 @@ def predict(model_folder: ModelFolder,
     if direct and card is None:
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
-    model = store.load(model_folder)
+    model = surrogate.load(model_folder)
     if frames == "-":
         _predict_stream(model, baseline, noise_v, out)
         return
@@ -227,7 +227,7 @@ def _noise(model: Model, reference: Untouched, given: float | None) -> float:
 
 
 def _say_intervals(model: Model, noise_V: float) -> None:
-    from surrogate.model.model import calibrated
+    from surrogate.model.trained import calibrated
     from surrogate.statistics.conformal import few
 
     if not calibrated(model, noise_V):

@@ -75,7 +75,7 @@ def _columns(cards: pd.DataFrame, pattern: str) -> Array:
     return cards[[name for name in cards.columns if re.fullmatch(pattern, name)]].to_numpy(np.float64)
 
 
-def learn(found: Array) -> Spread:
+def fit(found: Array) -> Spread:
     """Principal components of answers (n, q) over their means, those that matter; none of too few cards."""
     if not found.shape[1] or len(np.unique(found, axis=0)) < MIN_CARDS:
         return Spread(np.ones(found.shape[1]), np.zeros((found.shape[1], 0)))

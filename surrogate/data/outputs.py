@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -23,13 +24,16 @@ ALL = (Output("x0", "x_mm", "mm"), Output("y0", "y_mm", "mm"), Output("d", "d_mm
 NAMES = tuple(output.name for output in ALL)
 # The first four are the touch itself, the others its mechanical response.
 TOUCH = 4
+# Unit of a column -> the SI unit, and how many of it one is.
+SI = {"mm": ("m", 1e-3), "N": ("N", 1.0), "kPa": ("Pa", 1e3), "mm2": ("m2", 1e-6)}
 
 
-def chosen(text: str) -> tuple[str, ...]:
-    """Names of a comma-separated choice, in the order of NAMES; "all" is every one. ValueError lists the known."""
-    if text == "all":
+def chosen(choice: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of a choice, a list or separated by commas, in the order of NAMES; "all" is every one. ValueError lists the
+    known."""
+    if choice == "all":
         return NAMES
-    wanted = [name.strip() for name in text.split(",")]
+    wanted = [name.strip() for name in choice.split(",")] if isinstance(choice, str) else choice
     if unknown := [name for name in wanted if name not in NAMES]:
         raise ValueError(f"output '{unknown[0]}' is unknown; known: all, {', '.join(NAMES)}.")
     return tuple(name for name in NAMES if name in wanted)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -54,14 +54,21 @@ class Samples:
     def __len__(self) -> int:
         return len(self.scene)
 
+    def targets(self, names: Sequence[str]) -> Array:
+        """(n, outputs) targets of the outputs of these names."""
+        return self.target[:, [outputs.NAMES.index(name) for name in names]]
 
-def read_samples(folder: Path | str) -> Samples:
-    """The ok rows of a data set; TestFileError where it is none, has no ok row or one of several touches, or a column
-    lacks numbers."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise TestFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
-    data = read_dataset(folder)
+
+def read_samples(data: Samples | Dataset | Path | str) -> Samples:
+    """The ok rows of a data set or of its folder, or samples as they are; TestFileError where it is none, has no ok row
+    or one of several touches, or a column lacks numbers."""
+    if isinstance(data, Samples):
+        return data
+    folder = Path("data set") if isinstance(data, Dataset) else Path(data)
+    if not isinstance(data, Dataset):
+        if not folder.is_dir():
+            raise TestFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
+        data = read_dataset(folder)
     try:
         ring = ring_of_design(data.design["tables"])
     except ValueError as error:

@@ -45,14 +45,14 @@ class RimEffect:
     fill: Array
 
 
-def none_of(ring: Ring) -> RimEffect:
+def zero_correction(ring: Ring) -> RimEffect:
     """No effect anywhere."""
     identity = Symmetry(np.ones(1, complex), np.zeros(1, bool), np.eye(len(ring.read))[None])
     process = Matern(np.zeros((0, 6)), np.ones(6), np.zeros((0, 0)))
     return RimEffect(identity, np.zeros((1, len(ring.read), 0)), process, ring, np.eye(len(ring.read)))
 
 
-def learn(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
+def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
     """Learn from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves (n, readings) of
     signals, and the dipole's strength times the norm of its pattern (n,)."""
     near = _taught_by(z)
@@ -73,7 +73,7 @@ def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, s
     inputs = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :OF_STEP]
     quantities = folded @ _axes(folded).T
     lengths, noise = matern_process.hyperparameters(inputs, quantities)
-    return change_point.place(inputs / lengths, quantities[:, :matern_process.MAX_QUANTITIES], gap[near], noise)
+    return change_point.locate(inputs / lengths, quantities[:, :matern_process.MAX_QUANTITIES], gap[near], noise)
 
 
 def _taught_by(z: Complex) -> NDArray[np.intp]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_correction, rim_covariance
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
-from surrogate.forward_map.rim_correction import Taught
+from surrogate.forward_map.rim_correction import FittedCorrection
 from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 # Fewest training rows that the map is learned from.
 MIN_ROWS = 14
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
-MIN_FLOOR = 1e-5
+MIN_NOISE_FLOOR = 1e-5
 # Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
 INTERIOR = 0.40
 # Derivatives of the electrodes' fields that signals and their slopes take.
@@ -42,7 +42,7 @@ class ForwardMap:
     # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
     strengths: tuple[GaussianProcess, ...]
     # what the rim adds, and the error there
-    beside: Taught
+    beside: FittedCorrection
     # pressure p0 of the load g, N/mm^2
     p0: float
     # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
@@ -68,7 +68,7 @@ class ForwardMap:
         return multipole_series.field_series(self.ring, self.field, FIELDS)
 
     @property
-    def doubts(self) -> int:
+    def discrepancies(self) -> int:
         """Standard normal unknowns beside the touch: one a strength, then those of the material."""
         return len(self.strengths) + self.materials
 
@@ -81,12 +81,12 @@ class Linearised:
     signal_V: Array
     # (n, readings, 4) derivative, V per unit of each
     jacobian: Array
-    # (n, readings, doubts) derivative along each strength times that strength's standard deviation, then along each
-    # state of the material, V
-    doubt: Array
+    # (n, readings, discrepancies) derivative along each strength times that strength's standard deviation, then along
+    # each state of the material, V
+    discrepancy: Array
 
 
-def learn(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None) -> ForwardMap:
+def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None) -> ForwardMap:
     """Learn the map from touches (n, 4) in mm and N, their signals (n, readings) in V, and standard normal states of
     their materials (n, k).
 
@@ -102,7 +102,7 @@ def learn(ring: Ring, touch: Array, signal_V: Array, material: Array | None = No
     inner = _within(z, INTERIOR)
     field, sign, processes, floor = _series(ring, z[inner], _inputs(ring, unknown[inner], material[inner]),
                                               touch[inner, 3], signal_V[inner])
-    series = ForwardMap(ring, field, sign, processes, rim_correction.none_of(ring), p0, floor, unknown.mean(0),
+    series = ForwardMap(ring, field, sign, processes, rim_correction.zero_correction(ring), p0, floor, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch))
     return _with_rim(series, z, unknown, signal_V, material)
 
@@ -121,7 +121,7 @@ def _with_rim(series: ForwardMap, z: NDArray[np.complex128], unknown: Array, sig
         value[:, 0] * np.linalg.norm(base[..., 0], axis=1),
         np.linalg.norm(signal_V, axis=1),
     )
-    return replace(series, beside=rim_correction.learn(series.ring, series.field, rows))
+    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows))
 
 
 def gap(ring: Ring, unknown: Array) -> Array:
@@ -150,10 +150,10 @@ def _series(ring: Ring, z: NDArray[np.complex128], inputs: Array, force_N: Array
                   for n in range(1, multipole_series.ORDERS)]
     freedom = signal_V.shape[1] - multipole_series.ORDERS
     floor = np.sqrt(np.mean(np.sum(found.residual**2, axis=1) / np.sum(signal_V**2, axis=1)) / freedom)
-    return field, sign, tuple(processes), max(float(floor), MIN_FLOOR)
+    return field, sign, tuple(processes), max(float(floor), MIN_NOISE_FLOOR)
 
 
-def floor_at(forward: ForwardMap, unknown: Array) -> Array:
+def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
     """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at touches (n, 4) given as
     (x, y, log d, g); as large as it counts among readings that are taken for independent ones."""
     floor = np.full(len(unknown), forward.floor)
@@ -172,13 +172,13 @@ def _bounds(touch: Array) -> Array:
     return np.array([np.maximum(lowest - gap, lowest / 2), highest + gap])
 
 
-def linearise(forward: ForwardMap, unknown: Array, doubt: Array | None = None) -> Linearised:
-    """Signal, derivatives and doubt of the map at touches (n, 4) given as (x, y, log d, g); `doubt` (n, orders) is that
-    of the strengths, `strength_doubt` there or, cheaper, close by."""
+def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = None) -> Linearised:
+    """Signal, derivatives and discrepancy of the map at touches (n, 4) given as (x, y, log d, g); `discrepancy`
+    (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
     fields = multipole_series.fields_at(forward.series, place(forward.ring, unknown))
     base, by_x, by_y = multipole_series.basis_and_slopes(forward.ring, fields)
     value, slope, by_card = _strengths(forward, unknown)
-    sd = strength_doubt(forward, unknown) if doubt is None else doubt
+    sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
     jacobian = base @ slope
     jacobian[..., 0] += multipole_series.combined(by_x, value) / forward.ring.radius_mm
     jacobian[..., 1] += multipole_series.combined(by_y, value) / forward.ring.radius_mm
@@ -247,11 +247,11 @@ def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
     return np.concatenate([by_input[..., 2:3] * radial, by_input[..., :2]], axis=-1)
 
 
-def strength_doubt(forward: ForwardMap, unknown: Array) -> Array:
+def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders) standard deviations of log p_1 and of p_n / p_1 at touches (n, 4) given as (x, y, log d, g).
 
-    The scatter of log p_1 about its process (noise) is doubt; that of the ratios is mostly what least squares on one
-    row leaves undetermined, which the floor stands for already.
+    The scatter of log p_1 about its process (noise) is discrepancy; that of the ratios is mostly what least squares on
+    one row leaves undetermined, which the floor stands for already.
     """
     inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
     variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])

@@ -48,13 +48,13 @@ class Effect:
     slope: Array
 
 
-def none_of() -> SharedProcess:
+def zero_correction() -> SharedProcess:
     """Coefficients that are 0 everywhere."""
     return coefficient_process.zero(len(LENGTHS) + 1, 2 * len(PAIRS))
 
 
-def learn(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, dipole: Array,
-          norm: Array) -> SharedProcess:
+def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, dipole: Array,
+        norm: Array) -> SharedProcess:
     """Learn the coefficients from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves
     (n, readings) of signals of these norms (n,), and the dipole's strength (n,)."""
     near = np.flatnonzero(np.abs(z) > FROM)

@@ -43,7 +43,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Taught:
+class FittedCorrection:
     """What the rim adds."""
 
     polarization: SharedProcess
@@ -53,28 +53,29 @@ class Taught:
     step: float
 
 
-def none_of(ring: Ring) -> Taught:
+def zero_correction(ring: Ring) -> FittedCorrection:
     """Nothing."""
-    rim = electrode_correction.none_of(ring)
-    return Taught(polarization.none_of(), rim, rim_covariance.none_of(rim.symmetry), change_point.NONE)
+    rim = electrode_correction.zero_correction(ring)
+    return FittedCorrection(polarization.zero_correction(), rim, rim_covariance.zero_correction(rim.symmetry),
+                            change_point.NONE)
 
 
-def without(taught: Taught, ring: Ring, kept: NDArray[np.bool_]) -> Taught:
+def without(correction: FittedCorrection, ring: Ring, kept: NDArray[np.bool_]) -> FittedCorrection:
     """What the rim adds to the readings of a ring that are kept."""
     return replace(
-        taught,
-        rim=electrode_correction.without(taught.rim, ring, kept),
-        error=rim_covariance.without(taught.error, kept),
+        correction,
+        rim=electrode_correction.without(correction.rim, ring, kept),
+        error=rim_covariance.without(correction.error, kept),
     )
 
 
-def learn(ring: Ring, field: Array, rows: Rows) -> Taught:
+def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
     """Learn from touches; the effect of electrodes and an error only where enough of them lie near the rim."""
     near = rows.some(np.abs(rows.z) > polarization.FROM)
     touch = _touch(near)
     fewest = (1 - 1 / FOLDS) * len(np.unique(touch))
     if fewest < electrode_correction.MIN_ROWS:
-        return none_of(ring)
+        return zero_correction(ring)
     answers = fewest >= polarization.MIN_ROWS
     answer = _answer(ring, field, near, change_point.NONE, answers)
     where = electrode_correction.step_of(
@@ -82,7 +83,8 @@ def learn(ring: Ring, field: Array, rows: Rows) -> Taught:
     )
     answer, rim = _both(ring, field, near, where, answers)
     error = _left_out(ring, field, near, where, answers, touch % FOLDS)
-    return Taught(answer, rim, rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], error), where)
+    return FittedCorrection(
+        answer, rim, rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], error), where)
 
 
 def _touch(near: Rows) -> NDArray[np.intp]:
@@ -94,7 +96,7 @@ def _touch(near: Rows) -> NDArray[np.intp]:
 def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, RimEffect]:
     answer = _answer(ring, field, near, where, answers)
     left = _leaves(ring, field, near, answer, where)
-    return answer, electrode_correction.learn(
+    return answer, electrode_correction.fit(
         ring, near.z, near.punch, change_point.side(near.gap, where), left, near.size
     )
 
@@ -115,8 +117,8 @@ def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool,
 
 def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> SharedProcess:
     if not answers:
-        return polarization.none_of()
-    return polarization.learn(
+        return polarization.zero_correction()
+    return polarization.fit(
         ring, field, near.z, near.punch, change_point.side(near.gap, where), near.left, near.dipole, near.norm
     )
 

@@ -43,7 +43,7 @@ class RimError:
         return np.asarray(axes, np.float64), np.asarray(sd, np.float64)
 
 
-def none_of(symmetry: Symmetry) -> RimError:
+def zero_correction(symmetry: Symmetry) -> RimError:
     """No errors but the series'."""
     readings = symmetry.readings.shape[1]
     return RimError(symmetry, np.zeros(0), np.zeros((0, LOADS)), np.zeros((0, LOADS)),

@@ -1,13 +1,19 @@
-"""What every learner returns for signals."""
+"""The protocol of a learner: what every method of surrogates is fitted by, and what it returns for signals."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.data.samples import Samples
+from surrogate.data.sensor_ring import Ring
+
 Array = NDArray[np.float64]
+Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
@@ -38,3 +44,72 @@ class Parts:
     def model(self, sd: Array) -> Array:
         """(n, outputs) the rest of sd: the map's own error, and what of the signal it does not explain."""
         return np.sqrt(np.maximum(sd**2 - self.noise**2 - self.material**2, 0.0))
+
+
+def regression(value: Array, variance: Array) -> Estimate:
+    """The estimate of a learner that only maps signals to outputs: values and variances (n, outputs)."""
+    return Estimate(value, np.sqrt(variance), np.ones(len(value)), np.ones(len(value), bool))
+
+
+@dataclass(frozen=True)
+class Training:
+    """What a fit is asked for."""
+
+    # names of the outputs, in the order of outputs.NAMES
+    names: tuple[str, ...]
+    seed: int
+    # steps of an iterated method; 0 for the others
+    epochs: int
+    # processes that may share the outputs
+    workers: int = 1
+    # may show progress over the outputs
+    each: Progress = iter
+
+
+class Learner(Protocol):
+    """A fitted method: a frozen dataclass of arrays, numbers, dataclasses and tuples of these, which a model's file
+    holds by the names of its fields. A method that subclasses it and stands in `surrogate.learners.registry` trains,
+    stores, predicts and is scored as all others are.
+
+    Examples
+    --------
+    A learner that returns the mean of its training rows:
+
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> from surrogate.learners.base import Learner, regression
+    >>> @dataclass(frozen=True)
+    ... class Mean(Learner):
+    ...     value: np.ndarray
+    ...     variance: np.ndarray
+    ...     @classmethod
+    ...     def fit(cls, rows, training):
+    ...         target = rows.targets(training.names)
+    ...         return cls(target.mean(axis=0), target.var(axis=0))
+    ...     def estimate(self, signal_V, noise_V):
+    ...         return regression(np.tile(self.value, (len(signal_V), 1)), np.tile(self.variance, (len(signal_V), 1)))
+    >>> Mean(np.array([1.0]), np.array([4.0])).estimate(np.zeros((2, 208)), 0.0).sd.ravel()
+    array([2., 2.])
+    """
+
+    @classmethod
+    def fit(cls, rows: Samples, training: Training) -> Self:
+        """Fit the training rows; ValueError for data that the method cannot learn."""
+        ...
+
+    def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
+        """Outputs of signals (n, readings), V, under white noise of standard deviation noise_V."""
+        ...
+
+    def record(self, training: Training) -> dict[str, Any]:
+        """How the training went, as JSON."""
+        return {}
+
+    def discrete(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+        """(outputs,) whether an output takes one of a few values."""
+        return np.zeros(len(names), bool)
+
+    def without(self, whole: Ring, ring: Ring, kept: NDArray[np.bool_]) -> Self:
+        """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; for methods that
+        the registry says handle missing channels."""
+        raise ValueError(f"{type(self).__name__} needs all {len(kept)} channels. Give frames that have them.")

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.data import outputs
+from surrogate.data import material_states, outputs
+from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import forward_map
+from surrogate.forward_map import forward_map, rim_correction
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import make_table, moments
 from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
-from surrogate.learners.base import Estimate, Parts
+from surrogate.learners.base import Estimate, Learner, Parts, Training
 
 Array = NDArray[np.float64]
 
@@ -27,7 +29,7 @@ _EACH = ("value", "sd", "misfit", "inside")
 
 
 @dataclass(frozen=True, eq=False)
-class TouchInversion:
+class TouchInversion(Learner):
     """A forward map and the response of the wanted mechanical outputs, if any."""
 
     forward: ForwardMap
@@ -35,25 +37,38 @@ class TouchInversion:
     # positions of the wanted outputs among the touch's four and the response's
     columns: NDArray[np.int64]
 
+    @classmethod
+    def fit(cls, rows: Samples, training: Training) -> TouchInversion:
+        """Fit the map from touch and state of the material to signal, and the response of the requested outputs."""
+        states = material_states.states(material_states.fit(rows.material), rows.material)
+        touch = rows.target[:, :outputs.TOUCH]
+        mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
+        response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
+        order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states), response,
+                   np.array([order.index(name) for name in training.names]))
 
-def learn(ring: Ring, signal_V: Array, target: Array, names: tuple[str, ...], material: Array) -> TouchInversion:
-    """Learn from signals (n, readings), the targets (n, 8) of outputs.ALL and states (n, k) of the materials, for the
-    outputs of these names."""
-    touch = target[:, :outputs.TOUCH]
-    mechanical = [i for i in range(outputs.TOUCH, len(outputs.NAMES)) if outputs.NAMES[i] in names]
-    learned = mechanical_response.learn(ring.radius_mm, touch, target[:, mechanical],
-                             tuple(outputs.NAMES[i] for i in mechanical), material)
-    order = [*outputs.NAMES[:outputs.TOUCH], *(outputs.NAMES[i] for i in mechanical)]
-    return TouchInversion(forward_map.learn(ring, touch, signal_V, material), learned,
-                          np.array([order.index(n) for n in names]))
+    def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
+        """Requested outputs of signals (n, readings) under white noise."""
+        found = [_estimate(self, signal_V[i:i + BATCH], noise_V) for i in range(0, len(signal_V), BATCH)]
+        parts = [one.parts for one in found if one.parts is not None]
+        whole = Parts(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("noise", "material")))
+        return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
 
+    def record(self, training: Training) -> dict[str, Any]:
+        """Modes of the series, relative error of a reading in the interior, and states of the material."""
+        return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
+                "material_states": self.forward.materials}
 
-def estimate(learner: TouchInversion, signal_V: Array, noise_V: float) -> Estimate:
-    """The wanted outputs of signals (n, readings) under white noise."""
-    found = [_estimate(learner, signal_V[i:i + BATCH], noise_V) for i in range(0, len(signal_V), BATCH)]
-    parts = [one.parts for one in found if one.parts is not None]
-    whole = Parts(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("noise", "material")))
-    return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
+    def discrete(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+        """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
+        known = len(self.forward.known_mm) > 0
+        return np.array([known and name == "d" for name in names])
+
+    def without(self, whole: Ring, ring: Ring, kept: NDArray[np.bool_]) -> TouchInversion:
+        """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""
+        beside = rim_correction.without(self.forward.beside, whole, kept)
+        return replace(self, forward=replace(self.forward, ring=ring, beside=beside))
 
 
 def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
@@ -87,9 +102,9 @@ def _sd(covariance: Array) -> Array:
 def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array]:
     """Mechanical outputs and their standard deviations; over the whole posterior where that is broad."""
     carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
-    of_table, doubt = _table_response(learner)
+    of_table, discrepancy = _table_response(learner)
     mean, covariance = moments(found.punches, of_table)
-    spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ doubt**2)
+    spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ discrepancy**2)
     broad = found.broad[:, None]
     return np.where(broad, mean, answer.value), np.where(broad, spread, np.sqrt(carried + answer.sd**2))
 

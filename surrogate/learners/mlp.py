@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.learners.base import Estimate
+from surrogate.data.samples import Samples
+from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.bayesian_network.min_max import MinMax, min_max, scaled, unscaled
-from surrogate.learners.signal_features import Directions, carried, features, learn_directions, sound_components
+from surrogate.learners.signal_features import Directions, carried, features, fit_directions, sound_components
 
 Array = NDArray[np.float64]
 
-# Most directions that are inputs, hidden units of a layer, steps of Adam on all rows at once, the first step's rate.
-MOST, UNITS, STEPS, RATE = 20, 128, 2000, 3e-3
+# Most directions that are inputs, hidden units of a layer, rate of the first step of Adam on all rows at once.
+MOST, UNITS, RATE = 20, 128, 3e-3
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Mlp:
+class Mlp(Learner):
     """y = W2 tanh(W1 tanh(W0 f + b0) + b1) + b2 of features f, outputs scaled."""
 
     directions: Directions
@@ -37,23 +39,26 @@ class Mlp:
     # (outputs,) mean squared error of the training rows, in the outputs' units squared
     variance: Array
 
+    @classmethod
+    def fit(cls, rows: Samples, training: Training) -> Mlp:
+        """Fit by least squares: Adam with a rate that falls to zero."""
+        target = rows.targets(training.names)
+        directions = fit_directions(rows.signal_V, sound_components(rows.signal_V, MOST))
+        targets, f = min_max(target), features(directions, rows.signal_V)
+        layers = _fitted(f, scaled(targets, target), training.seed, training.epochs)
+        error = unscaled(targets, _run(layers, f)[0]) - target
+        return cls(directions, targets, layers, np.maximum(np.mean(error**2, axis=0), 1e-24))
 
-def learn(signal_V: Array, target: Array, seed: int, steps: int = STEPS) -> Mlp:
-    """Fit signals (n, readings) to targets (n, outputs) by least squares: Adam with a rate that falls to zero."""
-    directions = learn_directions(signal_V, sound_components(signal_V, MOST))
-    targets, f = min_max(target), features(directions, signal_V)
-    layers = _fitted(f, scaled(targets, target), seed, steps)
-    error = unscaled(targets, _run(layers, f)[0]) - target
-    return Mlp(directions, targets, layers, np.maximum(np.mean(error**2, axis=0), 1e-24))
+    def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
+        """Outputs of signals (n, readings) under white noise, which the slopes carry to the outputs."""
+        value, slope = _run(self.layers, features(self.directions, signal_V))
+        half = self.targets.half_span
+        return regression(unscaled(self.targets, value),
+                          self.variance + carried(self.directions, signal_V, slope * half[:, None], noise_V))
 
-
-def estimate(learner: Mlp, signal_V: Array, noise_V: float) -> Estimate:
-    """Outputs of signals (n, readings) under white noise, which the slopes carry to the outputs."""
-    value, slope = _run(learner.layers, features(learner.directions, signal_V))
-    half = learner.targets.half_span
-    variance = learner.variance + carried(learner.directions, signal_V, slope * half[:, None], noise_V)
-    return Estimate(unscaled(learner.targets, value), np.sqrt(variance), np.ones(len(signal_V)),
-                    np.ones(len(signal_V), bool))
+    def record(self, training: Training) -> dict[str, Any]:
+        """Directions that are inputs, units of a hidden layer, steps taken."""
+        return {"components": len(self.directions.axes), "units": UNITS, "steps": training.epochs}
 
 
 def _run(layers: tuple[Layer, ...], f: Array) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ SURE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Familiar:
+class Novelty:
     """The span of the directions of some signals."""
 
     # (k, readings) orthonormal directions, and what they leave of the worst held-out direction
@@ -32,7 +32,7 @@ class Familiar:
     strongest_V: float
 
 
-def learn_familiar(ring: Ring, signal_V: Array) -> Familiar:
+def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
     """Span of the directions of signals (n, readings) in V of a ring: of every other row, the rest tells how much it
     leaves; of few rows all that a symmetric impedance matrix can read."""
     size = np.linalg.norm(signal_V, axis=1)
@@ -40,8 +40,8 @@ def learn_familiar(ring: Ring, signal_V: Array) -> Familiar:
     axes = np.linalg.svd(unit[::2], full_matrices=False)[2][:MOST] if len(unit) >= 4 * MOST else _reciprocal(ring)
     mean = unit.mean(axis=0)
     one_way = bool(np.all(unit @ mean > 0))
-    return Familiar(axes, max(float(_left(axes, unit[1::2] if len(unit) > 1 else unit).max()), LEAST),
-                    mean if one_way else np.zeros_like(mean), float(size.max()))
+    return Novelty(axes, max(float(_left(axes, unit[1::2] if len(unit) > 1 else unit).max()), LEAST),
+                   mean if one_way else np.zeros_like(mean), float(size.max()))
 
 
 def _reciprocal(ring: Ring) -> Array:
@@ -54,20 +54,20 @@ def _reciprocal(ring: Ring) -> Array:
     return axes[singular > 1e-9 * singular[0]]
 
 
-def strangeness(familiar: Familiar, signal_V: Array, noise_V: float) -> Array:
+def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     """(n,) what the span leaves of the directions of signals (n, readings), over the worst familiar one and what noise
     leaves; infinite for a signal of the other sign than all familiar ones."""
     size = np.maximum(np.linalg.norm(signal_V, axis=1), np.finfo(float).tiny)
     unit = signal_V / size[:, None]
-    free = max(signal_V.shape[1] - len(familiar.axes), 0)
-    expected = np.sqrt(familiar.worst**2 + free * (noise_V / size) ** 2)
-    return np.where(unit @ familiar.mean < 0, np.inf, _left(familiar.axes, unit) / expected)
+    free = max(signal_V.shape[1] - len(novelty.axes), 0)
+    expected = np.sqrt(novelty.worst**2 + free * (noise_V / size) ** 2)
+    return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) / expected)
 
 
-def of_other_sign(familiar: Familiar, signal_V: Array, noise_V: float) -> NDArray[np.bool_]:
+def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> NDArray[np.bool_]:
     """(n,) whether signals (n, readings) point away from all familiar ones, by more than noise may."""
-    along = signal_V @ familiar.mean
-    return along < -SURE * noise_V * np.linalg.norm(familiar.mean)
+    along = signal_V @ novelty.mean
+    return along < -SURE * noise_V * np.linalg.norm(novelty.mean)
 
 
 def _left(axes: Array, unit: Array) -> Array:

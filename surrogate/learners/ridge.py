@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.learners.base import Estimate
-from surrogate.learners.signal_features import Directions, carried, features, learn_directions
+from surrogate.data.samples import Samples
+from surrogate.learners.base import Estimate, Learner, Training, regression
+from surrogate.learners.signal_features import Directions, carried, features, fit_directions
 
 Array = NDArray[np.float64]
 
@@ -40,20 +42,32 @@ class Lines:
 
 
 @dataclass(frozen=True)
-class Ridge:
+class Ridge(Learner):
     """Every output on the products that suit it."""
 
     lines: tuple[Lines, ...]
 
-    @property
-    def sizes(self) -> list[dict[str, int]]:
+    @classmethod
+    def fit(cls, rows: Samples, training: Training) -> Ridge:
+        """Fit each output by what suits it."""
+        return fit(rows.signal_V, rows.targets(training.names))
+
+    def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
+        """Outputs of signals (n, readings) under white noise."""
+        outputs = sum(len(one.columns) for one in self.lines)
+        value, variance = np.empty((len(signal_V), outputs)), np.empty((len(signal_V), outputs))
+        for one in self.lines:
+            value[:, one.columns], variance[:, one.columns] = _predict(one, signal_V, noise_V)
+        return regression(value, variance)
+
+    def record(self, training: Training) -> dict[str, Any]:
         """Components and products of each output."""
-        found = {int(column): {"components": len(one.directions.axes), "products": len(one.mean)}
+        found = {training.names[int(column)]: {"components": len(one.directions.axes), "products": len(one.mean)}
                  for one in self.lines for column in one.columns}
-        return [found[column] for column in sorted(found)]
+        return {name: found[name] for name in training.names}
 
 
-def learn(signal_V: Array, target: Array) -> Ridge:
+def fit(signal_V: Array, target: Array) -> Ridge:
     """Fit signals (n, readings) to targets (n, outputs); components and penalty by leave-one-out error, each output."""
     bases = [_basis(signal_V, k) for k in COMPONENTS if k < len(signal_V)]
     errors = np.array([[[_leave_one_out(basis, y, penalty) for penalty in PENALTIES] for basis in bases]
@@ -61,15 +75,6 @@ def learn(signal_V: Array, target: Array) -> Ridge:
     which = errors.min(axis=2).argmin(axis=1)
     return Ridge(tuple(_lines(basis, target, np.flatnonzero(which == k), errors[:, k])
                        for k, basis in enumerate(bases) if np.any(which == k)))
-
-
-def estimate(ridge: Ridge, signal_V: Array, noise_V: float) -> Estimate:
-    """Outputs of signals (n, readings) under white noise."""
-    outputs = sum(len(one.columns) for one in ridge.lines)
-    value, variance = np.empty((len(signal_V), outputs)), np.empty((len(signal_V), outputs))
-    for one in ridge.lines:
-        value[:, one.columns], variance[:, one.columns] = _predict(one, signal_V, noise_V)
-    return Estimate(value, np.sqrt(variance), np.ones(len(signal_V)), np.ones(len(signal_V), bool))
 
 
 @dataclass(frozen=True)
@@ -104,7 +109,7 @@ def _slopes(lines: Lines, f: Array) -> Array:
 
 
 def _basis(signal_V: Array, components: int) -> _Basis:
-    directions = learn_directions(signal_V, components)
+    directions = fit_directions(signal_V, components)
     products = _products(features(directions, signal_V))
     mean, sd = products.mean(0), np.maximum(products.std(0), 1e-12)
     left, singular, right = np.linalg.svd((products - mean) / sd, full_matrices=False)

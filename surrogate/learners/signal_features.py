@@ -23,7 +23,7 @@ class Directions:
     log_sd: float
 
 
-def learn_directions(signal_V: Array, components: int) -> Directions:
+def fit_directions(signal_V: Array, components: int) -> Directions:
     """Directions of signals (n, readings), cut to the `components` of most variance."""
     size = np.linalg.norm(signal_V, axis=1)
     direction = signal_V / size[:, None]

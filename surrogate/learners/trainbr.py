@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.learners.base import Estimate
+from surrogate.data.samples import Samples
+from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.bayesian_network import ensemble
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.ensemble import Networks
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Trainbr:
+class Trainbr(Learner):
     """Networks on min-max differences to the untouched frame.
 
     Where the untouched voltages are the same in every row, as on one sensor, these inputs equal the paper's min-max
@@ -29,18 +30,19 @@ class Trainbr:
     readings: MinMax
     networks: Networks
 
+    @classmethod
+    def fit(cls, rows: Samples, training: Training) -> Trainbr:
+        """Train one network for each output, as ensemble.fit does."""
+        readings = min_max(rows.signal_V)
+        return cls(readings, ensemble.fit(scaled(readings, rows.signal_V), rows.targets(training.names), training.seed,
+                                          Options(epochs=training.epochs), training.workers, training.each))
 
-def learn(signal_V: Array, target: Array, seed: int, options: Options | None = None, workers: int = 1,
-          each: Callable[[Iterable[int]], Iterable[int]] = iter) -> Trainbr:
-    """Train one network for each column of target (n, outputs) on signals (n, readings), as networks.learn does."""
-    readings = min_max(signal_V)
-    return Trainbr(readings, ensemble.learn(scaled(readings, signal_V), target, seed, options or Options(), workers,
-                                            each))
+    def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
+        """Outputs of signals (n, readings) under white noise, which the networks' input slopes carry to the outputs."""
+        found = ensemble.predict(self.networks, scaled(self.readings, signal_V))
+        carried = np.sum((found.slope * (noise_V / self.readings.half_span)) ** 2, axis=2)
+        return regression(found.value, found.variance + carried)
 
-
-def estimate(learner: Trainbr, signal_V: Array, noise_V: float) -> Estimate:
-    """Outputs of signals (n, readings) under white noise, which the networks' input slopes carry to the outputs."""
-    found = ensemble.predict(learner.networks, scaled(learner.readings, signal_V))
-    carried = np.sum((found.slope * (noise_V / learner.readings.half_span)) ** 2, axis=2)
-    return Estimate(found.value, np.sqrt(found.variance + carried), np.ones(len(signal_V)),
-                    np.ones(len(signal_V), bool))
+    def record(self, training: Training) -> dict[str, Any]:
+        """How the training of each output's network ended."""
+        return ensemble.record(self.networks, training.names)

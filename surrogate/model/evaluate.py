@@ -5,18 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.measurement.instrument import below, level_db
 from surrogate.data import outputs
-from surrogate.data.samples import PARTS, Samples, content_hash, take
+from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Estimate
-from surrogate.model.model import Model, estimate, interval_scales
+from surrogate.learners.registry import METHODS, listed
+from surrogate.model.model import Model
+from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import few, told
 from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
 
@@ -66,15 +70,39 @@ class Evaluation:
     predictions: pd.DataFrame
 
 
-def evaluate(model: Model, samples: Samples, noise_dB: Sequence[float] = (), reference: str = "baseline",
-             most_trained: int | None = None) -> Evaluation:
-    """Score a model; levels in dB lie below the RMS of the baseline voltages, or of the signals.
+def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Sequence[float] = (),
+             reference: str = "baseline", most_trained: int | None = None) -> Evaluation:
+    """Score a model on a data set; rows that it was trained on have scores of their own.
 
-    Noise is white, added to the touched frame (the untouched one is taken as averaged over many frames), with a
-    standard deviation that the model is told. Under noise the unseen rows alone are scored, where there are any;
-    without noise all of them, of the training rows `most_trained` at most. ValueError for an unknown reference or
-    another sensor.
+    Parameters
+    ----------
+    model : Model
+    data : Dataset, path or Samples
+        Solved scenes of the model's sensor, or the folder that `eitsim sweep` wrote.
+    noise_dB : sequence of float
+        Levels of noise, dB below the reference. Noise is white, added to the touched frame (the untouched one is taken
+        as averaged over many frames), and the model knows its standard deviation. Under noise the unseen rows alone
+        are scored, where there are any.
+    reference : "baseline" or "signal"
+        What a level lies below: the RMS of the untouched voltages, or of the signals.
+    most_trained : int, optional
+        Training rows that are scored at most, spread evenly; all where left out.
+
+    Returns
+    -------
+    Evaluation
+
+    Raises
+    ------
+    ValueError
+        For an unknown reference, or another sensor.
+
+    Examples
+    --------
+    >>> scores = surrogate.evaluate(model, "sweep", noise_dB=[80, 60]).scores           # doctest: +SKIP
+    >>> scores["outputs"]["F"]["test"]["rmse"]                                          # doctest: +SKIP
     """
+    samples = read_samples(data)
     if reference not in NOISE_REFERENCES:
         raise ValueError(f"noise reference '{reference}' is unknown; known: {', '.join(NOISE_REFERENCES)}.")
     check_sensor(model, samples)
@@ -144,7 +172,8 @@ def material_told(model: Model, samples: Samples) -> str:
                 "narrow for others. Calibrate on a set with draws in [material].")
     if cards > 1:
         return f"intervals hold the spread of {cards} cards of the posterior" + (
-            "." if model.method == "forward" else ", as one of all errors: only the forward method tells it apart.")
+            "." if METHODS[model.method].separates_errors else ", as one of all errors: only the "
+            f"{listed(lambda method: method.separates_errors)} method tells it apart.")
     return "material uncertainty is not in the intervals: the training rows have one card." + (
         f" These rows have {here}: train on a sweep with draws in [material]." if here > 1 else "")
 

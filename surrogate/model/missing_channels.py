@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import rim_correction
-from surrogate.learners.forward import TouchInversion
-from surrogate.model.model import Model
+from surrogate.learners.registry import METHODS, listed
+from surrogate.model.trained import TrainedModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -47,24 +46,25 @@ def named(dead: Mask) -> str:
     return f"dead channel: column {told}" if len(columns) == 1 else f"dead channels: columns {told}"
 
 
-def why_not(model: Model, dead: Mask) -> str:
+def why_not(model: TrainedModel, dead: Mask) -> str:
     """In words, why a model cannot do without these channels (readings,); empty where it can."""
-    if model.method != "forward":
-        return "a model trained on all readings cannot do without it; --method forward can"
+    if not METHODS[model.method].handles_missing_channels:
+        return ("a model trained on all readings cannot do without it; --method "
+                f"{listed(lambda method: method.handles_missing_channels)} can")
     if np.mean(dead) > MOST_DEAD:
         return f"{np.sum(dead)} of {len(dead)} readings are dead, and more than half are needed"
     return ""
 
 
-def check_needed(model: Model, dead: Mask, where: str) -> None:
+def check_needed(model: TrainedModel, dead: Mask, where: str) -> None:
     """ValueError where a model cannot do without channels (readings,) that are dead in every frame of a place, such as
     a file."""
     if dead.any() and (problem := why_not(model, dead)):
         raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Mend it: {problem}.")
 
 
-def without(model: Model, dead: Mask) -> Model:
-    """A forward model that leaves these channels (readings,) out of its misfit, its intervals to be calibrated on
+def without(model: TrainedModel, dead: Mask) -> TrainedModel:
+    """The model that leaves these channels (readings,) out of its misfit, its intervals to be calibrated on
     validation rows that lack them too."""
     if problem := why_not(model, dead):
         raise ValueError(f"{named(dead)}: {problem}.")
@@ -74,12 +74,9 @@ def without(model: Model, dead: Mask) -> Model:
     calibration = replace(model.calibration, signal_V=model.calibration.signal_V[rows][:, kept],
                           target=model.calibration.target[rows])
     ring = _kept(model.ring, kept)
-    assert isinstance(model.learner, TouchInversion)
-    forward = model.learner.forward
-    beside = rim_correction.without(forward.beside, model.ring, kept)
-    learner = replace(model.learner, forward=replace(forward, ring=ring, beside=beside))
     weakest = model.trained.weakest_V * float(np.sqrt(np.mean(kept)))
-    return replace(model, ring=ring, learner=learner, calibration=calibration, baseline_V=model.baseline_V[kept],
+    return replace(model, ring=ring, learner=model.learner.without(model.ring, ring, kept),
+                   calibration=calibration, baseline_V=model.baseline_V[kept],
                    trained=replace(model.trained, weakest_V=weakest))
 
 

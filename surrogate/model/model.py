@@ -1,173 +1,100 @@
-"""A trained surrogate: one learner, the rows it was trained on, and what calibrates its intervals."""
+"""A trained surrogate as users have it: it predicts arrays of voltages and is kept in a folder."""
 
 from __future__ import annotations
 
-import sys
 import warnings
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
+from numpy.typing import ArrayLike
 
-from surrogate.data import outputs
-from surrogate.data.sensor_ring import Ring
-from surrogate.learners.base import Estimate
-from surrogate.statistics.conformal import COVERAGE, conformal_scale
-from surrogate.statistics.metrics import Array
-from touchcal import cache
-from touchcal.array_store import fingerprint
-
-if TYPE_CHECKING:
-    from surrogate.learners.forward import TouchInversion
-    from surrogate.learners.gp import Processes
-    from surrogate.learners.mlp import Mlp
-    from surrogate.learners.network import FeatureNetworks
-    from surrogate.learners.ridge import Ridge
-    from surrogate.learners.trainbr import Trainbr
-
-METHODS = ("trainbr", "network", "forward", "mlp", "ridge", "gp")
-# Methods whose answers take long enough for the scales of their intervals to be kept between runs.
-SLOW = ("forward", "gp")
-# What decides the scales of intervals.
-_CODE = ("surrogate.model.train", "surrogate.model.model")
-# Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
-NOISY_FRAMES, NOISE_DRAWS = 1000, 4
+from surrogate.data.baseline_frame import caution, untouched
+from surrogate.model import store
+from surrogate.model.missing_channels import silent, stuck
+from surrogate.model.predict import predict, prepare, si_table
+from surrogate.model.trained import Array, TrainedModel
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """Validation rows, which neither train the learner nor test it."""
+class Model(TrainedModel):
+    """A learner for some outputs of one sensor, made by `train` or `load`."""
 
-    # (n, readings) signals, V
-    signal_V: Array
-    # (n, outputs) targets
-    target: Array
+    def predict(self, frames_V: ArrayLike, baseline_V: ArrayLike | None = None, *,
+                noise_V: float | None = None) -> pd.DataFrame:
+        """Read a touch from each frame of voltages.
 
+        Parameters
+        ----------
+        frames_V : (n, readings) or (readings,)
+            Voltages of touched frames, V, in the order of the sensor's protocol. NaN is a dead channel.
+        baseline_V : (readings,) or (k, readings), optional
+            The untouched frame, V, or several, whose mean is taken; the mean one of the training where left out.
+        noise_V : float, optional
+            Standard deviation of one reading, V. Where left out, it follows from the scatter of two or more untouched
+            frames; with fewer, intervals leave noise out.
 
-@dataclass(frozen=True)
-class Rows:
-    """The rows of the data set that the model was made from."""
+        Returns
+        -------
+        pandas.DataFrame
+            One row a frame. For each output, in SI units: the value, as `x0_m`, and the lowest and highest of its 90 %
+            interval, as `x0_lo90_m` and `x0_hi90_m`; NaN where no touch can be read. Where the method says what a
+            force's error is due to, its standard deviations `F_sd_noise_N`, `F_sd_material_N`, `F_sd_model_N`. Last,
+            `flag`: in words what is to be known of the frame, else empty.
 
-    # (n,) hash of each row, and its part: an index into split.PARTS
-    row_hash: NDArray[np.uint64]
-    part: NDArray[np.int64]
+        Raises
+        ------
+        ValueError
+            For frames of another number of readings, or a noise that is no finite number from 0.
 
+        Examples
+        --------
+        >>> model = surrogate.load("forward")                                   # doctest: +SKIP
+        >>> model.predict(frames_V, baseline_V)[["x0_m", "y0_m", "F_N"]]        # doctest: +SKIP
+        """
+        frames = self._frames("frames_V", frames_V)
+        reference = self._frames("baseline_V", self.baseline_V if baseline_V is None else baseline_V)
+        dead = stuck(frames) | stuck(reference) | silent(reference, self.baseline_V).any(axis=0)
+        known = untouched(reference)
+        if words := caution(self.baseline_V, known.volts):
+            warnings.warn(words, stacklevel=2)
+        noise = noise_V if noise_V is not None else known.noise_V or 0.0
+        return si_table(self, predict(prepare(self, known.volts, noise, dead), frames))
 
-@dataclass(frozen=True)
-class Range:
-    """What the training rows span; predictions beyond it are flagged."""
+    def save(self, folder: Path | str) -> None:
+        """Write the model as a folder that `load` reads; nothing in it is ever executed.
 
-    # (outputs,) lowest and highest target
-    lowest: Array
-    highest: Array
-    # norm of the weakest signal, V
-    weakest_V: float
-    # largest misfit of a validation row
-    misfit: float
+        Parameters
+        ----------
+        folder : path
+            Folder to write, made where it is missing.
+        """
+        store.save(self, Path(folder))
 
-
-@dataclass(frozen=True)
-class Model:
-    """A learner for some outputs of one sensor."""
-
-    # one of METHODS
-    method: str
-    ring: Ring
-    # names of the outputs, in the order of outputs.NAMES
-    names: tuple[str, ...]
-    learner: Trainbr | FeatureNetworks | TouchInversion | Mlp | Ridge | Processes
-    calibration: Calibration
-    rows: Rows
-    trained: Range
-    # (readings,) voltages of the untouched sensor, V
-    baseline_V: Array
-    seed: int
-    # CPU time of the training, s
-    fit_s: float
-    # how the training went and what it was made from, as JSON
-    record: Mapping[str, Any]
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each output."""
-        return tuple(outputs.of(name).unit for name in self.names)
-
-
-def check_method(method: str) -> None:
-    """ValueError for an unknown method, listing the known."""
-    if method not in METHODS:
-        raise ValueError(f"method '{method}' is unknown; known: {', '.join(METHODS)}.")
+    def _frames(self, name: str, volts: ArrayLike) -> Array:
+        found = np.atleast_2d(np.asarray(volts, np.float64))
+        if found.ndim != 2 or found.shape[1] != len(self.baseline_V):
+            raise ValueError(f"{name} has the shape {found.shape}; expected (n, {len(self.baseline_V)}) volts, a row a "
+                             "frame of the trained sensor.")
+        return found
 
 
-def learner_class(method: str) -> type[Any]:
-    """The class of a method's learner, imported when it is asked for, as some need torch; ValueError for another."""
-    check_method(method)
-    match method:
-        case "trainbr":
-            from surrogate.learners.trainbr import Trainbr as Learner
-        case "network":
-            from surrogate.learners.network import FeatureNetworks as Learner
-        case "forward":
-            from surrogate.learners.forward import TouchInversion as Learner
-        case "mlp":
-            from surrogate.learners.mlp import Mlp as Learner
-        case "ridge":
-            from surrogate.learners.ridge import Ridge as Learner
-        case _:
-            from surrogate.learners.gp import Processes as Learner
-    return Learner
+def load(folder: Path | str) -> Model:
+    """Read a model that `Model.save` or `surrogate train` wrote.
 
+    Parameters
+    ----------
+    folder : path
+        Folder of the model.
 
-def estimate(model: Model, signal_V: Array, noise_V: float = 0.0) -> Estimate:
-    """Outputs of signals (n, readings) in V under white noise of standard deviation noise_V, before calibration."""
-    learner = sys.modules[learner_class(model.method).__module__]
-    return learner.estimate(model.learner, signal_V, noise_V)
+    Returns
+    -------
+    Model
 
-
-def interval_scale(model: Model, noise_V: float = 0.0) -> Array:
-    """(outputs,) standard deviations that make a 90 % interval at this noise, from the validation rows."""
-    return interval_scales(model, noise_V, (COVERAGE,))[0]
-
-
-def interval_scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
-    """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale; kept between
-    runs where they take long (TOUCHCAL_CACHE)."""
-    if model.method not in SLOW:
-        return _scales(model, noise_V, coverages)
-    kept, note = cache.kept(_key(model, noise_V, coverages), lambda: {"scales": _scales(model, noise_V, coverages)})
-    if note:
-        warnings.warn(f"the calibration of intervals is {note}", stacklevel=2)
-    return kept["scales"]
-
-
-def calibrated(model: Model, noise_V: float) -> bool:
-    """Whether interval_scale answers at once at this noise."""
-    return model.method not in SLOW or cache.stored(_key(model, noise_V, (COVERAGE,))) is not None
-
-
-def _key(model: Model, noise_V: float, coverages: Sequence[float]) -> str:
-    """What the scales of a model follow from, for the cache."""
-    return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
-                         "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages)}, _CODE)
-
-
-def _scales(model: Model, noise_V: float, coverages: Sequence[float]) -> Array:
-    rows = model.calibration
-    draws = min(NOISE_DRAWS, -(-NOISY_FRAMES // len(rows.target))) if noise_V > 0 else 1
-    signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
-    noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
-    found = estimate(model, noisy, noise_V)
-    error, few = found.value - target, discrete(model)
-    return np.array([conformal_scale(error, found.sd, len(rows.target), c, few) for c in coverages])
-
-
-def discrete(model: Model) -> NDArray[np.bool_]:
-    """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
-    if model.method != "forward":
-        return np.zeros(len(model.names), bool)
-    from surrogate.learners.forward import TouchInversion
-    assert isinstance(model.learner, TouchInversion)
-    known = len(model.learner.forward.known_mm) > 0
-    return np.array([known and name == "d" for name in model.names])
+    Raises
+    ------
+    TestFileError
+        Where the folder holds no model, one of another schema, or a damaged one.
+    """
+    return store.read(Model, Path(folder))

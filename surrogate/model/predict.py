@@ -9,11 +9,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from surrogate.data import outputs
 from surrogate.data.frame_rows import Lines
 from surrogate.learners.base import Estimate
-from surrogate.learners.novelty import Familiar, learn_familiar, of_other_sign, strangeness
+from surrogate.learners.novelty import Novelty, fit_novelty, novelty_score, of_other_sign
+from surrogate.learners.registry import METHODS
 from surrogate.model.missing_channels import Mask, named, silent, why_not, without
-from surrogate.model.model import Model, estimate, interval_scale
+from surrogate.model.trained import TrainedModel, estimate, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
 
 Array = NDArray[np.float64]
@@ -43,14 +45,14 @@ PARTS = ("noise", "material", "model")
 class Predictor:
     """A model with what does not change from frame to frame."""
 
-    model: Model
+    model: TrainedModel
     # (readings,) the untouched frame, V
     baseline_V: Array
     # standard deviation of the noise of a signal, V
     noise_V: float
     # (outputs,) standard deviations that make a 90 % interval
     scale: Array
-    familiar: Familiar
+    novelty: Novelty
     # (readings,) channels that are dead whatever a frame reads
     dead: Mask
     # predictors of the readings that are left, by the bytes of a mask of dead channels
@@ -71,7 +73,7 @@ class Predictions:
     force_parts: Array
 
 
-def prepare(model: Model, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None) -> Predictor:
+def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None) -> Predictor:
     """What predicting frames needs, the calibration of the intervals included, once for a stream of frames.
 
     dead: (readings,) channels known to be dead, beside those that the baseline shows. ValueError for a noise that is no
@@ -82,7 +84,7 @@ def prepare(model: Model, baseline_V: Array, noise_V: float = 0.0, dead: Mask | 
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     return Predictor(model, baseline_V, noise_V, interval_scale(model, noise_V),
-                     learn_familiar(model.ring, model.calibration.signal_V), lost)
+                     fit_novelty(model.ring, model.calibration.signal_V), lost)
 
 
 def predict(predictor: Predictor, volts: Array) -> Predictions:
@@ -131,18 +133,18 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     """Predictions of frames that have all their channels."""
     model, signal = predictor.model, volts - predictor.baseline_V
     size = np.linalg.norm(signal, axis=1)
-    wild = size > WILD * predictor.familiar.strongest_V
+    wild = size > WILD * predictor.novelty.strongest_V
     touched = (size >= WEAK * model.trained.weakest_V) & ~wild
     shape = (len(signal), len(model.names))
     value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
     flags[wild] = f"{OUTSIDE}; {MISFIT}"
-    reverse = touched & of_other_sign(predictor.familiar, signal, predictor.noise_V)
+    reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise_V)
     reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _parts_told(model)), np.nan)
     if np.any(touched):
         found = estimate(model, signal[touched], predictor.noise_V)
-        strange = strangeness(predictor.familiar, signal[touched], predictor.noise_V) / MISFIT_FACTOR
-        outside = _outside(model, found) | (size[touched] > STRONG * predictor.familiar.strongest_V)
+        strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
+        outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value
         half_width[touched] = _widened(model, found.sd * predictor.scale, strange, outside)
         flags[touched] = _flags(model, found, strange > 1, outside)
@@ -152,12 +154,12 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     return Predictions(value, half_width, flags.tolist(), parts)
 
 
-def _parts_told(model: Model) -> int:
+def _parts_told(model: TrainedModel) -> int:
     """Number of parts that a model tells of the force's standard deviation."""
-    return len(PARTS) if model.method == "forward" and "F" in model.names else 0
+    return len(PARTS) if METHODS[model.method].separates_errors and "F" in model.names else 0
 
 
-def _force_parts(model: Model, found: Estimate, sd: Array) -> Array:
+def _force_parts(model: TrainedModel, found: Estimate, sd: Array) -> Array:
     """(n, 3) parts of the force's calibrated standard deviations, of sd (n, outputs), in the shares of the estimate."""
     assert found.parts is not None
     k = model.names.index("F")
@@ -165,7 +167,7 @@ def _force_parts(model: Model, found: Estimate, sd: Array) -> Array:
     return np.column_stack([part[:, k] for part in each]) * (sd / found.sd)[:, k, None]
 
 
-def _widened(model: Model, half_width: Array, strange: Array, outside: Mask) -> Array:
+def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Mask) -> Array:
     """Half widths (n, outputs) of signals that are so many times as strange as trained ones, or outside their range; no
     coverage is promised there. None is wider than the range of the training."""
     factor = np.maximum(np.clip(strange, 1.0, MOST_WIDENED), np.where(outside, OUTSIDE_WIDENED, 1.0))
@@ -175,31 +177,42 @@ def _widened(model: Model, half_width: Array, strange: Array, outside: Mask) -> 
     return np.minimum(wide, np.where(span > 0, span, np.inf))
 
 
-def _outside(model: Model, found: Estimate) -> Mask:
+def _outside(model: TrainedModel, found: Estimate) -> Mask:
     """(n,) whether an estimate lies beyond the training range, SLACK aside."""
     slack = SLACK * (model.trained.highest - model.trained.lowest)
     beyond = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
     return beyond.any(axis=1) | ~found.inside
 
 
-def _flags(model: Model, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
+def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
     odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
     return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]
 
 
-def columns(model: Model) -> list[str]:
+def columns(model: TrainedModel) -> list[str]:
     """Names of the columns of predictions: line, then value, lowest and highest of the 90 % interval of each output in
     its unit, parts of the force's standard deviation where the model tells them, then the flag."""
-    each = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
+    return ["line", *_columns(model, model.units), "flag"]
+
+
+def _columns(model: TrainedModel, units: Sequence[str]) -> list[str]:
+    each = [f"{name}{end}_{unit}" for name, unit in zip(model.names, units, strict=True)
             for end in ("", "_lo90", "_hi90")]
     parts = [f"F_sd_{part}_N" for part in PARTS] if _parts_told(model) else []
-    return ["line", *each, *parts, "flag"]
+    return [*each, *parts]
 
 
 def numbers_of(found: Predictions) -> Array:
     """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
     ends = (found.value, found.value - found.half_width, found.value + found.half_width)
     return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
+
+
+def si_table(model: TrainedModel, found: Predictions) -> pd.DataFrame:
+    """One row a frame, in SI units: the columns of `columns`, line aside."""
+    units, scales = zip(*(outputs.SI[unit] for unit in model.units), strict=True)
+    scale = [*np.repeat(scales, 3), *np.ones(found.force_parts.shape[1])]
+    return pd.DataFrame(numbers_of(found) * scale, columns=_columns(model, units)).assign(flag=found.flag)
 
 
 def read_touches(predictor: Predictor, lines: Lines) -> Predictions:

@@ -7,7 +7,7 @@ import os
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import Ring
-from surrogate.model.model import METHODS, Calibration, Model, Range, Rows, learner_class
+from surrogate.learners.registry import METHODS
+from surrogate.model.trained import Calibration, Range, Rows, TrainedModel
 from touchcal.array_store import Arrays, flat, rebuilt
 from touchcal.errors import TestFileError
 from touchcal.json_file import write_json
@@ -23,9 +24,10 @@ from touchcal.json_file import write_json
 SCHEMA = 8
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
+M = TypeVar("M", bound=TrainedModel)
 
 
-def save(model: Model, folder: Path) -> None:
+def save(model: TrainedModel, folder: Path) -> None:
     """Write a model; model.json comes last, so a folder that has it is whole."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DESCRIPTION).unlink(missing_ok=True)
@@ -54,8 +56,8 @@ def histories(folder: Path, names: Sequence[str]) -> dict[str, NDArray[np.float6
     return {name: history for name, history in found.items() if history is not None}
 
 
-def load(folder: Path) -> Model:
-    """Read a model; TestFileError where the folder is none, of another schema, or damaged."""
+def read(kind: type[M], folder: Path) -> M:
+    """Read a model as this class; TestFileError where the folder is none, of another schema, or damaged."""
     path = folder / DESCRIPTION
     if not path.is_file():
         raise TestFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "
@@ -71,7 +73,7 @@ def load(folder: Path) -> Model:
         raise TestFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one that "
                                   f"this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
     try:
-        return _assemble(text, _read_arrays(folder / ARRAYS))
+        return _assemble(kind, text, _read_arrays(folder / ARRAYS))
     except (KeyError, TypeError, ValueError, zipfile.BadZipFile, EOFError) as error:
         told = type(error).__name__ if "pickle" in str(error) else error
         raise TestFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
@@ -83,14 +85,14 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
         return {name: stored[name] for name in stored.files}
 
 
-def _assemble(text: dict[str, Any], arrays: Arrays) -> Model:
+def _assemble(kind: type[M], text: dict[str, Any], arrays: Arrays) -> M:
     own = ("schema", "method", "outputs", "seed", "fit_s")
     names = tuple(outputs.of(output["name"]).name for output in text["outputs"])
     ring = rebuilt(Ring, "ring", arrays)
     if arrays["baseline_V"].shape != ring.read.shape:
         raise ValueError("baseline_V is not of the ring's readings")
-    return Model(text["method"], ring, names,
-                 rebuilt(learner_class(text["method"]), "learner", arrays),
+    return kind(text["method"], ring, names,
+                 rebuilt(METHODS[text["method"]].learner(), "learner", arrays),
                  rebuilt(Calibration, "calibration", arrays), rebuilt(Rows, "rows", arrays),
                  rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
                  {key: value for key, value in text.items() if key not in own})

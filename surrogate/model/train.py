@@ -4,59 +4,89 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.data import material_states, outputs
-from surrogate.data.samples import PARTS, Samples, content_hash, split, take
+from eitsim.sweeps.dataset.parquet import Dataset
+from surrogate.data.outputs import chosen as chosen_outputs
+from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, split, take
 from surrogate.data.sensor_ring import same_ring
-from surrogate.model.model import Calibration, Model, Range, Rows, check_method, estimate
+from surrogate.learners.base import Progress, Training
+from surrogate.learners.registry import listed, method_of
+from surrogate.model.model import Model
+from surrogate.model.trained import Calibration, Range, Rows, estimate
 
-if TYPE_CHECKING:
-    from surrogate.learners.bayesian_network.ensemble import Networks
-
-# Methods whose training takes steps.
-ITERATED = ("trainbr", "network", "mlp")
 # Fewest rows of another set that calibrate intervals: as many as have an order statistic at 95 %.
 MIN_CALIBRATING = 19
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
-def train(samples: Samples, method: str, names: tuple[str, ...] = outputs.NAMES, seed: int = 0, *,
-          epochs: int | None = None, workers: int = 1, each: Progress = iter,
-          calibrate: Samples | None = None) -> Model:
-    """Train `method` for the outputs of these names; of the touches 70 % train, 15 % calibrate, 15 % test,
-    by the seed.
+def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs: str | Sequence[str] = "all",
+          seed: int = 0, *, epochs: int | None = None, workers: int = 1, each: Progress = iter,
+          calibrate: Samples | Dataset | Path | str | None = None) -> Model:
+    """Train a surrogate on a data set: of the touches 70 % train, 15 % calibrate the intervals, 15 % test, by the seed.
 
-    `epochs` bounds the steps of those ITERATED; `workers` processes share the outputs of trainbr and network; `each`
-    may show progress over them. Rows `calibrate`, as of another mesh, take the place of those 15 % when intervals are
-    calibrated, so that these hold what that set shows of the model's error. ValueError for an unknown method, too few
-    rows, another sensor, or data that the method cannot learn.
+    Parameters
+    ----------
+    data : Dataset, path or Samples
+        Solved scenes of one sensor with one touch each, or the folder that `eitsim sweep` wrote.
+    method : str
+        One of `METHODS`.
+    outputs : "all", a comma-separated text or a sequence
+        Names among x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max.
+    seed : int
+        Seed of the split and of the networks.
+    epochs : int, optional
+        Most steps of an iterated method.
+    workers : int
+        Processes that share the outputs of networks; the networks are the same for any number of them.
+    each : callable
+        May show progress: it is given the numbers of the networks and yields them.
+    calibrate : Dataset, path or Samples, optional
+        Rows, as of another mesh, that take the place of those 15 % when intervals are calibrated, so that these hold
+        what that set shows of the model's error.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    ValueError
+        For an unknown method or output, too few rows, another sensor, or data that the method cannot learn.
+    TestFileError
+        Where a folder is no data set, or a damaged one.
+
+    Examples
+    --------
+    >>> model = surrogate.train("sweep", method="ridge", outputs="x0,y0,F", seed=1)     # doctest: +SKIP
     """
-    check_method(method)
-    if epochs is not None and method not in ITERATED:
-        raise ValueError(f"epochs are steps of {', '.join(ITERATED)}; {method} has none. Leave them out.")
+    chosen = method_of(method)
+    if epochs is not None and not chosen.epochs:
+        raise ValueError(f"epochs are steps of {listed(lambda one: one.epochs)}; {method} has none. Leave them out.")
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
+    samples, names = read_samples(data), chosen_outputs(outputs)
     part = split(samples.touch, seed)
-    chosen = [outputs.NAMES.index(name) for name in names]
     training, validation = take(samples, part == "train"), take(samples, part == "val")
     _check_signals(training)
-    if calibrate is not None:
-        _check_calibrating(samples, calibrate)
-        validation = calibrate
+    other = None if calibrate is None else read_samples(calibrate)
+    if other is not None:
+        _check_calibrating(samples, other)
+        validation = other
     begun = _cpu_s()
-    learner, record = _learn(training, method, names, chosen, seed, epochs, workers, each)
+    asked = Training(names, seed, epochs or chosen.epochs, workers, each)
+    learner = chosen.learner().fit(training, asked)
     fit_s = _cpu_s() - begun
-    target = training.target[:, chosen]
+    target = training.targets(names)
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
-    model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.target[:, chosen]),
-                  _rows(samples, part, calibrate), span, samples.baseline_V.mean(0), seed, fit_s,
-                  {**_provenance(samples, part, validation), "training": record})
+    model = Model(method, samples.ring, names, learner, Calibration(validation.signal_V, validation.targets(names)),
+                  _rows(samples, part, other), span, samples.baseline_V.mean(0), seed, fit_s,
+                  {**_provenance(samples, part, validation), "training": learner.record(asked)})
     worst = float(estimate(model, validation.signal_V).misfit.max())
     return replace(model, trained=replace(span, misfit=worst))
 
@@ -94,56 +124,6 @@ def _check_signals(samples: Samples) -> None:
                          "has numbers alone. Sweep that part again.")
     if silent := [int(s) for s, row in zip(samples.scene, samples.signal_V, strict=True) if not np.any(row)]:
         raise ValueError(f"scene {silent[0]} has no signal: every dv is 0. Mend the skin or the force of the sweep.")
-
-
-def _learn(training: Samples, method: str, names: tuple[str, ...], chosen: list[int], seed: int, epochs: int | None,
-           workers: int, each: Progress) -> tuple[Any, dict[str, Any]]:
-    """The learner, and how its training went as JSON."""
-    signal, target = training.signal_V, training.target[:, chosen]
-    match method:
-        case "trainbr":
-            from surrogate.learners import trainbr
-            from surrogate.learners.bayesian_network import bayesian_regularisation
-
-            options = (
-                bayesian_regularisation.Options() if epochs is None else bayesian_regularisation.Options(epochs=epochs)
-            )
-            found = trainbr.learn(signal, target, seed, options, workers, each)
-            return found, _trainings(names, found.networks)
-        case "network":
-            from surrogate.learners import network
-
-            options = network.ROBUST if epochs is None else replace(network.ROBUST, epochs=epochs)
-            found = network.learn(signal, target, seed, options, workers, each)
-            return found, _trainings(names, found.networks)
-        case "forward":
-            from surrogate.learners import forward
-
-            states = material_states.states(material_states.learn(training.material), training.material)
-            inversion = forward.learn(training.ring, signal, training.target, names, states)
-            return inversion, {"modes": len(inversion.forward.field), "signal_floor": inversion.forward.floor,
-                               "material_states": states.shape[1]}
-        case "mlp":
-            from surrogate.learners import mlp
-
-            found = mlp.learn(signal, target, seed, epochs or mlp.STEPS)
-            return found, {"components": len(found.directions.axes), "units": mlp.UNITS, "steps": epochs or mlp.STEPS}
-        case "ridge":
-            from surrogate.learners import ridge
-
-            lines = ridge.learn(signal, target)
-            return lines, dict(zip(names, lines.sizes, strict=True))
-        case _:
-            from surrogate.learners import gp
-
-            found = gp.learn(signal, target)
-            return found, {"components": len(found.directions.axes), "rows_kept": len(found.processes[0].nodes)}
-
-
-def _trainings(names: tuple[str, ...], found: Networks) -> dict[str, Any]:
-    keys = ("gamma", "alpha", "beta", "epochs", "stop", "log_evidence", "collapses", "collapsed")
-    return {name: {key: getattr(training, key) for key in keys} | {"parameters": found.weights.shape[1]}
-            for name, training in zip(names, found.trainings, strict=True)}
 
 
 def _codes(part: NDArray[np.str_]) -> NDArray[np.int64]:

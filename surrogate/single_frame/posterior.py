@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from matcal.posterior.ensembles import Derived, run_ensembles
 from surrogate.bounds.fisher_information import Prior
-from surrogate.forward_map.forward_map import ForwardMap, floor_at, linearise
+from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown
 from surrogate.single_frame import diameter_profile, likelihood_emulator
@@ -132,8 +132,8 @@ def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
     """Noise and the learned map's own error about a touch."""
     unknown = to_unknown(touch[None], forward.p0)
     here = linearise(forward, unknown)
-    floor = floor_at(forward, unknown)[0] * np.linalg.norm(here.signal_V)
-    return Unknowns(float(np.hypot(noise_V, floor)), here.doubt[0])
+    floor = noise_floor(forward, unknown)[0] * np.linalg.norm(here.signal_V)
+    return Unknowns(float(np.hypot(noise_V, floor)), here.discrepancy[0])
 
 
 def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, seed: int,

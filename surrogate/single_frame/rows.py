@@ -14,13 +14,13 @@ from surrogate.data.baseline_frame import OTHER_BASELINE
 from surrogate.data.frame_rows import Lines
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.invert import invert
-from surrogate.forward_map.inversion.nonlinearity import bend
+from surrogate.forward_map.inversion.nonlinearity import relative_curvature
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
-from surrogate.learners.novelty import learn_familiar
+from surrogate.learners.novelty import fit_novelty
 from surrogate.model.missing_channels import Mask, named, silent
-from surrogate.model.model import Model
 from surrogate.model.predict import MISFIT, NO_TOUCH, WEAK, Predictions, Predictor, read_touches
+from surrogate.model.trained import TrainedModel
 from surrogate.single_frame.posterior import Posterior, posterior_of
 from surrogate.single_frame.simulated_posterior import simulated_posterior
 from surrogate.single_frame.simulator_inversion import Direct, direct
@@ -55,7 +55,7 @@ class One:
     learned: Predictions
 
 
-def learner_of(model: Model) -> TouchInversion:
+def learner_of(model: TrainedModel) -> TouchInversion:
     """The forward map of a model; ValueError for other methods."""
     if not isinstance(model.learner, TouchInversion):
         raise ValueError(f"this asks for a map from touches to readings, and the model is of method {model.method}. "
@@ -69,14 +69,14 @@ def learner_of(model: Model) -> TouchInversion:
     return model.learner
 
 
-def uncalibrated(model: Model, baseline_V: Array, noise_V: float, dead: Mask) -> Predictor:
+def uncalibrated(model: TrainedModel, baseline_V: Array, noise_V: float, dead: Mask) -> Predictor:
     """As `prepare`, without calibrating intervals that a posterior replaces: that inverts every calibration row."""
     lost = silent(baseline_V[None], model.baseline_V)[0] | dead
     return Predictor(model, baseline_V, noise_V, np.ones(len(model.names)),
-                     learn_familiar(model.ring, model.calibration.signal_V), lost)
+                     fit_novelty(model.ring, model.calibration.signal_V), lost)
 
 
-def whole(lines: Lines, model: Model) -> Lines:
+def whole(lines: Lines, model: TrainedModel) -> Lines:
     """Lines with a problem told of each frame that lacks a channel, which these ways of reading do not leave out."""
     dead = silent(lines.volts, model.baseline_V)
     problem = [told or (f"{named(mask)}; --direct, --posterior and --touches 2 need all" if mask.any() else "")
@@ -109,7 +109,7 @@ def check_baseline(simulated_V: Array, baseline_V: Array) -> None:
                          "not of one sensor, drive and unit. Give the --card and --data or --scene of these frames.")
 
 
-def direct_row(model: Model, simulator: Simulator, one: One, noise_V: float) -> Row:
+def direct_row(model: TrainedModel, simulator: Simulator, one: One, noise_V: float) -> Row:
     """Values and 90 % intervals of x0, y0, d and F, whose they are, and what they cost.
 
     The learned map's are kept where the simulator has no readings or does not explain the frame better, where noise
@@ -134,7 +134,7 @@ def direct_row(model: Model, simulator: Simulator, one: One, noise_V: float) -> 
     if why:
         shared = np.sqrt(np.maximum(np.diag(own.covariance) - np.diag(own.own) * max(own.misfit, 1.0), 0.0))
         return _direct_row(one, kept, np.hypot(half, shared * normal(COVERAGE)), "learned", own, _joined(flag, why))
-    if not sure and bend(learner.forward, own.touch, own.covariance, own.unknowns.whitening) > BENT:
+    if not sure and relative_curvature(learner.forward, own.touch, own.covariance, own.unknowns.whitening) > BENT:
         flag = _joined(flag, BENT_WORDS)
     return _direct_row(one, own.touch, np.sqrt(np.diag(own.covariance)) * normal(COVERAGE), "simulator", own, flag)
 
@@ -151,7 +151,7 @@ def _why_learned(own: Direct, broad: bool, learned_sd: Array) -> str:
     return ""
 
 
-def pair_row(model: Model, line: int, signal_V: Array, noise_V: float) -> Row:
+def pair_row(model: TrainedModel, line: int, signal_V: Array, noise_V: float) -> Row:
     """Two touches of a signal (readings,), V, with standard deviations, and whether it needs two."""
     forward = learner_of(model).forward
     if np.linalg.norm(signal_V) < WEAK * model.trained.weakest_V:
@@ -182,7 +182,7 @@ def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | N
     return row | {"by": taken} | cost | {"flag": flag}
 
 
-def posterior_row(model: Model, simulator: Simulator | None, one: One, noise_V: float, seed: int) -> Row:
+def posterior_row(model: TrainedModel, simulator: Simulator | None, one: One, noise_V: float, seed: int) -> Row:
     """Median, standard deviation, 5 and 95 % of every output of the model, correlation of d and F, and how good the
     chains are; without numbers where the frame has no touch or no posterior. Where there is a simulator, by its
     likelihood."""
@@ -222,7 +222,7 @@ def _posterior(learner: TouchInversion, simulator: Simulator | None, one: One, n
                                  "held_out_error": told.held_out_error}
 
 
-def _values(model: Model, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:
+def _values(model: TrainedModel, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:
     """Draws of every output of the model: the touch, and its learned response with that one's own scatter."""
     values = dict(zip(outputs.NAMES, found.draws.T, strict=False))
     mechanical = [name for name in model.names if name in outputs.NAMES[outputs.TOUCH:]]

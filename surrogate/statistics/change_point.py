@@ -21,7 +21,7 @@ APART, ROWS, FEWEST = 16, 200, 60
 NONE = -np.inf
 
 
-def place(x: Array, y: Array, along: Array, noise: float) -> float:
+def locate(x: Array, y: Array, along: Array, noise: float) -> float:
     """Where `along` (n,) has a step, for rows of inputs x (n, q) over the lengths and quantities y (n, k) whose noise
     is this part of their amplitude; NONE where it has none."""
     order = np.argsort(along)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
+from surrogate.statistics.gaussian_process import squared_exponential
+
 Array = NDArray[np.float64]
 
 # Nodes of the coefficients, and those that amplitudes and noise are estimated with, in so many rounds.
@@ -67,7 +69,7 @@ def predict(process: SharedProcess, x: Array) -> tuple[Array, Array]:
     u = (x - process.centre) / process.lengths
     q = u.shape[1]
     trend, weights = process.weights[:1 + q], process.weights[1 + q:]
-    kernel = _kernel(u, process.nodes)
+    kernel = squared_exponential(u, process.nodes)
     mean = trend[0] + u @ trend[1:] + kernel @ weights
     gradient = [trend[1 + j] + kernel @ (process.nodes[:, j, None] * weights) - u[:, j, None] * (kernel @ weights)
                 for j in range(q)]
@@ -112,14 +114,9 @@ def _spread(u: Array, most: int) -> Array:
 
 def _regressors(u: Array, nodes: Array) -> Array:
     """(n, 1 + q + k) trend and whitened kernel."""
-    within = solve_triangular(_factor(nodes), _kernel(nodes, u), lower=True).T
+    within = solve_triangular(_factor(nodes), squared_exponential(nodes, u), lower=True).T
     return np.column_stack([np.full(len(u), TREND), TREND * u, within])
 
 
 def _factor(nodes: Array) -> Array:
-    return cholesky(_kernel(nodes, nodes) + JITTER * np.eye(len(nodes)), lower=True)
-
-
-def _kernel(a: Array, b: Array) -> Array:
-    squared = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T
-    return np.exp(-0.5 * np.maximum(squared, 0.0))
+    return cholesky(squared_exponential(nodes, nodes) + JITTER * np.eye(len(nodes)), lower=True)

@@ -42,7 +42,8 @@ class GaussianProcess:
     @cached_property
     def factor(self) -> Array:
         """(k, k) lower Cholesky factor of the covariance of the nodes."""
-        return cholesky(self.amplitude**2 * _kernel(self.nodes, self.nodes) + np.diag(self.noise), lower=True)
+        kernel = squared_exponential(self.nodes, self.nodes)
+        return cholesky(self.amplitude**2 * kernel + np.diag(self.noise), lower=True)
 
     @cached_property
     def carried(self) -> Array:
@@ -107,7 +108,7 @@ def predict(process: GaussianProcess, x: Array) -> tuple[Array, Array, Array]:
 
 
 def _cross(process: GaussianProcess, x: Array) -> Array:
-    return process.amplitude**2 * _kernel(x / process.lengths, process.nodes)
+    return process.amplitude**2 * squared_exponential(x / process.lengths, process.nodes)
 
 
 def _mean(process: GaussianProcess, x: Array, cross: Array) -> tuple[Array, Array]:
@@ -120,9 +121,20 @@ def _spread(n: int, most: int) -> NDArray[np.intp]:
     return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
 
 
-def _kernel(a: Array, b: Array) -> Array:
-    squared = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T
-    return np.exp(-0.5 * np.maximum(squared, 0.0))
+def squared_distance(a: Array, b: Array) -> Array:
+    """(n, m) |a - b|^2 of inputs (n, q) and (m, q)."""
+    return np.maximum(np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T, 0.0)
+
+
+def squared_exponential(a: Array, b: Array) -> Array:
+    """(n, m) exp(-|a - b|^2 / 2) of inputs (n, q) and (m, q) over the lengths."""
+    return np.exp(-0.5 * squared_distance(a, b))
+
+
+def negative_log_likelihood(factor: Array, quadratic: Array) -> float:
+    """Sum over quantities of n/2 log(y'C^-1 y) + log|C|/2, amplitudes eliminated, by the Cholesky factor (n, n) of C
+    and y'C^-1 y (outputs,)."""
+    return float(0.5 * len(factor) * np.log(quadratic).sum() + len(quadratic) * np.log(np.diag(factor)).sum())
 
 
 def _regressors(x: Array) -> Array:
@@ -154,20 +166,20 @@ def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, fl
 
 def _negative_log_posterior(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:
     """The negative log likelihood and the prior of the lengths, with the gradient."""
-    value, gradient = _negative_log_likelihood(log, squared, y, shape)
+    value, gradient = _likelihood_and_gradient(log, squared, y, shape)
     off = (log[:-1] - np.log(LENGTH_MEDIAN)) / LENGTH_SPREAD
     return value + 0.5 * float(off @ off), gradient + np.r_[off / LENGTH_SPREAD, 0.0]
 
 
-def _negative_log_likelihood(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:
-    """n/2 log(y'C^-1 y) + log|C|/2 with the amplitude eliminated, and its gradient."""
+def _likelihood_and_gradient(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:
+    """The negative log likelihood and its gradient by the logarithms of lengths and noise ratio."""
     lengths, ratio = np.exp(log[:-1]), np.exp(log[-1])
     smooth = np.exp(-0.5 * squared @ lengths**-2.0)
     factor = cholesky(smooth + ratio**2 * np.diag(shape), lower=True)
     inverse = cho_solve((factor, True), np.eye(len(y)))
     weights = inverse @ y
     quadratic = max(float(y @ weights), np.finfo(float).tiny)
-    value = 0.5 * len(y) * np.log(quadratic) + np.sum(np.log(np.diag(factor)))
+    value = negative_log_likelihood(factor, np.array([quadratic]))
     outer = inverse - np.outer(weights, weights) * len(y) / quadratic
     by_length = 0.5 * np.einsum("ij,ijq->q", outer * smooth, squared) * lengths**-2.0
     by_noise = ratio**2 * np.sum(np.diag(outer) * shape)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import minimize
 
+from surrogate.statistics.gaussian_process import negative_log_likelihood, squared_distance
+
 Array = NDArray[np.float64]
 
 # Most rows and quantities that the lengths are searched on.
@@ -66,8 +68,7 @@ def predict(process: Matern, x: Array) -> tuple[Array, Array]:
 def _root(a: Array, b: Array) -> Array:
     """sqrt(5) |a - b|, from the first of b, so that inputs that are alike lose no digits."""
     a, b = a - b[0], b - b[0]
-    squared = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T
-    return np.sqrt(5 * np.maximum(squared, 0.0))
+    return np.sqrt(5 * squared_distance(a, b))
 
 
 def _kernel(root: Array) -> Array:
@@ -83,12 +84,12 @@ def hyperparameters(x: Array, y: Array) -> tuple[Array, float]:
     q = x.shape[1]
     bounds = [tuple(np.log(LENGTH_BOUNDS))] * q + [tuple(np.log(NOISE_BOUNDS))]
     start = np.r_[np.zeros(q), np.log(1e-2)]
-    found = minimize(_negative_log_likelihood, start, (x / span, y), jac=True, method="L-BFGS-B", bounds=bounds,
+    found = minimize(_likelihood_and_gradient, start, (x / span, y), jac=True, method="L-BFGS-B", bounds=bounds,
                      options={"maxiter": ITERATIONS})
     return span * np.exp(found.x[:q]), float(np.exp(found.x[q]))
 
 
-def _negative_log_likelihood(log: Array, x: Array, y: Array) -> tuple[float, Array]:
+def _likelihood_and_gradient(log: Array, x: Array, y: Array) -> tuple[float, Array]:
     """Cost of quantities y (n, outputs) at inputs x (n, q), and its gradient by the logarithms of lengths and noise."""
     lengths, ratio = np.exp(log[:-1]), np.exp(log[-1])
     n, quantities = y.shape
@@ -104,7 +105,6 @@ def _negative_log_likelihood(log: Array, x: Array, y: Array) -> tuple[float, Arr
 
 
 def _cost(factor: Array, y: Array, weights: Array) -> tuple[float, Array]:
-    """Sum over the quantities y (n, outputs) of n/2 log(y'C^-1 y) + log|C|/2, amplitudes eliminated, with C's factor
-    and C^-1 y; and y'C^-1 y (outputs,)."""
+    """The negative log likelihood of quantities y (n, outputs), with C's factor and C^-1 y; and y'C^-1 y (outputs,)."""
     quadratic = np.maximum(np.sum(y * weights, axis=0), np.finfo(float).tiny)
-    return float(0.5 * len(y) * np.log(quadratic).sum() + y.shape[1] * np.log(np.diag(factor)).sum()), quadratic
+    return negative_log_likelihood(factor, quadratic), quadratic

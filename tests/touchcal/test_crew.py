@@ -13,7 +13,7 @@ import pytest
 import threadpoolctl
 
 from eitsim.mechanics.load_paths.load_path import Deviation, Node
-from touchcal.array_store import arrays_of, value_of
+from touchcal.array_store import from_arrays, to_arrays
 from touchcal.parallel.checkpoint import Pieces
 from touchcal.parallel.pool import Crew, Failed, Here, Lent, NoCrew, WorkerLost, answers
 from touchcal.parallel.processes import processes
@@ -139,18 +139,18 @@ def test_values_are_kept_as_arrays_and_nothing_of_others_is_run(tmp_path) -> Non
     node = Node(0.1, numpy.asfortranarray(numpy.random.default_rng(1).random((6, 4))), numpy.full((6, 4), numpy.nan),
                 numpy.arange(6.0), numpy.zeros(6), 1 / 3, ())
     value = ([node], (None, 0.1, "a", True), Deviation(1e-3, numpy.float64(0.2), 0.0), numpy.float32([0.1]))
-    numpy.savez(tmp_path / "a.npz", **arrays_of(value))
+    numpy.savez(tmp_path / "a.npz", **to_arrays(value))
     with numpy.load(tmp_path / "a.npz", allow_pickle=False) as file:
-        found = value_of(dict(file))
+        found = from_arrays(dict(file))
     assert found[1:3] == value[1:3]
     assert found[3].dtype == numpy.float32
     for one in fields(Node):
         numpy.testing.assert_array_equal(getattr(found[0][0], one.name), getattr(node, one.name))
     with pytest.raises(TypeError, match="set is not kept"):
-        arrays_of({1})
+        to_arrays({1})
     for foreign in (["os", "system"], ["touchcal.cache", "clear"]):
         with pytest.raises(TypeError, match="no dataclass of this package"):
-            value_of({"tree": numpy.array(json.dumps({"class": foreign, "parts": {}}))})
+            from_arrays({"tree": numpy.array(json.dumps({"class": foreign, "parts": {}}))})
 
 
 def test_pieces_of_a_stopped_computation_are_kept(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,3 +164,14 @@ def test_pieces_of_a_stopped_computation_are_kept(tmp_path, monkeypatch: pytest.
     assert [item for _, item in second.seen] == ["3", "4"]
     pieces.forget()
     assert not list(tmp_path.glob("*.npz"))
+
+
+def test_a_piece_whose_class_has_moved_is_solved_again(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
+    for moved in (["eitsim.gone", "Node"], ["eitsim.mechanics.load_paths.load_path", "Gone"]):
+        monkeypatch.setattr("touchcal.parallel.checkpoint.to_arrays", lambda value, moved=moved: {
+            "tree": numpy.array(json.dumps({"class": moved, "parts": {}}))})
+        assert Pieces(Losing())(eval, ["1"]) == [1]
+        again = Losing()
+        assert Pieces(again)(eval, ["1"]) == [1]
+        assert len(again.seen) == 1

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from touchcal import cache
-from touchcal.array_store import arrays_of, value_of
+from touchcal.array_store import from_arrays, to_arrays
 from touchcal.parallel.pool import Crew, Failed, NoCrew, answers
 
 # Workers that may be lost on a piece.
@@ -42,7 +42,7 @@ class Pieces:
                              "each of them more memory.")
             found[i] = value
             with contextlib.suppress(OSError):  # table_for says so where nothing can be kept
-                cache.store(keys[i], arrays_of(value))
+                cache.store(keys[i], to_arrays(value))
         return [found[i] for i in range(len(items))]
 
     def forget(self) -> None:
@@ -58,9 +58,11 @@ def _key(task: bytes, item: Any) -> str:
 
 
 def _kept(key: str) -> tuple[Any] | None:
-    """The value in a tuple of its own, since a value may be None."""
-    arrays = cache.stored(key)
-    return None if arrays is None else (value_of(arrays),)
+    """The value in a tuple of its own, since a value may be None; None for a value whose class is no longer there."""
+    try:
+        return None if (arrays := cache.stored(key)) is None else (from_arrays(arrays),)
+    except (TypeError, AttributeError, ImportError):
+        return None
 
 
 def _second(task: Callable[[Any], Any], pair: tuple[int, Any]) -> Any:

@@ -1,9 +1,9 @@
 """Touches from readings: Levenberg-Marquardt on the learned forward map, many frames at once, with covariance.
 
-Unknowns are (x, y, log d, load g) and one standard normal doubt for each multipole strength, so the map's own error
-is marginalised. The training touches give a Gaussian prior. Punches of different d and F may have nearly one signal, on
-several branches: the start is sought over all of them, and where noise leaves d and F broad, their mean and covariance
-are those of the whole posterior instead of its peak.
+Unknowns are (x, y, log d, load g) and one standard normal discrepancy for each multipole strength, so the map's own
+error is marginalised. The training touches give a Gaussian prior. Punches of different d and F may have nearly one
+signal, on several branches: the start is sought over all of them, and where noise leaves d and F broad, their mean and
+covariance are those of the whole posterior instead of its peak.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.forward_map import electrode_correction
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, floor_at, linearise, strength_doubt
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise, noise_floor, strength_discrepancy
 from surrogate.forward_map.inversion import known_diameters, reading_covariance
 from surrogate.forward_map.inversion.diameter_force_posterior import (
     Posterior,
@@ -24,7 +24,7 @@ from surrogate.forward_map.inversion.diameter_force_posterior import (
     resolved,
     starts,
 )
-from surrogate.forward_map.inversion.known_diameters import Settled
+from surrogate.forward_map.inversion.known_diameters import Selected
 from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
 from surrogate.forward_map.inversion.reading_covariance import Uncertainty, of, whitened
 from surrogate.forward_map.inversion.rim_starts import rim_starts
@@ -89,29 +89,30 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
     punches = posterior(forward, make_table(forward), located)
-    usual = floor_at(forward, np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])) * size
+    near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
+    usual = noise_floor(forward, near) * size
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
                      _starts(forward, signal, located, punches), SHORT)
     start = _unknown(forward, _best(short, len(signal), 1).state)
-    floor = floor_at(forward, start) * size
+    floor = noise_floor(forward, start) * size
     sd = reading_covariance.at(forward, start, size, noise_V)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
-    settled = _settled(forward, signal, sd, free, branches)
-    found = _inversion(forward, settled.end, punches, noise_V > NOISY * floor, noise_V)
-    return _broadened(_bounded(forward, _mixed(forward, found, settled)))
+    selected = _selected(forward, signal, sd, free, branches)
+    found = _inversion(forward, selected.end, punches, noise_V > NOISY * floor, noise_V)
+    return _broadened(_bounded(forward, _mixed(forward, found, selected)))
 
 
 def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
     """Minima from states (m, p), the same number of each frame."""
-    frames, doubt = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _doubt(forward, state)
-    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]), doubt[which], s),
-                    state, steps, lambda s: _within(forward, s))
+    frames, discrepancy = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _discrepancy(forward, state)
+    return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]),
+                                                discrepancy[which], s), state, steps, lambda s: _within(forward, s))
 
 
-def _doubt(forward: ForwardMap, state: Array) -> Array:
-    """(m, orders) doubts of the strengths at states (m, p), which are held in a descent from these."""
-    return strength_doubt(forward, _unknown(forward, state))
+def _discrepancy(forward: ForwardMap, state: Array) -> Array:
+    """(m, orders) discrepancies of the strengths at states (m, p), which are held in a descent from these."""
+    return strength_discrepancy(forward, _unknown(forward, state))
 
 
 def _best(ends: Minimum, frames: int, most: int) -> Minimum:
@@ -121,11 +122,11 @@ def _best(ends: Minimum, frames: int, most: int) -> Minimum:
     return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
 
 
-def _settled(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum, branches: Minimum) -> Settled:
+def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum, branches: Minimum) -> Selected:
     """Known punches tried from the end of the free fit and from the next best branch; the free fit alone where none
     is known."""
     if not len(forward.known_mm):
-        return Settled(free, free.state[:, None], np.ones((len(signal), 1)))
+        return Selected(free, free.state[:, None], np.ones((len(signal), 1)))
     log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]
     branches = _spread(branches, WIDE / forward.sd[3])
     worth = known_diameters.worth_trying(free, branches, log_d).ravel()
@@ -133,13 +134,13 @@ def _settled(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum,
 
     def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
         frame = frames[which]
-        free = _residuals(forward, signal[frame], of(sd, frame), doubt[which], state)
+        free = _residuals(forward, signal[frame], of(sd, frame), discrepancy[which], state)
         return known_diameters.held(free, signal.shape[1])
 
     start = _within(forward, known_diameters.starts(branches, log_d).reshape(len(worth), -1))
-    doubt = _doubt(forward, start[worth])
+    discrepancy = _discrepancy(forward, start[worth])
     tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
-    return known_diameters.settle(free, known_diameters.filled(tried, worth, start), len(log_d),
+    return known_diameters.select(free, known_diameters.filled(tried, worth, start), len(log_d),
                                 1 / (forward.rows + 2))
 
 
@@ -154,11 +155,11 @@ def _spread(ends: Minimum, wide: float) -> Minimum:
                    np.repeat(ends.residual, len(ASIDE), axis=0))
 
 
-def _mixed(forward: ForwardMap, found: Inversion, settled: Settled) -> Inversion:
+def _mixed(forward: ForwardMap, found: Inversion, selected: Selected) -> Inversion:
     """With the mean over the candidate punches, and what parts them added to the covariance."""
-    if settled.probability.shape[1] == 1:
+    if selected.probability.shape[1] == 1:
         return found
-    mean, covariance = known_diameters.between(settled, lambda state: to_touch(_unknown(forward, state), forward.p0))
+    mean, covariance = known_diameters.between(selected, lambda state: to_touch(_unknown(forward, state), forward.p0))
     joint = found.peak.joint.copy()
     joint[:, :4, :4] += covariance
     return replace(found, touch=mean, covariance=joint[:, :4, :4],
@@ -168,7 +169,7 @@ def _mixed(forward: ForwardMap, found: Inversion, settled: Settled) -> Inversion
 def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
     """With forces that may be among those of the training touches held to these, a uniform prior; the covariance is
     left as wide as it was."""
-    mean = reading_covariance.held(
+    mean = reading_covariance.truncated_normal_mean(
         np.column_stack([found.touch, found.material]), found.peak.joint, FORCE, *forward.bounds[:, 2]
     )
     unknown = on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
@@ -231,8 +232,8 @@ def _carried(slope: Array, covariance: Array) -> Array:
 
 
 def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
-    """(n BANDS, 4 + doubts) states with the most probable punch of each band of loads at the located places; of each
-    band the touch that the map foresees most alike where that place is near the rim."""
+    """(n BANDS, 4 + discrepancies) states with the most probable punch of each band of loads at the located places; of
+    each band the touch that the map foresees most alike where that place is near the rim."""
     chosen = starts(punches, BANDS)
     unknown = np.empty((len(chosen), BANDS, 4))
     unknown[..., :2] = located.place_mm[:, None]
@@ -241,15 +242,16 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     if electrode_correction.teaches(forward.beside.rim) and np.any(near):
         unknown[near] = rim_starts(forward, signal[near], located.place_mm[near], BANDS)
     scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd
-    return np.column_stack([scaled, np.zeros((len(scaled), forward.doubts))])
+    return np.column_stack([scaled, np.zeros((len(scaled), forward.discrepancies))])
 
 
-def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, doubt: Array, state: Array) -> tuple[Array, Array]:
-    """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + doubts: whitened readings, then prior and
-    doubts."""
-    here = linearise(forward, _unknown(forward, state), doubt)
-    misfit = here.signal_V + combined(here.doubt, state[:, 4:]) - signal
-    both = whitened(sd, np.concatenate([misfit[..., None], here.jacobian * forward.sd, here.doubt], axis=2))
+def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, discrepancy: Array, state: Array
+               ) -> tuple[Array, Array]:
+    """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + discrepancies: whitened readings, then
+    prior and discrepancies."""
+    here = linearise(forward, _unknown(forward, state), discrepancy)
+    misfit = here.signal_V + combined(here.discrepancy, state[:, 4:]) - signal
+    both = whitened(sd, np.concatenate([misfit[..., None], here.jacobian * forward.sd, here.discrepancy], axis=2))
     misfit, jacobian = both[..., 0], both[..., 1:]
     identity = np.broadcast_to(np.eye(state.shape[1]), (len(state), state.shape[1], state.shape[1]))
     return np.column_stack([misfit, state]), np.concatenate([jacobian, identity], axis=1)

@@ -24,12 +24,12 @@ LOG_D, HELD = 2, 1e12
 
 
 @dataclass(frozen=True)
-class Settled:
+class Selected:
     """The most probable punch of each frame."""
 
     # where its fit ended, the information of a held diameter included
     end: Minimum
-    # (n, k) states (x, y, log d, g, doubts) of every candidate, the free one first, and their probabilities
+    # (n, k) states (x, y, log d, g, discrepancies) of every candidate, the free one first, and their probabilities
     states: Array
     probability: Array
 
@@ -90,7 +90,7 @@ def filled(tried: Minimum, worth: NDArray[np.bool_], start: Array) -> Minimum:
     return out
 
 
-def settle(free: Minimum, candidates: Minimum, punches: int, other: float) -> Settled:
+def select(free: Minimum, candidates: Minimum, punches: int, other: float) -> Selected:
     """Weigh the free fit of each frame, of prior probability `other`, against candidates (n branches punches) with held
     diameters; branches that end in one minimum count once."""
     n = len(free.cost)
@@ -107,7 +107,7 @@ def settle(free: Minimum, candidates: Minimum, punches: int, other: float) -> Se
              (free.residual, candidates.residual))
     end = Minimum(*(_picked(chosen > 0, one, held[known]) for one, held in parts))
     states = candidates.state.reshape(n, -1, candidates.state.shape[1])
-    return Settled(end, np.concatenate([free.state[:, None], states], axis=1), probability)
+    return Selected(end, np.concatenate([free.state[:, None], states], axis=1), probability)
 
 
 def _again(candidates: Minimum, n: int, punches: int) -> NDArray[np.bool_]:
@@ -123,13 +123,13 @@ def _again(candidates: Minimum, n: int, punches: int) -> NDArray[np.bool_]:
     return again
 
 
-def between(settled: Settled, touch: Callable[[Array], Array]) -> tuple[Array, Array]:
+def between(selected: Selected, touch: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Mean (n, 4) of the candidates' touches, and their covariance (n, 4, 4) about it."""
-    n, k, p = settled.states.shape
-    touches = touch(settled.states.reshape(n * k, p)).reshape(n, k, -1)
-    mean = np.einsum("nk,nkq->nq", settled.probability, touches)
+    n, k, p = selected.states.shape
+    touches = touch(selected.states.reshape(n * k, p)).reshape(n, k, -1)
+    mean = np.einsum("nk,nkq->nq", selected.probability, touches)
     off = touches - mean[:, None]
-    return mean, np.einsum("nk,nkp,nkq->npq", settled.probability, off, off)
+    return mean, np.einsum("nk,nkp,nkq->npq", selected.probability, off, off)
 
 
 def _evidence(end: Minimum) -> Array:

@@ -41,7 +41,7 @@ class Answer:
     sd: Array
 
 
-def learn(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...], material: Array) -> Response:
+def fit(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...], material: Array) -> Response:
     """Learn outputs (n, outputs) > 0 from touches (n, 4) and states (n, k) of their materials; ValueError names an
     output that is not positive."""
     for name, column in zip(names, target.T, strict=True):

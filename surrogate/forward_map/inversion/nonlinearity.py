@@ -12,7 +12,7 @@ from surrogate.statistics.conformal import COVERAGE, normal
 Array = NDArray[np.float64]
 
 
-def bend(forward: ForwardMap, touch: Array, covariance: Array, whiten: Array) -> float:
+def relative_curvature(forward: ForwardMap, touch: Array, covariance: Array, whiten: Array) -> float:
     """Departure of the map's readings from their tangent at the ends of the 90 % interval along the longest axis of the
     covariance, the larger of both, over the normal factor: 1 where readings bend by what one standard deviation of the
     touch changes them by, 0 where they are linear (Bates, Watts, J. R. Statist. Soc. B 42 (1980) 1).

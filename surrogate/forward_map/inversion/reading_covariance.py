@@ -67,7 +67,7 @@ def of(told: Uncertainty, frames: NDArray[np.intp]) -> Uncertainty:
     return Uncertainty(told.white[frames], told.axes[frames], told.shrink[frames])
 
 
-def held(mean: Array, covariance: Array, column: int, lowest: float, highest: float) -> Array:
+def truncated_normal_mean(mean: Array, covariance: Array, column: int, lowest: float, highest: float) -> Array:
     """Means (n, p) of normal estimates of covariances (n, p, p) where one column is known to lie in [lowest, highest],
     the others by their regression on it; as they are where it is DOUBTED standard deviations outside (Johnson, Kotz,
     Balakrishnan, Continuous Univariate Distributions 1, 1994, section 13.10.1)."""

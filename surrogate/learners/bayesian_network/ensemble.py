@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
@@ -58,8 +59,8 @@ class Prediction:
     slope: Array
 
 
-def learn(x: Array, target: Array, seed: int, options: Options, workers: int = 1,
-          each: Callable[[Iterable[int]], Iterable[int]] = iter) -> Networks:
+def fit(x: Array, target: Array, seed: int, options: Options, workers: int = 1,
+        each: Callable[[Iterable[int]], Iterable[int]] = iter) -> Networks:
     """Train one network for each column of target (n, outputs) on inputs (n, q) of about unit size.
 
     `workers` processes share the outputs; the networks are the same for any number of them. `each` may show progress.
@@ -80,6 +81,13 @@ def learn(x: Array, target: Array, seed: int, options: Options, workers: int = 1
         trained = [train(columns[i]) for i in each(range(len(columns)))]
     weights, draws, trainings = zip(*trained, strict=True)
     return Networks(x.shape[1], targets, np.array(weights), np.array(draws), trainings)
+
+
+def record(networks: Networks, names: Sequence[str]) -> dict[str, Any]:
+    """How the training of the network of each output of these names ended, as JSON."""
+    keys = ("gamma", "alpha", "beta", "epochs", "stop", "log_evidence", "collapses", "collapsed")
+    return {name: {key: getattr(training, key) for key in keys} | {"parameters": networks.weights.shape[1]}
+            for name, training in zip(names, networks.trainings, strict=True)}
 
 
 def _train(x: Array, seed: int, options: Options, y: Array) -> tuple[Array, NDArray[np.float32], Training]:

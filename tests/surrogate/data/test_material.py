@@ -17,9 +17,10 @@ from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.model.evaluate import evaluate, material_told, parts_of
-from surrogate.model.model import Model, interval_scale
+from surrogate.model.model import Model
 from surrogate.model.predict import columns, numbers_of, predict, prepare
 from surrogate.model.train import train
+from surrogate.model.trained import interval_scale
 from surrogate.statistics.conformal import normal
 
 Array = NDArray[np.float64]
@@ -62,7 +63,7 @@ def test_cards_that_answer_alike_are_one_direction() -> None:
                          "alpha_1": 8.0, "alpha_2": 2.0, "nu_1": 0.0, "nu_2": 0.0, "c0_S_per_m": 30.0, "a_1": -2.0,
                          "a_2": 2.0, "a_3": -1.0})
     found = material_states.answers(rows, False)
-    state = material_states.states(material_states.learn(found), found)
+    state = material_states.states(material_states.fit(found), found)
     assert found.shape == (40, 10)
     assert state.shape == (40, 1)
     assert abs(np.corrcoef(state[:, 0], stiffness)[0, 1]) == pytest.approx(1.0, abs=1e-9)
@@ -71,18 +72,18 @@ def test_cards_that_answer_alike_are_one_direction() -> None:
 
 def test_one_card_has_no_states(samples: Samples) -> None:
     assert samples.material.shape == (200, 0)
-    assert material_states.states(material_states.learn(samples.material), samples.material).shape == (200, 0)
+    assert material_states.states(material_states.fit(samples.material), samples.material).shape == (200, 0)
 
 
 def test_the_map_knows_what_a_card_changes(ring: Ring, synthetic: Callable[..., tuple[Array, Array]]) -> None:
     state = np.random.default_rng(7).normal(size=(140, 1))
-    learned = forward_map.learn(ring, *synthetic(140, 0, stiffness=np.exp(SPREAD * state[:, 0])), state)
+    learned = forward_map.fit(ring, *synthetic(140, 0, stiffness=np.exp(SPREAD * state[:, 0])), state)
     touch, signal = synthetic(30, 1)
     stiffer = synthetic(30, 1, stiffness=np.exp(0.01))[1]
     here = linearise(learned, to_unknown(touch, learned.p0))
     change = (stiffer - signal) / (0.01 / SPREAD)
-    assert here.doubt.shape == (30, 208, 4)
-    assert np.median(np.linalg.norm(here.doubt[..., 3] - change, axis=1) / np.linalg.norm(change, axis=1)) < 0.03
+    assert here.discrepancy.shape == (30, 208, 4)
+    assert np.median(np.linalg.norm(here.discrepancy[..., 3] - change, axis=1) / np.linalg.norm(change, axis=1)) < 0.03
     found = invert(learned, stiffer, NOISE_V)
     assert np.all(np.linalg.eigvalsh(found.peak.joint[:, :4, :4] - found.peak.known)
                   > -1e-9 * np.trace(found.peak.joint[:, :4, :4], axis1=1, axis2=2)[:, None])
@@ -97,7 +98,7 @@ def test_ignoring_the_cards_breaks_coverage_and_carrying_them_restores_it(
     signal = signal + NOISE_V * np.random.default_rng(5).normal(size=signal.shape)
     held = {}
     for name, of, known in (("ignored", 0 * state, None), ("carried", state, state)):
-        found = invert(forward_map.learn(ring, *synthetic(126, 1, stiffness=np.exp(SPREAD * of[:, 0])), known), signal,
+        found = invert(forward_map.fit(ring, *synthetic(126, 1, stiffness=np.exp(SPREAD * of[:, 0])), known), signal,
                        NOISE_V)
         sd = np.sqrt(found.covariance[:, 3, 3])
         held[name] = float(np.mean(np.abs(found.touch[:, 3] - touch[:, 3]) < normal(0.9) * sd))

@@ -19,7 +19,7 @@ QUIET_V = 2e-5  # 100 dB below the baseline of about 2 V
 
 @pytest.fixture(scope="module")
 def learned(ring: Ring, synthetic: Synthetic) -> ForwardMap:
-    return forward_map.learn(ring, *synthetic(140, 0))
+    return forward_map.fit(ring, *synthetic(140, 0))
 
 
 def test_unseen_signals_are_reproduced(learned: ForwardMap, synthetic: Synthetic) -> None:
@@ -32,14 +32,14 @@ def test_unseen_signals_are_reproduced(learned: ForwardMap, synthetic: Synthetic
 
 
 def test_forty_scenes_give_a_useful_map(ring: Ring, synthetic: Synthetic) -> None:
-    few = forward_map.learn(ring, *synthetic(40, 2))
+    few = forward_map.fit(ring, *synthetic(40, 2))
     touch, signal = synthetic(100, 1)
     error = linearise(few, to_unknown(touch, few.p0)).signal_V - signal
     assert np.median(np.linalg.norm(error, axis=1) / np.linalg.norm(signal, axis=1)) < 3e-3
 
 
 def test_a_few_diameters_teach_those_between(ring: Ring, synthetic: Synthetic) -> None:
-    few = forward_map.learn(ring, *synthetic(140, 0, (10, 12, 14, 16, 18)))
+    few = forward_map.fit(ring, *synthetic(140, 0, (10, 12, 14, 16, 18)))
     touch, signal = synthetic(100, 1)
     error = np.abs(invert(few, signal).touch - touch)
     assert np.all(np.quantile(error, 0.9, axis=0) < [0.01, 0.01, 0.3, 0.03])
@@ -100,7 +100,7 @@ def test_a_frame_does_not_depend_on_its_company(learned: ForwardMap, synthetic: 
 def test_a_touch_outside_the_training_is_told(learned: ForwardMap, synthetic: Synthetic, ring: Ring) -> None:
     inner, signal = synthetic(120, 0)
     kept = np.hypot(inner[:, 0], inner[:, 1]) < 45
-    few = forward_map.learn(ring, inner[kept], signal[kept])
+    few = forward_map.fit(ring, inner[kept], signal[kept])
     outside = invert(few, signal[~kept], QUIET_V)
     radius = np.hypot(inner[~kept, 0], inner[~kept, 1])
     near = radius < 50
@@ -111,6 +111,6 @@ def test_a_touch_outside_the_training_is_told(learned: ForwardMap, synthetic: Sy
 def test_what_it_cannot_learn_is_refused(ring: Ring, synthetic: Synthetic) -> None:
     touch, signal = synthetic(40, 0)
     with pytest.raises(ValueError, match="10 training rows are too few"):
-        forward_map.learn(ring, touch[:10], signal[:10])
+        forward_map.fit(ring, touch[:10], signal[:10])
     with pytest.raises(ValueError, match="one sign"):
-        forward_map.learn(ring, touch, signal * np.where(np.arange(40) < 15, -1, 1)[:, None])
+        forward_map.fit(ring, touch, signal * np.where(np.arange(40) < 15, -1, 1)[:, None])

@@ -20,7 +20,7 @@ KNOWN_MM = (10, 14, 18)
 
 @pytest.fixture(scope="module")
 def learned(ring: Ring, synthetic: Synthetic) -> ForwardMap:
-    return forward_map.learn(ring, *synthetic(180, 0, KNOWN_MM, 40.0))
+    return forward_map.fit(ring, *synthetic(180, 0, KNOWN_MM, 40.0))
 
 
 def test_punches_are_known_where_many_rows_share_few_diameters() -> None:
@@ -52,6 +52,6 @@ def test_branches_of_one_punch_are_all_weighed_and_one_minimum_counts_once() -> 
     normal = np.tile(np.eye(5) * 400.0, (4, 1, 1))
     branches = Minimum(ends, np.zeros(4), normal, np.zeros((4, 6)))
     free = Minimum(np.zeros((1, 5)), np.full(1, 40.0), normal[:1], np.zeros((1, 6)))
-    settled = known_diameters.settle(free, branches, 1, 1e-3)
-    print("probabilities:", settled.probability)
-    assert settled.probability[0] == pytest.approx([0.0, 0.5, 0.0, 0.5, 0.0], abs=1e-12)
+    selected = known_diameters.select(free, branches, 1, 1e-3)
+    print("probabilities:", selected.probability)
+    assert selected.probability[0] == pytest.approx([0.0, 0.5, 0.0, 0.5, 0.0], abs=1e-12)

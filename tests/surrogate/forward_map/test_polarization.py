@@ -43,8 +43,8 @@ def test_signals_of_a_bilinear_form_give_it_back(ring: Ring) -> None:
     fields = multipole_series.electrode_fields(ring, ring.modes, z, polarization.ORDERS + 1)
     signal = polarization.effect(truth, ring, fields, z, punch, side).value * dipole[:, None]
     taught, asked = np.arange(400), np.arange(400, 500)
-    learned = polarization.learn(ring, ring.modes, z[taught], punch[taught], side[taught], signal[taught],
-                                 dipole[taught], np.linalg.norm(signal[taught], axis=1))
+    learned = polarization.fit(ring, ring.modes, z[taught], punch[taught], side[taught], signal[taught],
+                               dipole[taught], np.linalg.norm(signal[taught], axis=1))
     effect = polarization.effect(learned, ring, fields[:, asked], z[asked], punch[asked], side[asked])
     found = effect.value * dipole[asked, None]
     error = np.linalg.norm(found - signal[asked], axis=1) / np.linalg.norm(signal[asked], axis=1)

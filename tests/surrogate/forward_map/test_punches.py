@@ -20,7 +20,7 @@ Synthetic = Callable[..., tuple[Array, Array]]
 
 @pytest.fixture(scope="module")
 def learned(ring: Ring, synthetic: Synthetic) -> ForwardMap:
-    return forward_map.learn(ring, *synthetic(140, 0))
+    return forward_map.fit(ring, *synthetic(140, 0))
 
 
 def measured(learned: ForwardMap, d_mm: float, force_N: float, sd: Array) -> Located:

@@ -52,7 +52,7 @@ def test_a_process_of_two_quantities_has_its_gradient() -> None:
 
 @pytest.fixture(scope="module")
 def whole(ring: Ring, synthetic: Synthetic) -> forward_map.ForwardMap:
-    return forward_map.learn(ring, *synthetic(300, 0, (), 85.0))
+    return forward_map.fit(ring, *synthetic(300, 0, (), 85.0))
 
 
 def test_the_rim_effect_improves_the_map_near_the_rim(whole: forward_map.ForwardMap, ring: Ring,
@@ -60,7 +60,7 @@ def test_the_rim_effect_improves_the_map_near_the_rim(whole: forward_map.Forward
     touch, signal = synthetic(100, 1, (), 85.0)
     near = np.hypot(touch[:, 0], touch[:, 1]) > 70
     unknown = to_unknown(touch, whole.p0)[near]
-    series = replace(whole, beside=replace(whole.beside, rim=electrode_correction.none_of(ring)))
+    series = replace(whole, beside=replace(whole.beside, rim=electrode_correction.zero_correction(ring)))
     left = [np.median(np.linalg.norm(forward_map.linearise(one, unknown).signal_V - signal[near], axis=1)
                       / np.linalg.norm(signal[near], axis=1)) for one in (series, whole)]
     print("relative error of series, and with the effect of the rim:", left)
@@ -92,14 +92,14 @@ def test_copies_of_a_touch_do_not_tell_its_error(ring: Ring, synthetic: Syntheti
     touch, signal = synthetic(120, 4, (), 85.0)
     near = np.hypot(touch[:, 0], touch[:, 1]) > 40
     touch, signal = touch[near], signal[near]
-    once = forward_map.learn(ring, touch, signal).beside.error.error
-    twice = forward_map.learn(ring, np.repeat(touch, 2, axis=0), np.repeat(signal, 2, axis=0)).beside.error.error
+    once = forward_map.fit(ring, touch, signal).beside.error.error
+    twice = forward_map.fit(ring, np.repeat(touch, 2, axis=0), np.repeat(signal, 2, axis=0)).beside.error.error
     assert np.median(twice) > np.median(once) / 3
 
 
 def test_touches_far_from_the_rim_and_few_readings_are_learned(ring: Ring, synthetic: Synthetic) -> None:
     touch, signal = synthetic(40, 5, (), 30.0)
-    learned = forward_map.learn(ring, touch, signal)
+    learned = forward_map.fit(ring, touch, signal)
     assert not electrode_correction.teaches(learned.beside.rim)
     assert np.all(np.isfinite(forward_map.linearise(learned, to_unknown(touch, learned.p0)).signal_V))
 
@@ -111,7 +111,7 @@ def test_diameters_that_differ_by_rounding_are_learned_as_one(ring: Ring, synthe
     asked, expected = synthetic(40, 7, (12.0,), 85.0)
     error = []
     for taught in (touch, jittered):
-        learned = forward_map.learn(ring, taught, signal)
+        learned = forward_map.fit(ring, taught, signal)
         found = forward_map.linearise(learned, to_unknown(asked, learned.p0)).signal_V
         error.append(np.median(np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)))
     assert error[1] == pytest.approx(error[0], rel=0.5)

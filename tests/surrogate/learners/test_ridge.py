@@ -15,14 +15,14 @@ Synthetic = Callable[[int, int], tuple[Array, Array]]
 
 def test_whitened_features_have_unit_covariance(synthetic: Synthetic) -> None:
     _, signal = synthetic(100, 0)
-    found = signal_features.features(signal_features.learn_directions(signal, 6), signal)
+    found = signal_features.features(signal_features.fit_directions(signal, 6), signal)
     assert np.allclose(np.cov(found[:, :6].T, bias=True), np.eye(6), atol=1e-9)
     assert np.allclose([found[:, 6].mean(), found[:, 6].std()], [0, 1])
 
 
 def test_feature_slopes_equal_finite_differences(synthetic: Synthetic) -> None:
     _, signal = synthetic(30, 0)
-    directions = signal_features.learn_directions(signal, 6)
+    directions = signal_features.fit_directions(signal, 6)
     slopes, h = signal_features.feature_slopes(directions, signal[:2]), 1e-7 * np.linalg.norm(signal[0])
     for k in (0, 50, 207):
         move = h * np.eye(208)[k]
@@ -37,7 +37,7 @@ def test_feature_slopes_equal_finite_differences(synthetic: Synthetic) -> None:
 def test_an_untouched_frame_has_no_features(synthetic: Synthetic) -> None:
     _, signal = synthetic(30, 0)
     with pytest.raises(ValueError, match="frame 1 equals the untouched one"):
-        signal_features.features(signal_features.learn_directions(signal, 6), np.vstack([signal[0], np.zeros(208)]))
+        signal_features.features(signal_features.fit_directions(signal, 6), np.vstack([signal[0], np.zeros(208)]))
 
 
 def test_leave_one_out_by_leverages_equals_leaving_out(synthetic: Synthetic) -> None:
@@ -56,19 +56,19 @@ def test_leave_one_out_by_leverages_equals_leaving_out(synthetic: Synthetic) -> 
 
 def test_places_are_read_from_two_hundred_touches(synthetic: Synthetic) -> None:
     touch, signal = synthetic(200, 0)
-    learned = ridge.learn(signal, touch)
+    learned = ridge.fit(signal, touch)
     touch, signal = synthetic(200, 1)
-    error = ridge.estimate(learned, signal, 0.0).value - touch
+    error = learned.estimate(signal, 0.0).value - touch
     assert np.sqrt(np.mean(error[:, :2] ** 2)) < 1.0
 
 
 def test_noise_is_carried_to_the_outputs(synthetic: Synthetic) -> None:
     touch, signal = synthetic(150, 0)
-    learned, noise = ridge.learn(signal, touch[:, :1]), 1e-8
+    learned, noise = ridge.fit(signal, touch[:, :1]), 1e-8
     frame = np.repeat(signal[5:6], 4000, axis=0)
     noisy = frame + noise * np.random.default_rng(0).normal(size=frame.shape)
-    scatter = ridge.estimate(learned, noisy, 0.0).value.std()
-    quiet, loud = (ridge.estimate(learned, signal[5:6], v).sd[0, 0] for v in (0.0, noise))
+    scatter = learned.estimate(noisy, 0.0).value.std()
+    quiet, loud = (learned.estimate(signal[5:6], v).sd[0, 0] for v in (0.0, noise))
     assert np.sqrt(loud**2 - quiet**2) == pytest.approx(scatter, rel=0.05)
 
 

@@ -12,9 +12,10 @@ from surrogate.data.samples import Samples
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.model.missing_channels import check_needed, named, silent, stuck, without
-from surrogate.model.model import Model, estimate
+from surrogate.model.model import Model
 from surrogate.model.predict import MISFIT, NO_TOUCH, OTHER_SIGN, OUTSIDE, Predictor, predict, prepare, sign_caution
 from surrogate.model.train import train
+from surrogate.model.trained import estimate
 
 Array = NDArray[np.float64]
 Synthetic = Callable[[int, int], tuple[Array, Array]]

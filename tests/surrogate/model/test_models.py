@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 import torch
 
+import surrogate
 from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, split, take
 from surrogate.data.sensor_ring import ring_of_design
-from surrogate.model import store, torchscript
+from surrogate.learners.registry import METHODS
+from surrogate.model import torchscript
 from surrogate.model.evaluate import evaluate, parts_of
-from surrogate.model.model import METHODS, Model, calibrated, estimate, interval_scale
+from surrogate.model.model import Model
 from surrogate.model.train import train
+from surrogate.model.trained import calibrated, estimate, interval_scale
 from touchcal.errors import TestFileError
 
 NAMES = ("x0", "F", "delta_max")
@@ -31,8 +34,8 @@ def models(samples: Samples) -> dict[str, Model]:
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Samples, tmp_path: Path,
                                           method: str) -> None:
-    store.save(models[method], tmp_path / "model")
-    again = store.load(tmp_path / "model")
+    models[method].save(tmp_path / "model")
+    again = surrogate.load(tmp_path / "model")
     for noise in (0.0, 1e-5):
         before, after = (estimate(m, samples.signal_V[:20], noise) for m in (models[method], again))
         assert np.array_equal(before.value, after.value)
@@ -48,7 +51,7 @@ def test_intervals_of_a_slow_method_are_calibrated_once(models: dict[str, Model]
     assert not calibrated(models["forward"], 0.0)
     first, worked_out = interval_scale(models["forward"]), []
     assert calibrated(models["forward"], 0.0)
-    monkeypatch.setattr("surrogate.model.model._scales", lambda *_: worked_out.append(1) or np.ones((1, len(NAMES))))
+    monkeypatch.setattr("surrogate.model.trained._scales", lambda *_: worked_out.append(1) or np.ones((1, len(NAMES))))
     assert np.array_equal(interval_scale(models["forward"]), first)
     assert not worked_out
     other = replace(models["forward"], calibration=replace(models["forward"].calibration,
@@ -206,28 +209,28 @@ def test_degenerate_rows(samples: Samples) -> None:
 
 def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path: Path) -> None:
     with pytest.raises(TestFileError, match=r"not a model: it holds no model\.json"):
-        store.load(tmp_path)
-    store.save(models["ridge"], tmp_path / "model")
+        surrogate.load(tmp_path)
+    models["ridge"].save(tmp_path / "model")
     text = json.loads((tmp_path / "model" / "model.json").read_text())
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "schema": 99}))
     with pytest.raises(TestFileError, match="schema 99"):
-        store.load(tmp_path / "model")
+        surrogate.load(tmp_path / "model")
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "method": "forward"}))
     with pytest.raises(TestFileError, match="do not belong"):
-        store.load(tmp_path / "model")
+        surrogate.load(tmp_path / "model")
     for spoilt, said in (("[1, 2]", "no JSON object"), (json.dumps({**text, "outputs": [{"name": "x9"}]}), "x9")):
         (tmp_path / "model" / "model.json").write_text(spoilt)
         with pytest.raises(TestFileError, match=said):
-            store.load(tmp_path / "model")
+            surrogate.load(tmp_path / "model")
     (tmp_path / "model" / "model.json").write_text(json.dumps(text))
     (tmp_path / "model" / "arrays.npz").write_text("no arrays")
     with pytest.raises(TestFileError, match="do not belong together, or one is damaged"):
-        store.load(tmp_path / "model")
+        surrogate.load(tmp_path / "model")
 
 
 def test_nothing_stored_is_pickled(models: dict[str, Model], tmp_path: Path) -> None:
     for method, model in models.items():
-        store.save(model, tmp_path / method)
+        model.save(tmp_path / method)
         with np.load(tmp_path / method / "arrays.npz", allow_pickle=False) as stored:
             assert all(stored[name].dtype != object for name in stored.files)
 

@@ -15,7 +15,6 @@ from eitsim.scene.drive import voltage_columns
 from surrogate.cli import main
 from surrogate.data.frame_rows import BATCH, read_lines, waiting_lines
 from surrogate.data.samples import Samples
-from surrogate.model import store
 from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare, table_of
 from surrogate.model.stream import answer
@@ -142,7 +141,7 @@ def test_the_command_answers_a_line_before_the_next_one(ridge: Model, synthetic:
                                                         tmp_path_factory: pytest.TempPathFactory,
                                                         monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path_factory.mktemp("ridge") / "model"
-    store.save(ridge, folder)
+    ridge.save(folder)
     lines = as_lines(np.vstack([untouched_V, untouched_V + synthetic(2, 63)[1]]))
     (frames_in, to_frames), (answers_in, to_answers) = os.pipe(), os.pipe()
 

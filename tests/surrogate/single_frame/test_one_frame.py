@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.cli.predict_command import predict
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.forward_map import ForwardMap, learn, linearise
-from surrogate.forward_map.inversion.nonlinearity import bend
+from surrogate.forward_map.forward_map import ForwardMap, fit, linearise
+from surrogate.forward_map.inversion.nonlinearity import relative_curvature
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.single_frame import diameter_profile, likelihood_emulator
 from surrogate.single_frame import posterior as posterior_module
@@ -32,7 +32,7 @@ Draw = Callable[..., tuple[Array, Array]]
 
 @pytest.fixture(scope="module")
 def forward(ring: Ring, synthetic: Draw) -> ForwardMap:
-    return learn(ring, *synthetic(120, 1))
+    return fit(ring, *synthetic(120, 1))
 
 
 def test_a_whitening_is_a_root_of_the_inverse_covariance() -> None:
@@ -162,7 +162,8 @@ def test_a_posterior_of_one_diameter_is_refused(forward: ForwardMap) -> None:
 def test_readings_leave_their_tangent_by_the_square_of_the_interval(forward: ForwardMap) -> None:
     touch, covariance = np.array([20.0, -11.0, 14.0, 0.9]), np.diag([0.1, 0.1, 0.05, 0.01]) ** 2
     covariance[2, 3] = covariance[3, 2] = 0.9 * 0.05 * 0.01
-    once, twice = (bend(forward, touch, scale**2 * covariance, np.eye(208) / 1e-5) for scale in (1.0, 2.0))
+    once, twice = (relative_curvature(forward, touch, scale**2 * covariance, np.eye(208) / 1e-5)
+                   for scale in (1.0, 2.0))
     assert twice / once == pytest.approx(4.0, rel=0.05)
 
 

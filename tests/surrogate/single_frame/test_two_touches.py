@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.forward_map import ForwardMap, learn, linearise
+from surrogate.forward_map.forward_map import ForwardMap, fit, linearise
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.single_frame.two_touches import Pair, read_pair
@@ -20,7 +20,7 @@ NOISE_V = 2e-4
 
 @pytest.fixture(scope="module")
 def forward(ring: Ring, synthetic: Callable[..., tuple[Array, Array]]) -> ForwardMap:
-    return learn(ring, *synthetic(120, 1))
+    return fit(ring, *synthetic(120, 1))
 
 
 def read(forward: ForwardMap, touches: Array, seed: int = 0) -> Pair:

@@ -26,11 +26,11 @@ def test_a_step_is_found_where_it_is(where: float) -> None:
     noisy = stepped + 1e-3 * rng.normal(size=stepped.shape)
     gaps = np.sort(x[:, 0])
     between = gaps[np.searchsorted(gaps, where) + np.array([-2, 1])]
-    assert between[0] <= change_point.place(x / 0.5, noisy, x[:, 0], 1e-2) <= between[1]
-    assert change_point.place(x / 0.5, noisy - stepped + smooth, x[:, 0], 1e-2) == change_point.NONE
+    assert between[0] <= change_point.locate(x / 0.5, noisy, x[:, 0], 1e-2) <= between[1]
+    assert change_point.locate(x / 0.5, noisy - stepped + smooth, x[:, 0], 1e-2) == change_point.NONE
 
 
 def test_few_rows_show_no_step() -> None:
     x = np.random.default_rng(2).random((50, 2))
-    assert change_point.place(x, (x[:, :1] < 0.5).astype(float), x[:, 0], 1e-2) == change_point.NONE
+    assert change_point.locate(x, (x[:, :1] < 0.5).astype(float), x[:, 0], 1e-2) == change_point.NONE
     assert np.array_equal(change_point.side(x[:, 0], change_point.NONE), np.zeros(50))

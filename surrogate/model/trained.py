@@ -1,0 +1,126 @@
+"""What a training leaves: one learner, the rows it was trained on, and what calibrates its intervals."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.data import outputs
+from surrogate.data.sensor_ring import Ring
+from surrogate.learners.base import Estimate, Learner
+from surrogate.learners.registry import METHODS
+from surrogate.statistics.conformal import COVERAGE, conformal_scale
+from surrogate.statistics.metrics import Array
+from touchcal import cache
+from touchcal.array_store import fingerprint
+
+# What decides the scales of intervals.
+_CODE = ("surrogate.model.train", "surrogate.model.trained")
+# Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
+NOISY_FRAMES, NOISE_DRAWS = 1000, 4
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Validation rows, which neither train the learner nor test it."""
+
+    # (n, readings) signals, V
+    signal_V: Array
+    # (n, outputs) targets
+    target: Array
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of the data set that the model was made from."""
+
+    # (n,) hash of each row, and its part: an index into split.PARTS
+    row_hash: NDArray[np.uint64]
+    part: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Range:
+    """What the training rows span; predictions beyond it are flagged."""
+
+    # (outputs,) lowest and highest target
+    lowest: Array
+    highest: Array
+    # norm of the weakest signal, V
+    weakest_V: float
+    # largest misfit of a validation row
+    misfit: float
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """A learner for some outputs of one sensor."""
+
+    # name in the registry of learners
+    method: str
+    ring: Ring
+    # names of the outputs, in the order of outputs.NAMES
+    names: tuple[str, ...]
+    learner: Learner
+    calibration: Calibration
+    rows: Rows
+    trained: Range
+    # (readings,) voltages of the untouched sensor, V
+    baseline_V: Array
+    seed: int
+    # CPU time of the training, s
+    fit_s: float
+    # how the training went and what it was made from, as JSON
+    record: Mapping[str, Any]
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each output."""
+        return tuple(outputs.of(name).unit for name in self.names)
+
+
+def estimate(model: TrainedModel, signal_V: Array, noise_V: float = 0.0) -> Estimate:
+    """Outputs of signals (n, readings) in V under white noise of standard deviation noise_V, before calibration."""
+    return model.learner.estimate(signal_V, noise_V)
+
+
+def interval_scale(model: TrainedModel, noise_V: float = 0.0) -> Array:
+    """(outputs,) standard deviations that make a 90 % interval at this noise, from the validation rows."""
+    return interval_scales(model, noise_V, (COVERAGE,))[0]
+
+
+def interval_scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> Array:
+    """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale; kept between
+    runs where they take long (TOUCHCAL_CACHE)."""
+    if not METHODS[model.method].slow:
+        return _scales(model, noise_V, coverages)
+    kept, note = cache.kept(_key(model, noise_V, coverages), lambda: {"scales": _scales(model, noise_V, coverages)})
+    if note:
+        warnings.warn(f"the calibration of intervals is {note}", stacklevel=2)
+    return kept["scales"]
+
+
+def calibrated(model: TrainedModel, noise_V: float) -> bool:
+    """Whether interval_scale answers at once at this noise."""
+    return not METHODS[model.method].slow or cache.stored(_key(model, noise_V, (COVERAGE,))) is not None
+
+
+def _key(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> str:
+    """What the scales of a model follow from, for the cache."""
+    return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
+                         "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages)}, _CODE)
+
+
+def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> Array:
+    rows = model.calibration
+    draws = min(NOISE_DRAWS, -(-NOISY_FRAMES // len(rows.target))) if noise_V > 0 else 1
+    signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
+    noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
+    found = estimate(model, noisy, noise_V)
+    error, few = found.value - target, model.learner.discrete(model.names)
+    return np.array([conformal_scale(error, found.sd, len(rows.target), c, few) for c in coverages])

@@ -1,0 +1,102 @@
+"""The public names of surrogate: light to import, and enough to train, keep, score and use a model."""
+
+from __future__ import annotations
+
+import doctest
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import surrogate
+from eitsim.sweeps.dataset.parquet import read_dataset
+from surrogate.data.baseline_frame import untouched
+from surrogate.data.samples import Samples
+from surrogate.learners.registry import METHODS
+from surrogate.model.predict import columns
+
+NAMES = ("x0", "F", "sigma_max", "A_c")
+
+
+def test_the_names_are_those_that_are_listed() -> None:
+    assert surrogate.__all__ == ["Learner", "METHODS", "Model", "cramer_rao", "evaluate", "load", "train"]
+    assert all(getattr(surrogate, name) is not None for name in surrogate.__all__)
+    assert surrogate.METHODS is METHODS
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    heavy = ("numpy", "scipy", "pandas", "torch", "typer")
+    code = f"import sys, surrogate; sys.exit(any(name in sys.modules for name in {heavy}))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.fixture(scope="module")
+def model(sweep: Path) -> surrogate.Model:
+    return surrogate.train(sweep, "ridge", NAMES, seed=1)
+
+
+def test_a_folder_a_data_set_and_its_rows_train_the_same(model: surrogate.Model, sweep: Path, samples: Samples) -> None:
+    for data in (read_dataset(sweep), samples):
+        again = surrogate.train(data, "ridge", "A_c, sigma_max,F,x0", seed=1)
+        assert again.names == NAMES
+        assert np.array_equal(again.learner.estimate(samples.signal_V, 0.0).value,
+                              model.learner.estimate(samples.signal_V, 0.0).value)
+
+
+def test_predictions_are_in_si_and_those_of_the_command(model: surrogate.Model, samples: Samples,
+                                                        tmp_path: Path) -> None:
+    frames, baseline = samples.baseline_V[:5] + samples.signal_V[:5], samples.baseline_V[0]
+    model.save(tmp_path / "model")
+    found = surrogate.load(tmp_path / "model").predict(frames, baseline)
+    pd.DataFrame(np.vstack([baseline, frames])).to_csv(tmp_path / "frames.csv", index=False, header=False)
+    subprocess.run([sys.executable, "-m", "surrogate", "predict", str(tmp_path / "model"), str(tmp_path / "frames.csv"),
+                    "--out", str(tmp_path / "out.csv")], check=True, capture_output=True)
+    written = pd.read_csv(tmp_path / "out.csv", keep_default_na=False)
+    assert list(found) == [c.replace("_mm2", "_m2").replace("_mm", "_m").replace("_kPa", "_Pa")
+                           for c in columns(model)[1:]]
+    for ours, theirs, per in (("x0_m", "x0_mm", 1e3), ("F_N", "F_N", 1), ("sigma_max_Pa", "sigma_max_kPa", 1e-3),
+                              ("A_c_hi90_m2", "A_c_hi90_mm2", 1e6)):
+        assert np.allclose(found[ours] * per, written[theirs].astype(float), rtol=1e-4)
+    assert found["flag"].tolist() == written["flag"].tolist()
+
+
+def test_one_frame_serves_and_noise_follows_from_untouched_frames(model: surrogate.Model, samples: Samples) -> None:
+    baseline, frame = samples.baseline_V[0], samples.baseline_V[0] + samples.signal_V[0]
+    several = baseline + 1e-4 * np.random.default_rng(0).normal(size=(50, len(baseline)))
+    quiet, loud = model.predict(frame), model.predict(frame, several)
+    assert len(quiet) == 1
+    pd.testing.assert_frame_equal(loud, model.predict(frame, several.mean(axis=0), noise_V=untouched(several).noise_V))
+    assert not loud.equals(model.predict(frame, several.mean(axis=0)))
+    pd.testing.assert_frame_equal(quiet, model.predict(frame, model.baseline_V, noise_V=0.0))
+
+
+
+def test_wrong_frames_are_refused_and_a_strange_baseline_is_cautioned(model: surrogate.Model, samples: Samples) -> None:
+    with pytest.raises(ValueError, match=r"frames_V has the shape \(1, 7\); expected \(n, 208\)"):
+        model.predict(np.zeros(7))
+    with pytest.raises(ValueError, match="finite number of volts"):
+        model.predict(samples.baseline_V[:1], noise_V=-1.0)
+    with pytest.warns(UserWarning, match="other sign"):
+        model.predict(samples.baseline_V[:1], -samples.baseline_V[0])
+
+
+def test_a_folder_is_scored_as_its_rows_are(model: surrogate.Model, sweep: Path, samples: Samples) -> None:
+    by_folder, by_rows = (surrogate.evaluate(model, data, noise_dB=[80]).scores for data in (sweep, samples))
+    assert by_folder["outputs"] == by_rows["outputs"]
+    assert by_folder["noise"] == by_rows["noise"]
+
+
+def test_other_data_are_refused(tmp_path: Path, sweep: Path) -> None:
+    with pytest.raises(ValueError, match="no such folder"):
+        surrogate.train(tmp_path / "none")
+    data = read_dataset(sweep)
+    with pytest.raises(ValueError, match=r"data set.*none of its .* rows is ok"):
+        surrogate.train(replace(data, table=data.table.assign(outcome="refused")))
+
+
+def test_the_example_runs() -> None:
+    assert doctest.testmod(surrogate).failed == 0
