@@ -20,8 +20,8 @@ from eitsim.mechanics.axisymmetric.indentation import (
     energy,
     equilibrium,
     fraction_non_elliptic,
+    indentation_problem,
     non_elliptic_place,
-    pressing,
     transferred,
 )
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, Unresolved, solve_touch
@@ -43,7 +43,7 @@ FOAM = Hyperfoam([2143569.5, -5145106.0, 3123996.7], [-0.31441489, 0.01299211, 0
 
 @pytest.fixture(scope="module")
 def coarse():
-    return pressing(TABLE_1, Body(), Punch(), 0.24e-3, PENALTY)
+    return indentation_problem(TABLE_1, Body(), Punch(), 0.24e-3, PENALTY)
 
 
 def test_steps_up_and_down_end_where_one_solve_ends(coarse):
@@ -70,7 +70,7 @@ def test_the_next_force_towards_a_depth_stays_between_those_that_miss_it():
 def test_a_state_squeezed_flat_is_carried_to_a_finer_mesh():
     """The coarse state itself turns the fine mesh inside out; no path from rest is needed all the same."""
     punch, force = Punch(diameter_m=0.0164), 9.88
-    levels = [pressing(SOFT, Body(), punch, size, PENALTY) for size in (0.24e-3, 0.12e-3)]
+    levels = [indentation_problem(SOFT, Body(), punch, size, PENALTY) for size in (0.24e-3, 0.12e-3)]
     state = from_rest(levels[0], force)
     assert not np.isfinite(energy(levels[1], force, transferred(state.x, levels[0].grid, levels[1].grid)))
     fine = carried_over(levels[0], state, levels[1])
@@ -89,7 +89,7 @@ def test_hard_touches_are_reached(law, share):
 
 
 def test_a_failure_tells_what_was_reached():
-    model = pressing(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
+    model = indentation_problem(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
     start = from_rest(model, 0.1)
     with pytest.raises(NotConverged, match="of the force") as caught:
         in_steps(model, start, 1e5)
@@ -101,7 +101,7 @@ def test_a_failure_tells_what_was_reached():
 
 
 def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
-    model = pressing(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
+    model = indentation_problem(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
     with pytest.raises(BottomedOut, match="of the force") as caught:
         from_rest(model, 1e5)
     assert caught.value.estimate[-1] > BOTTOM

@@ -10,11 +10,11 @@ import pytest
 from eitsim.mechanics.axisymmetric import friction_increments
 from eitsim.mechanics.axisymmetric.continuation import from_rest
 from eitsim.mechanics.axisymmetric.hold import solve_hold
-from eitsim.mechanics.axisymmetric.indentation import nearest, seen, touching
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, pressings, solve_path, solve_touch
+from eitsim.mechanics.axisymmetric.indentation import contact_state, nearest, seen
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, solve_path, solve_touch
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.punch_contact import Tool
+from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import Body, Hold, Punch
@@ -22,12 +22,13 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-TOOLS = {"flat": Tool(0.7, 0.05, 1e4), "sphere": Tool(0.7, 0.7, 1e4), "cone": Tool(0.7, 0.05, 1e4, 0.2)}
+TOOLS = {"flat": RigidPunch(0.7, 0.05, 1e4), "sphere": RigidPunch(0.7, 0.7, 1e4),
+         "cone": RigidPunch(0.7, 0.05, 1e4, 0.2)}
 
 
 def coarse(punch=None, size=2.0):
     punch = punch or Punch()
-    return pressings(TABLE_1, Body(), punch, size * default_element_m(Body(), punch), None)[-1]
+    return mesh_hierarchy(TABLE_1, Body(), punch, size * default_element_m(Body(), punch), None)[-1]
 
 
 def pressed(model, coefficient, force_N, count=4):
@@ -51,22 +52,22 @@ def test_the_arc_is_the_length_of_the_profile(name):
 def test_derivatives_of_the_potential_equal_differences(coefficient):
     model, random = coarse(size=4.0), np.random.default_rng(1)
     found, h = pressed(model, coefficient, 0.5, 2), 1e-6
-    grip, facets, nodes = found.grip, model.facets, len(model.grid.nodes)
+    springs, facets, nodes = found.springs, model.facets, len(model.grid.nodes)
     base, way = 1e-3 * random.standard_normal((nodes, 2)), random.standard_normal((nodes, 2))
     base += axisymmetric_assembly.nodal(model.grid, found.state.x[:-1])
 
     def at(step):
         return friction.moved(facets, base + step * way, found.state.x[-1] + step)
 
-    slopes = [friction.shear(grip, at(step)).slope for step in (-h, h)]
+    slopes = [friction.shear(springs, at(step)).slope for step in (-h, h)]
     smooth = slopes[0] == slopes[1]
-    grip = replace(grip, limit=np.where(smooth, grip.limit, 0.0))
+    springs = replace(springs, limit=np.where(smooth, springs.limit, 0.0))
     assert smooth.mean() > 0.9
-    push, down = friction.forces(grip, facets, at(0.0))
-    slope = (friction.energy(grip, facets, at(h)) - friction.energy(grip, facets, at(-h))) / (2 * h)
+    push, down = friction.forces(springs, facets, at(0.0))
+    slope = (friction.energy(springs, facets, at(h)) - friction.energy(springs, facets, at(-h))) / (2 * h)
     assert slope == pytest.approx(float(np.sum(push * way[facets.nodes])) + down, rel=1e-7)
-    blocks, border, corner = friction.tangent(grip, facets, at(0.0))
-    (ahead, more), (behind, less) = (friction.forces(grip, facets, at(step)) for step in (h, -h))
+    blocks, border, corner = friction.tangent(springs, facets, at(0.0))
+    (ahead, more), (behind, less) = (friction.forces(springs, facets, at(step)) for step in (h, -h))
     turned = np.einsum("faibj,fbj->fai", blocks, way[facets.nodes]) + border
     assert (ahead - behind) / (2 * h) == pytest.approx(turned, rel=1e-6, abs=1e-6 * np.abs(turned).max())
     assert (more - less) / (2 * h) == pytest.approx(float(np.sum(border * way[facets.nodes])) + corner, rel=1e-6)
@@ -95,12 +96,12 @@ def test_more_friction_means_less_depth_and_less_slip_at_small_strain():
 def test_the_punch_and_the_foam_push_as_hard_as_the_force(coefficient):
     model = coarse()
     found = pressed(model, coefficient, 0.5)
-    push = contact.forces(model.tool, model.facets, touching(model, found.state.x))[1]
-    rub = friction.forces(found.grip, model.facets, seen(model, found.state.x))[1]
+    push = contact.forces(model.punch, model.facets, contact_state(model, found.state.x))[1]
+    rub = friction.forces(found.springs, model.facets, seen(model, found.state.x))[1]
     assert push + rub == pytest.approx(found.state.force, rel=1e-8)
     assert rub > 0
-    at, shear = nearest(model, found.state.x), friction.shear(found.grip, seen(model, found.state.x))
-    pressure = contact.pressure(model.tool, np.maximum(at.gap, 0))
+    at, shear = nearest(model, found.state.x), friction.shear(found.springs, seen(model, found.state.x))
+    pressure = contact.pressure(model.punch, np.maximum(at.penetration, 0))
     if np.isfinite(coefficient):
         assert np.all(np.abs(shear.size) <= coefficient * pressure + 1e-2 * pressure.max())
 
@@ -115,11 +116,11 @@ def course_of_energy(model, coefficient, force_N, count):
         depths.append(now.state.x[-1])
     work = float(np.sum(np.diff(depths) * (np.array(forces)[1:] + np.array(forces)[:-1]) / 2))
     x = now.state.x
-    spring = friction.shear(now.grip, seen(model, x)).size
+    spring = friction.shear(now.springs, seen(model, x)).size
     parts = [
         axisymmetric_assembly.energy(model.law, model.grid, x[:-1]),
-        contact.energy(model.tool, model.facets, touching(model, x)),
-        float(np.sum(model.facets.weight * spring**2)) / (2 * now.grip.stiffness),
+        contact.energy(model.punch, model.facets, contact_state(model, x)),
+        float(np.sum(model.facets.weight * spring**2)) / (2 * now.springs.stiffness),
         now.dissipated,
     ]
     return work, parts

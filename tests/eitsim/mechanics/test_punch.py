@@ -7,12 +7,13 @@ import pytest
 from scipy.spatial import KDTree
 
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.punch_contact import Tool
+from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.solid.grid import foam_grid
 from eitsim.scene.scene import Body, Punch
 
-TOOLS = {"flat": Tool(0.7, 0.05, 1e4), "sphere": Tool(0.7, 0.7, 1e4), "cone": Tool(0.7, 0.05, 1e4, 0.2),
-         "steep cone": Tool(0.7, 0.1, 1e4, 0.9), "firm": Tool(0.7, 0.05, 1e4, firm=0.02)}
+TOOLS = {"flat": RigidPunch(0.7, 0.05, 1e4), "sphere": RigidPunch(0.7, 0.7, 1e4),
+         "cone": RigidPunch(0.7, 0.05, 1e4, 0.2),
+         "steep cone": RigidPunch(0.7, 0.1, 1e4, 0.9), "firm": RigidPunch(0.7, 0.05, 1e4, stiffening_penetration=0.02)}
 
 
 def core(tool):
@@ -49,10 +50,10 @@ def test_penetration_is_the_distance_to_the_outline(name):
     tool, depth = TOOLS[name], 0.3
     points = np.random.default_rng(0).uniform([0, -0.05], [0.8, 1.2], (600, 2))
     one = contact.Facets(np.arange(len(points))[:, None], np.eye(1), np.zeros(1), np.zeros(1), np.ones(1))
-    at = contact.touching(tool, one, points - [0, depth], depth)
+    at = contact.contact_state(tool, one, points - [0, depth], depth)
     within, distance = inside(tool, points), KDTree(outline(tool), balanced_tree=False).query(points)[0]
     assert 100 < within.sum() < 550
-    assert np.allclose(at.gap[:, 0], np.where(within, distance, 0.0), atol=2e-5)
+    assert np.allclose(at.penetration[:, 0], np.where(within, distance, 0.0), atol=2e-5)
 
 
 @pytest.mark.parametrize("name", TOOLS)
@@ -66,7 +67,7 @@ def test_forces_and_stiffness_equal_differences(name):
     depth, more = 0.03, 0.7
 
     def state(length):
-        return contact.touching(tool, facets, position + length * direction, depth + length * more)
+        return contact.contact_state(tool, facets, position + length * direction, depth + length * more)
 
     def force(length):
         on_nodes, reaction = contact.forces(tool, facets, state(length))
@@ -88,7 +89,7 @@ def test_the_complementary_energy_is_the_integral_of_the_penetration_over_the_pr
     pressures = contact.pressure(tool, gaps)
     work = np.trapezoid(pressures, gaps)
     stored = contact.Facets(np.zeros((1, 1), int), np.eye(1), np.zeros(1), np.zeros(1), np.ones((1, 1)))
-    at = contact.Touching(gaps[-1:, None], np.array([[[0.0, 1.0]]]), np.zeros((1, 1, 2, 2)), np.zeros((1, 1), bool))
+    at = contact.ContactState(gaps[-1:, None], np.array([[[0.0, 1.0]]]), np.zeros((1, 1, 2, 2)), np.zeros((1, 1), bool))
     assert contact.energy(tool, stored, at) == pytest.approx(work, rel=1e-5)
     by_gap = gaps * np.gradient(pressures, gaps)
     assert np.trapezoid(by_gap, gaps) == pytest.approx(pressures[-1] * gaps[-1] - work, rel=1e-4)
@@ -99,6 +100,6 @@ def test_side_wall_is_told_from_the_face():
     tool = TOOLS["flat"]
     points = np.array([[0.3, 0.01], [0.69, 0.2], [0.69, 0.01]])
     one = contact.Facets(np.arange(3)[:, None], np.eye(1), np.zeros(1), np.zeros(1), np.ones(1))
-    at = contact.touching(tool, one, points, 0.0)
+    at = contact.contact_state(tool, one, points, 0.0)
     assert at.wall[:, 0].tolist() == [False, True, False]
     assert at.normal[1, 0].tolist() == [-1.0, 0.0]

@@ -10,11 +10,11 @@ import pytest
 from eitsim.mechanics.axisymmetric import surface
 from eitsim.mechanics.axisymmetric.indentation import (
     at_rest,
+    contact_state,
     energy,
     equilibrium,
-    pressing,
+    indentation_problem,
     system,
-    touching,
     transferred,
 )
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import CONE_PENALTY, PENALTY, solve_path, solve_touch
@@ -85,12 +85,12 @@ def test_golden_depths_under_a_uniform_dead_pressure(diameter_mm, force_N, depth
 @pytest.fixture(scope="module")
 def coarse():
     """A discretised touch on a coarse mesh, 14 mm."""
-    return pressing(TABLE_1, Body(), punch_of(14), 0.4e-3, PENALTY)
+    return indentation_problem(TABLE_1, Body(), punch_of(14), 0.4e-3, PENALTY)
 
 
 def test_reaction_equals_the_force(coarse):
     found = equilibrium(coarse, 1.0, at_rest(coarse, 1.0))
-    _, reaction = contact.forces(coarse.tool, coarse.facets, touching(coarse, found.x))
+    _, reaction = contact.forces(coarse.punch, coarse.facets, contact_state(coarse, found.x))
     assert reaction == pytest.approx(1.0, rel=1e-8)
 
 
@@ -193,7 +193,7 @@ def refined():
     """Surface fields of 14 mm, 1 N at halved element sizes: list of (model, x)."""
     body, punch, out = Body(), punch_of(14), []
     for size in (0.24e-3, 0.12e-3, 0.06e-3, 0.03e-3):
-        model = pressing(TABLE_1, body, punch, size, PENALTY)
+        model = indentation_problem(TABLE_1, body, punch, size, PENALTY)
         force = 1.0 / (TABLE_1.mu_0_Pa * body.thickness_m**2)
         start = transferred(out[-1][1], out[-1][0].grid, model.grid) if out else at_rest(model, force)
         out.append((model, equilibrium(model, force, start).x))
@@ -231,10 +231,10 @@ def test_normal_stretch_under_the_face_follows_the_pressure(refined):
     """On the flat face, away from its edge: nominal stress of the normal stretch = -pressure x areal stretch."""
     model, x = refined[2]
     facets = contact.facets_at(model.grid, model.grid.top[:6], *np.polynomial.legendre.leggauss(4))
-    field, at = surface.stretch(model, x, facets), touching(model, x, facets)
+    field, at = surface.stretch(model, x, facets), contact_state(model, x, facets)
     log = np.log(np.stack([field.meridian, field.hoop, field.normal], axis=-1))
     nominal = kirchhoff(model.law, log)[..., 2] / field.normal
-    pushed = model.tool.stiffness * at.gap
+    pushed = model.punch.stiffness * at.penetration
     weight = facets.weight
     assert np.sum(weight * -nominal, axis=1) == pytest.approx(np.sum(weight * pushed, axis=1), rel=0.03)
 
@@ -244,7 +244,7 @@ def test_error_estimates_cover_the_errors(refined):
     signal = surface.dipole_response(*fine, "normal")
     for element_m in (0.12e-3, 0.06e-3):
         touch = solve_touch(TABLE_1, Body(), punch_of(14, 1.0), element_m=element_m)
-        model = pressing(TABLE_1, Body(), punch_of(14), element_m, PENALTY)
+        model = indentation_problem(TABLE_1, Body(), punch_of(14), element_m, PENALTY)
         assert abs(touch.depth_m / 3.6463e-3 - 1) < touch.depth_error
         found = refined[1] if element_m == 0.12e-3 else refined[2]
         assert found[0].grid.unknowns == model.grid.unknowns
@@ -304,7 +304,7 @@ def test_a_cone_opens_into_the_flat_punch():
 
 def test_work_of_a_cone_is_the_stored_energy():
     """Trapezoidal rule for the integral of F d(depth) over a path of forces that grow with the square of the depth."""
-    model = pressing(TABLE_1, Body(), cone_of(60), 0.4e-3, CONE_PENALTY)
+    model = indentation_problem(TABLE_1, Body(), cone_of(60), 0.4e-3, CONE_PENALTY)
     forces, depths = 1.0 * np.linspace(0.02, 1, 48) ** 2, []
     x = at_rest(model, forces[0])
     for force in forces:
