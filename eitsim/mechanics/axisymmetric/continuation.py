@@ -69,13 +69,14 @@ def sharpened(model: IndentationProblem, force: float) -> Equilibrium:
 
     NotConverged where the edge is as round already, or an equilibrium on the way is not found.
     """
-    fillet, path = model.punch.fillet, ()
+    fillet, path = model.punch.profile.edge_radius, ()
     steps = math.ceil(math.log(_ROUND / fillet) / math.log(_SHARPER) - 1e-9)
     if steps < 1:
         raise NotConverged("the punch's edge is round already.")
     x = at_rest(model, force)
     for k in range(steps + 1):
-        rounder = replace(model.punch, fillet=fillet * (_ROUND / fillet) ** (1 - k / steps))
+        profile = model.punch.profile.with_edge(fillet * (_ROUND / fillet) ** (1 - k / steps))
+        rounder = replace(model.punch, profile=profile)
         state = equilibrium(replace(model, punch=rounder), force, x)
         x, path = state.x, path + state.residuals
     return replace(state, residuals=path)

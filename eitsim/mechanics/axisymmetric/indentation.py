@@ -20,7 +20,7 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import Grid, default_element_m, feature_m, foam_grid, lagrange
 from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
 from eitsim.numerics.newton import System, minimise
-from eitsim.scene.scene import Body, Punch, slope_rad
+from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 # Reference radius, thicknesses beyond the punch's edge, out to which the surface may touch it.
 _REACH = 1.0
-# Penetration, mesh.feature_m, at which the contact is twice as stiff as its penalty: ten times the largest in common
+# Penetration, grid.feature_m, at which the contact is twice as stiff as its penalty: ten times the largest in common
 # touches, so that it stays small where the foam is squeezed flat.
 _FIRM = 0.05
 # Stiffening penetrations that the punch may stand below the foam's bottom.
@@ -75,13 +75,12 @@ class Equilibrium:
 
 def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float,
                         order: int = 2) -> IndentationProblem:
-    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over mesh.feature_m."""
-    grid, unit = foam_grid(body, punch, element_m, order), body.thickness_m
-    stiffness = penalty * unit / feature_m(body, punch)
-    rigid = RigidPunch(punch.diameter_m / 2 / unit, punch.fillet_m / unit, stiffness, slope_rad(punch),
-                _FIRM * feature_m(body, punch) / unit)
+    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m."""
+    unit = body.thickness_m
+    grid, profile, feature = foam_grid(body, punch, element_m, order), profile_of(punch, unit), feature_m(body, punch)
+    rigid = RigidPunch(profile, penalty * unit / feature, _FIRM * feature / unit)
     return IndentationProblem(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, rigid,
-                    contact.top_facets(grid, rigid.radius + _REACH), element_m / default_element_m(body, punch))
+                    contact.top_facets(grid, profile.radius + _REACH), element_m / default_element_m(body, punch))
 
 
 def at_rest(model: IndentationProblem, force: float) -> Array:
@@ -91,7 +90,7 @@ def at_rest(model: IndentationProblem, force: float) -> Array:
     def excess(depth: float) -> float:
         return contact.forces(model.punch, model.facets, contact_state(model, np.append(rest, depth)))[1] - force
 
-    deepest = _DEEPEST * model.punch.fillet
+    deepest = _DEEPEST * model.punch.profile.edge_radius
     if excess(deepest) < 0:
         return np.append(rest, deepest)
     return np.append(rest, root_scalar(excess, bracket=(0.0, deepest), xtol=1e-15, rtol=1e-6).root)
@@ -145,9 +144,9 @@ def equilibrium(model: IndentationProblem, force: float, start: Array, limit: in
 def _implausible(model: IndentationProblem, at: ContactState, x: Array) -> str:
     """Why a minimum is none of the physical problem; empty where it is fine."""
     deepest = float(at.penetration.max())
-    if deepest / model.punch.fillet > _DEEPEST:
+    if deepest / model.punch.profile.edge_radius > _DEEPEST:
         return (f"The foam under the punch's edge or tip is so stiff that it stands "
-                f"{deepest / model.punch.fillet:.1f} fillet radii "
+                f"{deepest / model.punch.profile.edge_radius:.1f} fillet radii "
                 "inside the punch, more than the contact model allows.")
     return "The punch has gone through the foam between the points of contact." if x[-1] > 1 + deepest else ""
 

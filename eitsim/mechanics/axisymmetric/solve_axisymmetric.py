@@ -38,17 +38,12 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
-from eitsim.scene.scene import FRICTIONS, PROFILES, Body, Punch
+from eitsim.scene.scene import FRICTIONS, Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
 
 Array = NDArray[np.float64]
 
-# Nominal contact pressure over penetration, in mu_0 over the mesh's feature length (mesh.feature_m): 10 MPa/mm for
-# mu_0 = 9.53 kPa, a thickness of 10 mm and a fillet of 0.5 mm.
-PENALTY = 525.0
-# The same for a cone, whose tip presses harder: at 45 degrees a tenth of it leaves the largest pressure 30 % too low.
-CONE_PENALTY = 5250.0
 # Floors of the relative errors of depth and signal at the default element size h_0, and their powers of h/h_0.
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
 # Floors of the relative errors of the largest pressure and of the contact area.
@@ -69,10 +64,10 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
                 penalty: float | None = None, order: int = 2) -> Touch:
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
 
-    element_m: element size at the punch's edge, m, by default mesh.default_element_m; strain: the skin's driving
-    strain for which signal_error is told; penalty: contact stiffness, mu_0 over mesh.feature_m, by default
-    PENALTY, for a cone CONE_PENALTY; order: of the elements, one of mesh.ELEMENTS. ValueError for a profile or
-    friction that is not known, NotConverged where no equilibrium is found.
+    element_m: element size at the punch's edge, m, by default grid.default_element_m; strain: the skin's driving
+    strain for which signal_error is told; penalty: contact stiffness, mu_0 over grid.feature_m, by default the
+    profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a profile or friction that is not known,
+    NotConverged where no equilibrium is found.
     """
     if punch.force_N is not None:
         return solve_path(law, body, punch, [punch.force_N], element_m=element_m, strain=strain, penalty=penalty,
@@ -123,14 +118,11 @@ def mesh_hierarchy(law: Hyperfoam, body: Body, punch: Punch, element_m: float | 
               penalty: float | None, order: int = 2) -> list[IndentationProblem]:
     """Frictionless problems from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes.
     """
-    if punch.profile not in PROFILES:
-        raise ValueError(f"profile in [punch]: '{punch.profile}' is unknown; known: {', '.join(PROFILES)}.")
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
-    if punch.profile == "sphere":
-        punch = replace(punch, fillet_m=punch.diameter_m / 2)
-    if penalty is None:
-        penalty = CONE_PENALTY if punch.profile == "cone" else PENALTY
+    profile = profile_of(punch)
+    punch = replace(punch, fillet_m=profile.edge_radius)
+    penalty = profile.default_penalty if penalty is None else penalty
     default = default_element_m(body, punch)
     sizes = [default if element_m is None else element_m]
     if not _FINEST * default <= sizes[0] < body.thickness_m / 2:
@@ -176,7 +168,7 @@ def under_force(levels: list[IndentationProblem], force: float, before: Equilibr
 def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium]:
     """Equilibria on all levels whose corrected depth is the given one: Newton's method in the logarithm of the force.
     """
-    guess = np.pi * levels[0].punch.radius**2 * depth
+    guess = np.pi * levels[0].punch.profile.radius**2 * depth
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
         states = [reached(levels[0], depth, from_rest(levels[0], guess))]
         for coarse, fine in itertools.pairwise(levels):
@@ -233,7 +225,7 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], state
     depth_error, signal_error = _errors(levels, states, strain)
     residuals = tuple(r for s in states for r in s.residuals)
     lost = non_elliptic_place(model, state.x)
-    area = min(contact.area, np.pi * model.punch.radius**2)
+    area = min(contact.area, np.pi * model.punch.profile.radius**2)
     return Touch(
         radius_m=radius * unit, u_r_m=(field.position[:, 0] - radius) * unit, u_z_m=field.position[:, 1] * unit,
         stretch_meridian=field.meridian, stretch_hoop=field.hoop, stretch_normal=field.normal,

@@ -79,8 +79,8 @@ def stiffness(punch: RigidPunch) -> float:
 def nearest(punch: RigidPunch, facets: Facets, position: Array, depth: float) -> Nearest:
     """Where the Gauss points of nodes at `position` (nodes, 2) stand on the punch, whose tip is `depth` below z = 0."""
     r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
-    penetration, n_r, n_z, _, _ = contact.distance(punch, r, z + depth)
-    return Nearest(penetration, contact.arc(punch, r, z + depth), np.stack([n_z, -n_r], axis=-1))
+    penetration, n_r, n_z, _, _ = punch.profile.signed_distance(r, z + depth)
+    return Nearest(penetration, punch.profile.arc_length(r, z + depth), np.stack([n_z, -n_r], axis=-1))
 
 
 def moved(facets: Facets, displacement: Array, depth: float) -> Array:

@@ -1,5 +1,4 @@
-"""Contact of the foam's top with a rigid rounded cylinder or cone: exact distance, arc, and energy of the penetration.
-"""
+"""Contact of the foam's top with a rigid punch: penetration, its pressure and energy, and their derivatives."""
 
 from __future__ import annotations
 
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid, lagrange
+from eitsim.scene.profiles.profile import Profile
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -19,17 +19,12 @@ POINTS = 4
 
 @dataclass(frozen=True)
 class RigidPunch:
-    """All points within `fillet` of a cylinder or a cone on a shank, tip downwards: a flat punch with a rounded edge, a
-    cone with a rounded tip and edge, or a hemisphere where the fillet is as large as the radius."""
+    """A punch and how hard it resists penetration."""
 
-    # radius, fillet included
-    radius: float
-    # radius of the fillet
-    fillet: float
+    # its outline
+    profile: Profile
     # penalty: nominal pressure over a small penetration
     stiffness: float
-    # angle between the face and the horizontal, rad; 0 for a flat face
-    slope: float = 0.0
     # penetration at which the pressure is twice what the penalty alone gives; beyond, it grows with the third power
     stiffening_penetration: float = np.inf
 
@@ -78,54 +73,10 @@ def facets_at(grid: Grid, nodes: Indices, t: Array, weight: Array) -> Facets:
     return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * radius * half * weight)
 
 
-def distance(punch: RigidPunch, r: Array, y: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """Depth inside the punch (...), negative outside, its normal (r, y) and curvature, and whether the wall is nearest.
-
-    The depth is that to the nearest of rounded tip, face, rounded edge and side wall. With f the fillet,
-    c = radius - f, b the slope and y the height over the lowest point: f minus the distance to (0, f) and
-    to (c, f + c tan b), within the angles that tip and edge subtend there; y cos b - r sin b + f (1 - cos b) at the
-    face; radius - r at the wall; deep inside the nearer of face and wall.
-    """
-    sine, cosine = np.sin(punch.slope), np.cos(punch.slope)
-    inner = punch.radius - punch.fillet
-    dx, dy = r - inner, punch.fillet + inner * sine / cosine - y
-    edge = (dx * cosine > dy * sine) & (dy > 0)
-    tip = r * cosine < (punch.fillet - y) * sine
-    rounded, dx, dy = edge | tip, np.where(tip, r, dx), np.where(tip, punch.fillet - y, dy)
-    away = np.hypot(dx, dy)
-    face = y * cosine - r * sine + punch.fillet * (1 - cosine)
-    wall = ~rounded & (dy <= 0) & (punch.radius - r < face)
-    penetration = np.where(rounded, punch.fillet - away, np.where(wall, punch.radius - r, face))
-    length = np.where(away > 0, away, 1.0)
-    n_r = np.where(rounded, -dx / length, np.where(wall, -1.0, -sine))
-    n_z = np.where(rounded, dy / length, np.where(wall, 0.0, cosine))
-    return penetration, n_r, n_z, np.where(rounded, 1 / length, 0.0), wall
-
-
-def arc(punch: RigidPunch, r: Array, y: Array) -> Array:
-    """Arc (...) of the profile from the axis to the point nearest to (r, y), outside or near the surface.
-
-    Tip and edge count the fillet times the angle from the vertical; see `distance`.
-    """
-    sine, cosine, fillet = np.sin(punch.slope), np.cos(punch.slope), punch.fillet
-    inner = punch.radius - fillet
-    dx, dy = r - inner, fillet + inner * sine / cosine - y
-    on_tip = fillet * np.arctan2(r, fillet - y)
-    on_face = fillet * punch.slope + (r - fillet * sine) * cosine + (y - fillet * (1 - cosine)) * sine
-    on_edge = inner / cosine + fillet * np.arctan2(dx, dy)
-    on_wall = inner / cosine + fillet * np.pi / 2 - dy
-    _, _, _, bend, wall = distance(punch, r, y)
-    rounded = np.where(r * cosine < (fillet - y) * sine, on_tip, on_edge)
-    return np.where(bend > 0, rounded, np.where(wall, on_wall, on_face))
-
-
 def contact_state(punch: RigidPunch, facets: Facets, position: Array, depth: float) -> ContactState:
-    """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0.
-
-    See `distance`.
-    """
+    """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0."""
     r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
-    penetration, n_r, n_z, bend, wall = distance(punch, r, z + depth)
+    penetration, n_r, n_z, bend, wall = punch.profile.signed_distance(r, z + depth)
     tangent = np.stack([n_z, -n_r], axis=-1)
     curvature = -tangent[..., :, None] * tangent[..., None, :] * bend[..., None, None]
     return ContactState(np.maximum(penetration, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)

@@ -81,7 +81,7 @@ def contact_state(disc: ClippedDisc, x: Array) -> Contact:
     u = seen(disc, x)
     across, around = disc.facing.radius + u[:, 0], u[:, 1]
     radius = np.hypot(across, around)
-    penetration, n_r, n_z, bend, wall = contact.distance(disc.punch, radius, u[:, 2])
+    penetration, n_r, n_z, bend, wall = disc.punch.profile.signed_distance(radius, u[:, 2])
     cosine, sine = across / radius, around / radius
     down = np.stack([n_z * cosine, n_z * sine, -n_r], axis=1)
     hoop = np.stack([-sine, cosine, np.zeros_like(sine)], axis=1)

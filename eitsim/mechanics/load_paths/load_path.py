@@ -57,7 +57,7 @@ class Course:
     @property
     def face(self) -> float:
         """Area of the punch's face, fillet included."""
-        return float(np.pi * self.levels[0].punch.radius**2)
+        return float(np.pi * self.levels[0].punch.profile.radius**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,7 +279,7 @@ def _kept(course: Course, states: list[Equilibrium]) -> Node:
     depth, by_depth = float(state.x[-1]), state.by_force / state.by_force[-1]
     step = _DIFFERENCE * depth
     fields, ahead, behind = (_sampled(course, model, state.x + s * step * by_depth) for s in (0, 1, -1))
-    radius = model.punch.radius
+    radius = model.punch.profile.radius
     numbers = np.array([state.force / course.face, state.depth / depth, touch.contact_radius_m - radius,
                         touch.contact_area_m2 / course.face, touch.wall_contact_m2 / (2 * np.pi * radius),
                         touch.sigma_max_Pa])

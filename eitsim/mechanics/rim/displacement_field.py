@@ -53,7 +53,7 @@ def volume_of(disc: ClippedDisc, model: IndentationProblem, state: Equilibrium, 
         radius_m=radius * unit, height_m=height * unit, order=disc.order,
         amplitude_m=moved.reshape(len(radius), len(height), *moved.shape[1:]) * unit, facet_m=middle * unit,
         share=np.linspace(0, 1, _ANGLES), pressure_Pa=np.zeros((len(middle), _ANGLES)),
-        disc_m=disc.outline.disc * unit, offset_m=disc.outline.offset * unit, punch_m=disc.punch.radius * unit,
+        disc_m=disc.outline.disc * unit, offset_m=disc.outline.offset * unit, punch_m=disc.punch.profile.radius * unit,
         bearing_rad=bearing_rad, law=law)
     return replace(kept, pressure_Pa=_pressure(disc, x, kept, unit) * law.mu_0_Pa)
 

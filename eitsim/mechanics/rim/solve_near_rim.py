@@ -237,7 +237,7 @@ def _narrowed(model: IndentationProblem, fineness: Fineness) -> IndentationProbl
     """The problem with elements halved about the punch's edge, and none wider than the widest as far as the change
     reaches."""
     r, z = (lines[::model.grid.order] for lines in model.grid.lines)
-    edge = model.punch.radius
+    edge = model.punch.profile.radius
     halved = (r[:-1] > edge - _INSIDE - _NEAR) & (r[1:] < edge + _OUTSIDE)
     parts = [max(math.ceil((b - a) / fineness.widest), 2 if half else 1) if a < edge + fineness.beyond else 1
              for (a, b), half in zip(itertools.pairwise(r), halved, strict=True)]
@@ -252,7 +252,7 @@ def _under(model: IndentationProblem, load: Load, sticks: bool, outline: Outline
            before: Solution | None, halvings: int) -> Solution:
     model, state = load.state(model, sticks)
     disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,
-                        model.punch.radius + fineness.beyond, held=load.force is None)
+                        model.punch.profile.radius + fineness.beyond, held=load.force is None)
     with bounded(FACTORISATIONS, disc.unknowns):
         for start in (None if before is None else carried_over(before, disc, model), None):
             try:

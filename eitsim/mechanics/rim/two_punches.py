@@ -129,15 +129,15 @@ def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Fine
         model, load = set_up(law, body, punch, fineness)
         model, state = load.state(model, sticks=False)
         disc = clipped_disc(model, state, Outline(_PLANE, 0.0), fineness.harmonics, fineness.angles,
-                            model.punch.radius + fineness.beyond, held=load.force is None)
+                            model.punch.profile.radius + fineness.beyond, held=load.force is None)
         parts.append(Solution(disc, model, state, np.zeros(disc.unknowns + 1), ()))
-    apart = gap + sum(part.model.punch.radius for part in parts)
+    apart = gap + sum(part.model.punch.profile.radius for part in parts)
     return tuple(_frame(own, other, apart, gap) for own, other in zip(parts, parts[::-1], strict=True))
 
 
 def _frame(alone: Solution, other: Solution, apart: float, gap: float) -> _Frame:
     model, disc = alone.model, alone.disc
-    half = model.punch.radius + gap / 2
+    half = model.punch.profile.radius + gap / 2
     harmonics, angles = len(disc.fixed), disc.weight.shape[1]
     angle = (np.arange(angles) + 0.5) / angles * np.pi
     at = disc.foam.shape[..., 2]

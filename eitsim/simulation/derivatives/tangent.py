@@ -22,7 +22,7 @@ from eitsim.mechanics.contact.punch_contact import POINTS, facets_at
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Fineness, rim_change
 from eitsim.mechanics.solid.grid import tensor_grid
 from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
@@ -178,17 +178,15 @@ def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[Indentatio
 def changed(base: Settled, law: Hyperfoam, punch: Punch) -> tuple[IndentationProblem, float]:
     """The problem with another law and diameter, on the same mesh carried along, and its force without units."""
     unit, model = base.body.thickness_m, base.model
-    tool, radius = model.punch, punch.diameter_m / 2 / unit
+    before, after = model.punch.profile, profile_of(punch, unit)
     force = base.state.force * force_unit(base.law, base.body) / force_unit(law, base.body)
     law = replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa)
-    if radius == tool.radius:
+    if after == before:
         return replace(model, law=law), force
-    fillet = radius if punch.profile == "sphere" else tool.fillet
     lines, rows = (line[::model.grid.order] for line in model.grid.lines)
-    old = np.array([0.0, tool.radius - tool.fillet, tool.radius, lines[-1]])
-    new = np.array([0.0, radius - fillet, radius, lines[-1]])
+    old, new = (np.array([0.0, p.radius - p.edge_radius, p.radius, lines[-1]]) for p in (before, after))
     grid = tensor_grid(np.interp(lines, old[old.argsort()], new[old.argsort()]), rows, order=model.grid.order)
-    return replace(model, law=law, punch=replace(tool, radius=radius, fillet=fillet), grid=grid,
+    return replace(model, law=law, punch=replace(model.punch, profile=after), grid=grid,
                    facets=facets_at(grid, model.facets.nodes, *np.polynomial.legendre.leggauss(POINTS))), force
 
 

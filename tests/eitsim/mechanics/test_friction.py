@@ -17,13 +17,14 @@ from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-TOOLS = {"flat": RigidPunch(0.7, 0.05, 1e4), "sphere": RigidPunch(0.7, 0.7, 1e4),
-         "cone": RigidPunch(0.7, 0.05, 1e4, 0.2)}
+PUNCHES = {"flat": RigidPunch(Flat(0.7, 0.05), 1e4), "sphere": RigidPunch(Flat(0.7, 0.7), 1e4),
+           "cone": RigidPunch(Flat(0.7, 0.05, 0.2), 1e4)}
 
 
 def coarse(punch=None, size=2.0):
@@ -36,16 +37,18 @@ def pressed(model, coefficient, force_N, count=4):
     return friction_increments.loaded(model, coefficient, friction_increments.at_rest(model), force, count)[1]
 
 
-@pytest.mark.parametrize("name", TOOLS)
+@pytest.mark.parametrize("name", PUNCHES)
 def test_the_arc_is_the_length_of_the_profile(name):
-    tool, inner = TOOLS[name], TOOLS[name].radius - TOOLS[name].fillet
-    angle = np.linspace(tool.slope, np.pi / 2, 2001)
-    top = tool.fillet + inner * np.tan(tool.slope)
-    tip = tool.fillet * np.column_stack([np.sin(angle * 0 + tool.slope), 1 - np.cos(angle * 0 + tool.slope)])[:1]
-    edge = np.array([inner, top]) + tool.fillet * np.column_stack([np.sin(angle), -np.cos(angle)])
-    profile = np.vstack([[0.0, 0.0], tip, np.linspace(tip[0], edge[0], 50)[1:], edge[1:], [tool.radius, top + 0.3]])
-    length = np.cumsum(np.hypot(*np.diff(profile, axis=0).T))
-    assert contact.arc(tool, *profile.T)[1:] == pytest.approx(length, abs=1e-4)
+    punch = PUNCHES[name].profile
+    inner = punch.radius - punch.edge_radius
+    angle = np.linspace(punch.slope, np.pi / 2, 2001)
+    top = punch.edge_radius + inner * np.tan(punch.slope)
+    ends = angle * 0 + punch.slope
+    tip = punch.edge_radius * np.column_stack([np.sin(ends), 1 - np.cos(ends)])[:1]
+    edge = np.array([inner, top]) + punch.edge_radius * np.column_stack([np.sin(angle), -np.cos(angle)])
+    line = np.vstack([[0.0, 0.0], tip, np.linspace(tip[0], edge[0], 50)[1:], edge[1:], [punch.radius, top + 0.3]])
+    length = np.cumsum(np.hypot(*np.diff(line, axis=0).T))
+    assert punch.arc_length(*line.T)[1:] == pytest.approx(length, abs=1e-4)
 
 
 @pytest.mark.parametrize("coefficient", [0.2, np.inf])

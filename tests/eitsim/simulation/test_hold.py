@@ -9,11 +9,12 @@ import pytest
 
 from eitsim.mechanics.axisymmetric.hold import Course, Step, solve_hold, states_over, stepped_through
 from eitsim.mechanics.axisymmetric.indentation import at_rest, contact_state, equilibrium, indentation_problem, system
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, reached, solve_touch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import reached, solve_touch
 from eitsim.mechanics.axisymmetric.viscoelastic import loaded_at_once, remembered, stepped, steps_s, unloaded
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import tensor_grid
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Hold, Punch, scene_from
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import as_json
@@ -34,7 +35,7 @@ COARSE_M = 0.4e-3
 FORCE = 1.0 / (TABLE_1.mu_0_Pa * 0.01**2)
 
 
-def model_of(law=TABLE_1, penalty=PENALTY):
+def model_of(law=TABLE_1, penalty=Flat.default_penalty):
     return indentation_problem(law, Body(), Punch(), COARSE_M, penalty)
 
 
@@ -85,7 +86,7 @@ def test_one_element_follows_a_history_as_the_calibration_does(block):
 @pytest.mark.parametrize("series", [SERIES, FAR_APART])
 def test_limits_are_the_elastic_touches(series):
     at_once, soon, late = crept(model_of(), (1e-13, 1e14), series=series)
-    soft = model_of(replace(TABLE_1, mu_Pa=TABLE_1.mu_Pa * series.g_infinity), PENALTY / series.g_infinity)
+    soft = model_of(replace(TABLE_1, mu_Pa=TABLE_1.mu_Pa * series.g_infinity), Flat.default_penalty / series.g_infinity)
     force = FORCE / series.g_infinity
     longterm = equilibrium(soft, force, at_rest(soft, force))
     assert soon.depth == pytest.approx(at_once.depth, rel=1e-8)
