@@ -48,7 +48,7 @@ class Punch:
     depth_m: float | None = None
     # one of PROFILES
     profile: str = "flat"
-    # radius that rounds the edge, and a cone's tip; without effect on a sphere; m
+    # radius that rounds the edge, and a cone's tip; of an ellipse, its radius of curvature at the edge; m
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
     half_angle_rad: float = math.radians(60)

@@ -94,8 +94,8 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Gri
     """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0.
 
     Lines lie at the edge of the punch and its edge radius inwards from there. element_m is the element size there, m;
-    elements widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness, the
-    punch is smaller than the disc and the elements' order is one of ELEMENTS.
+    elements widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m <
+    thickness, the punch is smaller than the disc and the elements' order is one of ELEMENTS.
     """
     unit = body.thickness_m
     if not 0 < element_m < unit:

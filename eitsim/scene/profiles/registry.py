@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from eitsim.scene.profiles.ellipse import Ellipse
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.rounded_cone import Cone, Flat, Sphere
 
@@ -9,4 +10,5 @@ PROFILES: dict[str, type[Profile]] = {
     "flat": Flat,
     "sphere": Sphere,
     "cone": Cone,
+    "ellipse": Ellipse,
 }

@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.solid.grid import foam_grid
+from eitsim.scene.profiles.ellipse import Ellipse
 from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Punch
 
@@ -58,9 +59,9 @@ def test_penetration_is_the_distance_to_the_outline(name):
     assert np.allclose(at.penetration[:, 0], np.where(within, distance, 0.0), atol=2e-5)
 
 
-@pytest.mark.parametrize("name", PUNCHES)
+@pytest.mark.parametrize("name", [*PUNCHES, "ellipse"])
 def test_forces_and_stiffness_equal_differences(name):
-    punch = PUNCHES[name]
+    punch = RigidPunch(Ellipse(0.7, 0.2), 1e4) if name == "ellipse" else PUNCHES[name]
     grid = foam_grid(Body(), Punch(), 1e-3)
     facets = contact.top_facets(grid, 1.0)
     rng, step = np.random.default_rng(2), 1e-7
