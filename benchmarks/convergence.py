@@ -18,8 +18,9 @@ import pandas as pd
 from conditions import quick, shown, written
 from materials import TABLE_1
 
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, solve_touch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.solid.grid import ELEMENTS, default_element_m
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
 
@@ -34,7 +35,7 @@ STRAINS = ("normal_contact_L2", "normal_outside_L2", "plane_contact_L2", "plane_
 SCALARS = ("depth", "area", "sigma_max")
 
 
-def solved(punch: Punch, size: float, order: int, penalty: float = PENALTY) -> Touch:
+def solved(punch: Punch, size: float, order: int, penalty: float = Flat.default_penalty) -> Touch:
     return solve_touch(TABLE_1, Body(), punch, element_m=size * default_element_m(Body(), punch), order=order,
                        penalty=penalty)
 
@@ -64,7 +65,8 @@ def row(name: str, punch: Punch, size: float, order: int, penalty: float, touch:
     fillet = punch.diameter_m / 2 if punch.profile == "sphere" else punch.fillet_m
     errors = {f"{key}_error": value for key, value in differences(touch, reference).items()}
     return {"touch": name, "fillet_mm": fillet * 1e3, "order": order,
-            "element_um": size * default_element_m(Body(), punch) * 1e6, "penalty_over_default": penalty / PENALTY,
+            "element_um": size * default_element_m(Body(), punch) * 1e6,
+            "penalty_over_default": penalty / Flat.default_penalty,
             "depth_mm": touch.depth_m * 1e3, "A_c_mm2": touch.contact_area_m2 * 1e6,
             "sigma_max_kPa": touch.sigma_max_Pa / 1e3, **errors, "iterations": touch.iterations,
             "cpu_s": touch.cpu_s}
@@ -76,12 +78,12 @@ def study(name: str, punch: Punch, finest: float) -> tuple[list[dict[str, object
     rows, rates, sizes = [], [], [finest * coarser for coarser in COARSER]
     for order in ELEMENTS:
         touches = [solved(punch, size, order) for size in sizes]
-        rows += [row(name, punch, size, order, PENALTY, touch, reference)
+        rows += [row(name, punch, size, order, Flat.default_penalty, touch, reference)
                  for size, touch in zip(sizes, touches, strict=True)]
         changes = pd.DataFrame([differences(a, b) for a, b in itertools.pairwise(touches)])
         rates.append({"touch": name, "order": order, **{key: rate(changes[key].to_numpy()) for key in changes}})
-    stiff = solved(punch, 1.0, max(ELEMENTS), 10 * PENALTY)
-    return [*rows, row(name, punch, 1.0, max(ELEMENTS), 10 * PENALTY, stiff, reference)], rates
+    stiff = solved(punch, 1.0, max(ELEMENTS), 10 * Flat.default_penalty)
+    return [*rows, row(name, punch, 1.0, max(ELEMENTS), 10 * Flat.default_penalty, stiff, reference)], rates
 
 
 def rate(changes: np.ndarray) -> float:

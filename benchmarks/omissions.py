@@ -25,7 +25,13 @@ from materials import SKIN_LAW, TABLE_1
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.sheet.sheet_conductance import changes
 from eitsim.mechanics.axisymmetric.hold import Course, kept, states_over
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, pressings, solve_touch, touch_of, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    force_unit,
+    mesh_hierarchy,
+    solve_touch,
+    touch_of,
+    under_force,
+)
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.correction import unchanged
@@ -117,7 +123,7 @@ def rings_for_a_mesh(rng: np.random.Generator) -> Pair:
 def steps_in_time_left_out(rng: np.random.Generator) -> Pair:
     punch, law, hold = random_punch(rng), replace(TABLE_1, moduli="instantaneous"), Hold((TIME_S,), "depth")
     assert punch.force_N is not None
-    levels = pressings(law, BODY, punch, None, None)[-2:]
+    levels = mesh_hierarchy(law, BODY, punch, None, None)[-2:]
     loaded = under_force(levels, punch.force_N / force_unit(law, BODY))
 
     def stepped_through() -> Touch:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from eitsim.scene.drive import MATRICES, Drive, with_matrices
 from eitsim.scene.electrodes import IMPEDANCES, Electrodes, check, unread
+from eitsim.scene.profiles.profile import Profile
+from eitsim.scene.profiles.registry import PROFILES
 from touchcal.errors import TestFileError, unknown_key
 from touchcal.toml_file import read_toml
 
-PROFILES = ("flat", "sphere", "cone")
 FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
 CONTROLS = ("force", "depth")
@@ -47,7 +48,7 @@ class Punch:
     depth_m: float | None = None
     # one of PROFILES
     profile: str = "flat"
-    # radius that rounds the edge, and a cone's tip; m
+    # radius that rounds the edge, and a cone's tip; of an ellipse, its radius of curvature at the edge; m
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
     half_angle_rad: float = math.radians(60)
@@ -138,8 +139,9 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
 EACH = ("width_mm", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
 _LISTS = ("angles_deg", "missing")
 # Keys that hold one of a few words.
-_KNOWN = {("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS, ("skin", "strain"): STRAINS,
-          ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
+_KNOWN: dict[tuple[str, str], Collection[str]] = {
+    ("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS,
+    ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
 _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
             "accuracy": Accuracy}
 
@@ -160,9 +162,10 @@ def check_value(table: str, key: str, value: Any) -> None:
         _choice(f"{key} in [{table}]", value, _KNOWN[table, key])
 
 
-def slope_rad(punch: Punch) -> float:
-    """Angle of the punch's face to the horizontal, rad: pi/2 minus a cone's half-angle, 0 for the other profiles."""
-    return math.pi / 2 - punch.half_angle_rad if punch.profile == "cone" else 0.0
+def profile_of(punch: Punch, unit_m: float = 1.0) -> Profile:
+    """The punch's profile, lengths over a unit; ValueError for a profile that is not known."""
+    _choice("profile in [punch]", punch.profile, PROFILES)
+    return PROFILES[punch.profile].of(punch.diameter_m / 2 / unit_m, punch.fillet_m / unit_m, punch.half_angle_rad)
 
 
 def rim_gap_m(body: Body, punch: Punch) -> float:
@@ -350,6 +353,6 @@ def _require(ok: bool, where: str, expected: str, value: Any) -> None:
         raise ValueError(f"{where} {expected}, got {value}.")
 
 
-def _choice(where: str, value: str, known: tuple[str, ...]) -> None:
+def _choice(where: str, value: str, known: Collection[str]) -> None:
     if value not in known:
         raise ValueError(f"{where}: '{value}' is unknown; known: {', '.join(known)}.")

@@ -14,7 +14,7 @@ from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import RimTable, Shape, Table
 from eitsim.scene.results import Decision, Touch
-from eitsim.scene.scene import Punch, Scene
+from eitsim.scene.scene import Punch, Scene, profile_of
 from eitsim.simulation.plan import law_of, near_rim
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
@@ -76,9 +76,9 @@ def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: boo
         if punch.friction != "none":
             raise ValueError(f"friction = \"{punch.friction}\" in [punch]: load paths are stored for punches without "
                              "friction only.")
-        if punch.profile != "flat":
-            raise ValueError(f"profile = \"{punch.profile}\" in [punch]: load paths of spheres and cones are not "
-                             "stored.")
+        if not profile_of(punch).is_flat:
+            raise ValueError(f"profile = \"{punch.profile}\" in [punch]: load paths are stored for flat "
+                             "punches only.")
     shapes = {shape_of(law, scene.body, punch, scene.skin.strain, diameters_m, spans=spans) for punch in scene.punches}
     if len(shapes) > 1:
         raise ValueError("the punches differ in more than their diameters, and a table of load paths serves one kind.")

@@ -9,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing, at_rest, energy, equilibrium, transferred
+from eitsim.mechanics.axisymmetric.indentation import (
+    Equilibrium,
+    IndentationProblem,
+    at_rest,
+    energy,
+    equilibrium,
+    transferred,
+)
 from eitsim.numerics.work_budget import used_up
 from touchcal.errors import NotConverged
 
@@ -34,7 +41,7 @@ _ITERATIONS = 60
 _SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 
 
-def from_rest(model: Pressing, force: float) -> Equilibrium:
+def from_rest(model: IndentationProblem, force: float) -> Equilibrium:
     """The equilibrium under a force, from rest; where that fails from that of a rounder edge, or in steps from part of
     the force. NotConverged as in_steps.
     """
@@ -57,24 +64,25 @@ def from_rest(model: Pressing, force: float) -> Equilibrium:
     raise failed
 
 
-def sharpened(model: Pressing, force: float) -> Equilibrium:
+def sharpened(model: IndentationProblem, force: float) -> Equilibrium:
     """The equilibrium under a force by way of rounder edges of the punch, over which the foam slides freely.
 
     NotConverged where the edge is as round already, or an equilibrium on the way is not found.
     """
-    fillet, path = model.tool.fillet, ()
+    fillet, path = model.punch.profile.edge_radius, ()
     steps = math.ceil(math.log(_ROUND / fillet) / math.log(_SHARPER) - 1e-9)
     if steps < 1:
         raise NotConverged("the punch's edge is round already.")
     x = at_rest(model, force)
     for k in range(steps + 1):
-        rounder = replace(model.tool, fillet=fillet * (_ROUND / fillet) ** (1 - k / steps))
-        state = equilibrium(replace(model, tool=rounder), force, x)
+        profile = model.punch.profile.with_edge(fillet * (_ROUND / fillet) ** (1 - k / steps))
+        rounder = replace(model.punch, profile=profile)
+        state = equilibrium(replace(model, punch=rounder), force, x)
         x, path = state.x, path + state.residuals
     return replace(state, residuals=path)
 
 
-def near(model: Pressing, before: Equilibrium, force: float) -> Equilibrium:
+def near(model: IndentationProblem, before: Equilibrium, force: float) -> Equilibrium:
     """The equilibrium under a force, from that under another; in steps where that fails. NotConverged as in_steps."""
     try:
         return equilibrium(model, force, before.x)
@@ -82,7 +90,7 @@ def near(model: Pressing, before: Equilibrium, force: float) -> Equilibrium:
         return in_steps(model, before, force)
 
 
-def carried_over(coarse: Pressing, state: Equilibrium, fine: Pressing) -> Equilibrium:
+def carried_over(coarse: IndentationProblem, state: Equilibrium, fine: IndentationProblem) -> Equilibrium:
     """The equilibrium of a coarse mesh on a finer one; from rest where it cannot start there."""
     x = transferred(state.x, coarse.grid, fine.grid)
     for share in _SHARES:
@@ -113,7 +121,7 @@ class BottomedOut(NotConverged):
     """No equilibrium under the force was found, and less of it already squeezes the foam flat."""
 
 
-def in_steps(model: Pressing, start: Equilibrium, force: float) -> Equilibrium:
+def in_steps(model: IndentationProblem, start: Equilibrium, force: float) -> Equilibrium:
     """The equilibrium under a force from that under another, in steps of the force's logarithm that adapt.
 
     NotConverged carries the last equilibrium, the residuals of the step that failed and, as load_fraction, the
@@ -140,7 +148,7 @@ def _short_of(state: Equilibrium, force: float, error: NotConverged) -> NotConve
     return kind(text, estimate=state.x, residuals=error.residuals, load_fraction=share)
 
 
-def _next(model: Pressing, state: Equilibrium, force: float) -> Equilibrium:
+def _next(model: IndentationProblem, state: Equilibrium, force: float) -> Equilibrium:
     """The equilibrium under a near force, along the tangent where that is admissible."""
     ahead = state.x + state.by_force * (force - state.force)
     start = ahead if np.isfinite(energy(model, force, ahead)) else state.x

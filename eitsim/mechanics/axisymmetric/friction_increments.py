@@ -18,10 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.continuation import from_rest, towards
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing, equilibrium, nearest, seen, transferred
+from eitsim.mechanics.axisymmetric.indentation import (
+    Equilibrium,
+    IndentationProblem,
+    equilibrium,
+    nearest,
+    seen,
+    transferred,
+)
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.friction import Grip, Nearest
+from eitsim.mechanics.contact.friction import FrictionState, Nearest
 from eitsim.numerics.work_budget import bounded, used_up
 from touchcal.errors import NotConverged
 
@@ -51,7 +58,7 @@ class Loaded:
     # (facets, points) arc of the punch at which a point is held; not a number where none is
     anchor: Array
     # the springs of the last minimisation, which hold nothing at rest
-    grip: Grip
+    springs: FrictionState
     # relative change of the depth in the last pass; infinite after one pass
     unsettled: float
     # part of the reference area in contact that slips
@@ -72,15 +79,15 @@ class Course:
     fine: Loaded
 
 
-def at_rest(model: Pressing) -> Loaded:
+def at_rest(model: IndentationProblem) -> Loaded:
     """Foam that was never touched."""
     x = np.zeros(model.grid.unknowns + 1)
     none = np.zeros(model.facets.weight.shape)
-    free = Grip(friction.stiffness(model.tool), none, none, seen(model, x), nearest(model, x).along)
+    free = FrictionState(friction.stiffness(model.punch), none, none, seen(model, x), nearest(model, x).along)
     return Loaded(Equilibrium(x, x, 0.0, 0.0, ()), np.full(none.shape, np.nan), free, 0.0, 0.0, 0.0)
 
 
-def under_forces(coarse: Pressing, fine: Pressing, coefficient: float,
+def under_forces(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float,
                  forces: Sequence[float]) -> Iterator[Course]:
     """The course to each force, loaded in this order."""
     rough = now = at_rest(coarse)
@@ -92,7 +99,8 @@ def under_forces(coarse: Pressing, fine: Pressing, coefficient: float,
         yield course
 
 
-def at_depth(coarse: Pressing, fine: Pressing, coefficient: float, depth: float, guess: float) -> Course:
+def at_depth(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float, depth: float,
+             guess: float) -> Course:
     """The course to a corrected depth that a force near `guess`, above it rather than below, leads to."""
     with bounded(FACTORISATIONS, fine.grid.unknowns):
         rough = at_depth_of(coarse, coefficient, depth, guess, INCREMENTS // 2)[1]
@@ -101,14 +109,14 @@ def at_depth(coarse: Pressing, fine: Pressing, coefficient: float, depth: float,
         return Course(rough, now, _reached(fine, coefficient, _on(coarse, last, fine), near, depth))
 
 
-def at_depth_of(model: Pressing, coefficient: float, depth: float, guess: float,
+def at_depth_of(model: IndentationProblem, coefficient: float, depth: float, guess: float,
                 count: int = INCREMENTS) -> tuple[Loaded, Loaded]:
     """The foam of one mesh under the force `guess` and, one increment from there, at a corrected depth."""
     end = loaded(model, coefficient, at_rest(model), guess, count)[1]
     return end, _reached(model, coefficient, end, end, depth)
 
 
-def loaded(model: Pressing, coefficient: float, before: Loaded, force: float,
+def loaded(model: IndentationProblem, coefficient: float, before: Loaded, force: float,
            count: int = INCREMENTS) -> tuple[Loaded, Loaded]:
     """The foam before the last increment and under a force, in increments of 1/count of it or of the force before,
     whichever is larger.
@@ -128,7 +136,8 @@ def loaded(model: Pressing, coefficient: float, before: Loaded, force: float,
     return last, before
 
 
-def _carried_over(coarse: Pressing, last: Loaded, now: Loaded, fine: Pressing, coefficient: float) -> Loaded:
+def _carried_over(coarse: IndentationProblem, last: Loaded, now: Loaded, fine: IndentationProblem,
+                  coefficient: float) -> Loaded:
     """The foam of a coarse mesh on a finer one, the last increment made again; loaded from rest where that fails."""
     try:
         return increment(fine, coefficient, _on(coarse, last, fine), now.state.force,
@@ -137,7 +146,7 @@ def _carried_over(coarse: Pressing, last: Loaded, now: Loaded, fine: Pressing, c
         return loaded(fine, coefficient, at_rest(fine), now.state.force)[1]
 
 
-def _on(coarse: Pressing, loaded: Loaded, fine: Pressing) -> Loaded:
+def _on(coarse: IndentationProblem, loaded: Loaded, fine: IndentationProblem) -> Loaded:
     """A coarse mesh's state and anchors on a finer one."""
     x, by_force = (transferred(v, coarse.grid, fine.grid) for v in (loaded.state.x, loaded.state.by_force))
     held = ~np.isnan(loaded.anchor)
@@ -145,11 +154,11 @@ def _on(coarse: Pressing, loaded: Loaded, fine: Pressing) -> Loaded:
     if np.any(held):
         radius = coarse.facets.radius[held]
         anchor = fine.facets.radius + np.interp(fine.facets.radius, radius, loaded.anchor[held] - radius, right=np.nan)
-    anchor[~np.any(nearest(fine, x).gap > 0, axis=1)] = np.nan
+    anchor[~np.any(nearest(fine, x).penetration > 0, axis=1)] = np.nan
     return replace(loaded, state=replace(loaded.state, x=x, by_force=by_force), anchor=anchor)
 
 
-def _in_halves(model: Pressing, coefficient: float, before: Loaded, force: float, *, settle: bool,
+def _in_halves(model: IndentationProblem, coefficient: float, before: Loaded, force: float, *, settle: bool,
                halvings: int = _HALVINGS) -> Loaded:
     """The foam after an increment, or after two of half of it where that fails."""
     for ahead in (True, False) if before.state.force > 0 else (False,):
@@ -163,7 +172,7 @@ def _in_halves(model: Pressing, coefficient: float, before: Loaded, force: float
     return _in_halves(model, coefficient, half, force, settle=settle, halvings=halvings - 1)
 
 
-def _estimate(model: Pressing, before: Loaded, force: float, ahead: bool) -> Array:
+def _estimate(model: IndentationProblem, before: Loaded, force: float, ahead: bool) -> Array:
     """End of an increment, along the tangent at its start or as its start; from rest without friction."""
     state = before.state
     if state.force == 0:
@@ -171,62 +180,63 @@ def _estimate(model: Pressing, before: Loaded, force: float, ahead: bool) -> Arr
     return state.x + state.by_force * (force - state.force) if ahead else state.x
 
 
-def increment(model: Pressing, coefficient: float, before: Loaded, force: float, x: Array, *,
+def increment(model: IndentationProblem, coefficient: float, before: Loaded, force: float, x: Array, *,
               settle: bool) -> Loaded:
     """The foam under a force from the state before, its end estimated by x; settle: passes until the depth stays."""
     sticks = np.isinf(coefficient)
     settled, passes = _SETTLED if settle else _SLIPPED, 1 if sticks and not settle else _PASSES
     tolerance = _EXACT if settle else _ROUGH
     held = ~np.isnan(before.anchor)
-    grip = gripped(model, coefficient, before, x, held)
-    state = equilibrium(replace(model, grip=grip), force, x, _ITERATIONS, tolerance)
+    springs = gripped(model, coefficient, before, x, held)
+    state = equilibrium(replace(model, springs=springs), force, x, _ITERATIONS, tolerance)
     change, spent = np.inf, ()
     for k in range(1, passes):
-        held, spent, last = held | (grip.limit > 0), spent + state.residuals, grip
-        grip = gripped(model, coefficient, before, state.x, held)
+        held, spent, last = held | (springs.limit > 0), spent + state.residuals, springs
+        springs = gripped(model, coefficient, before, state.x, held)
         if k >= _FREE_PASSES and not sticks:
-            grip = replace(grip, limit=(grip.limit + last.limit) / 2)
-        depth, state = state.depth, equilibrium(replace(model, grip=grip), force, state.x, _ITERATIONS, tolerance)
+            springs = replace(springs, limit=(springs.limit + last.limit) / 2)
+        depth, state = state.depth, equilibrium(replace(model, springs=springs), force, state.x, _ITERATIONS, tolerance)
         change = abs(depth / state.depth - 1)
         if change <= settled:
             break
-    return _let_go(model, before, replace(state, residuals=spent + state.residuals), grip, held | (grip.limit > 0),
-                   change)
+    return _let_go(model, before, replace(state, residuals=spent + state.residuals), springs,
+                   held | (springs.limit > 0), change)
 
 
-def gripped(model: Pressing, coefficient: float, before: Loaded, x: Array, held: NDArray[np.bool_]) -> Grip:
+def gripped(model: IndentationProblem, coefficient: float, before: Loaded, x: Array,
+            held: NDArray[np.bool_]) -> FrictionState:
     """Springs about x, held where it touches or `held` says."""
     at = nearest(model, x)
     if np.isinf(coefficient):
-        limit = np.where((at.gap > 0) | held, np.inf, 0.0)
+        limit = np.where((at.penetration > 0) | held, np.inf, 0.0)
     else:
-        limit = coefficient * contact.pressure(model.tool, np.maximum(at.gap, 0.0))
+        limit = coefficient * contact.pressure(model.punch, np.maximum(at.penetration, 0.0))
     slip = at.arc - _anchors(nearest(model, before.state.x), at, before.anchor)
-    return Grip(friction.stiffness(model.tool), limit, slip, seen(model, x), at.along)
+    return FrictionState(friction.stiffness(model.punch), limit, slip, seen(model, x), at.along)
 
 
 def _anchors(old: Nearest, new: Nearest, anchor: Array) -> Array:
     """Anchors (facets, points), where there are none the arc at which a straight way from old to new met the punch."""
-    rise = new.gap - old.gap
-    met = (new.gap > 0) & (rise > 0)
-    share = np.where(met, np.clip(-old.gap / np.where(met, rise, 1.0), 0.0, 1.0), 1.0)
+    rise = new.penetration - old.penetration
+    met = (new.penetration > 0) & (rise > 0)
+    share = np.where(met, np.clip(-old.penetration / np.where(met, rise, 1.0), 0.0, 1.0), 1.0)
     return np.where(np.isnan(anchor), old.arc + share * (new.arc - old.arc), anchor)
 
 
-def _let_go(model: Pressing, before: Loaded, state: Equilibrium, grip: Grip, held: NDArray[np.bool_],
-            change: float) -> Loaded:
+def _let_go(model: IndentationProblem, before: Loaded, state: Equilibrium, springs: FrictionState,
+            held: NDArray[np.bool_], change: float) -> Loaded:
     """The state at the end of an increment: anchors follow the slip, and are lost on facets where nothing touches."""
-    at, shear, weight = nearest(model, state.x), friction.shear(grip, seen(model, state.x)), model.facets.weight
-    touches = at.gap > 0
+    at, shear, weight = nearest(model, state.x), friction.shear(springs, seen(model, state.x)), model.facets.weight
+    touches = at.penetration > 0
     kept = touches | (held & touches.any(axis=1, keepdims=True))
-    anchor = np.where(grip.limit > 0, at.arc - shear.size / grip.stiffness,
+    anchor = np.where(springs.limit > 0, at.arc - shear.size / springs.stiffness,
                       _anchors(nearest(model, before.state.x), at, before.anchor))
     slipping = float(np.sum(weight * (touches & (shear.slope == 0))) / np.sum(weight * touches))
     lost = float(np.sum(weight * np.abs(shear.size) * shear.slipped))
-    return Loaded(state, np.where(kept, anchor, np.nan), grip, change, slipping, before.dissipated + lost)
+    return Loaded(state, np.where(kept, anchor, np.nan), springs, change, slipping, before.dissipated + lost)
 
 
-def _reached(model: Pressing, coefficient: float, before: Loaded, near: Loaded, depth: float) -> Loaded:
+def _reached(model: IndentationProblem, coefficient: float, before: Loaded, near: Loaded, depth: float) -> Loaded:
     """The foam at a corrected depth, one increment from `before`: Newton's method in the force's logarithm from `near`,
     kept between two forces that miss the depth on either side.
     """

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.continuation import from_rest, near
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing, equilibrium
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     allowed,
     at_depth,
     force_unit,
-    pressings,
+    mesh_hierarchy,
     reached,
     solve_touch,
     touch_of,
@@ -84,7 +84,7 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
     if hold.keeps_deformation:
         return kept(series, hold, solve_touch(law, body, punch, element_m=element_m, strain=strain))
     started = time.process_time()
-    levels = pressings(law, body, punch, element_m, None)
+    levels = mesh_hierarchy(law, body, punch, element_m, None)
     force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
     depth = None if punch.depth_m is None or force is not None else punch.depth_m / body.thickness_m
     course = Course(series, force, depth, hold)
@@ -124,14 +124,15 @@ def _softened(law: Hyperfoam, share: float) -> Hyperfoam:
     return replace(law, mu_Pa=law.mu_Pa * share)
 
 
-def _loaded_at_once(levels: list[Pressing], course: Course) -> list[Equilibrium]:
+def _loaded_at_once(levels: list[IndentationProblem], course: Course) -> list[Equilibrium]:
     if course.force is not None:
         return under_force(levels, course.force)
     assert course.depth is not None
     return at_depth(levels, course.depth)
 
 
-def states_over(model: Pressing, course: Course, per_decade: int, loaded: Equilibrium | None) -> list[Equilibrium]:
+def states_over(model: IndentationProblem, course: Course, per_decade: int,
+                loaded: Equilibrium | None) -> list[Equilibrium]:
     """Equilibria at the end of loading and at each time of the hold, in as many steps per decade, on one mesh.
 
     loaded: the equilibrium after loading in no time; None where loading takes time.
@@ -147,7 +148,7 @@ def states_over(model: Pressing, course: Course, per_decade: int, loaded: Equili
     return [loaded, *(state for t, (_, state) in zip(ends, held, strict=True) if t in course.hold.time_s)]
 
 
-def _ramped(model: Pressing, course: Course, steps: int) -> tuple[Memory, Equilibrium]:
+def _ramped(model: IndentationProblem, course: Course, steps: int) -> tuple[Memory, Equilibrium]:
     """Memory and equilibrium after a loading at constant rate of force or depth."""
     def share(end: float | None, k: int) -> float | None:
         return None if end is None else end * k / steps
@@ -157,7 +158,7 @@ def _ramped(model: Pressing, course: Course, steps: int) -> tuple[Memory, Equili
     return list(stepped_through(model, course.series, unloaded(model, course.series), None, ramp))[-1]
 
 
-def stepped_through(model: Pressing, series: Prony, memory: Memory, state: Equilibrium | None,
+def stepped_through(model: IndentationProblem, series: Prony, memory: Memory, state: Equilibrium | None,
                      steps: list[Step]) -> Iterator[tuple[Memory, Equilibrium]]:
     """Memory and equilibrium after each step; `state` is the one before, None at rest."""
     spent, phase = 0.0, "loading" if state is None else "the hold"
@@ -173,7 +174,7 @@ def stepped_through(model: Pressing, series: Prony, memory: Memory, state: Equil
         yield memory, state
 
 
-def _met(model: Pressing, step: Step, before: Equilibrium | None) -> Equilibrium:
+def _met(model: IndentationProblem, step: Step, before: Equilibrium | None) -> Equilibrium:
     """The equilibrium at the end of a step, from the one before or from rest."""
     if step.force is not None:
         return near(model, before, step.force) if before else from_rest(model, step.force)
@@ -185,7 +186,7 @@ def _met(model: Pressing, step: Step, before: Equilibrium | None) -> Equilibrium
     return _kept(model, step.depth, before)
 
 
-def _kept(model: Pressing, target: float, before: Equilibrium) -> Equilibrium:
+def _kept(model: IndentationProblem, target: float, before: Equilibrium) -> Equilibrium:
     """The equilibrium at a depth that is the one before's: Newton's method in the logarithm of the force.
 
     The contact's penetration, which the depth leaves out, is taken in proportion to the force: the deformation hardly

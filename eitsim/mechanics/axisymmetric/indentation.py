@@ -14,13 +14,13 @@ from scipy.optimize import root_scalar
 
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.friction import Grip, Nearest
-from eitsim.mechanics.contact.punch_contact import Facets, Tool, Touching
+from eitsim.mechanics.contact.friction import FrictionState, Nearest
+from eitsim.mechanics.contact.punch_contact import ContactState, Facets, RigidPunch
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import Grid, default_element_m, feature_m, foam_grid, lagrange
 from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
 from eitsim.numerics.newton import System, minimise
-from eitsim.scene.scene import Body, Punch, slope_rad
+from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 
 # Reference radius, thicknesses beyond the punch's edge, out to which the surface may touch it.
 _REACH = 1.0
-# Penetration, mesh.feature_m, at which the contact is twice as stiff as its penalty: ten times the largest in common
+# Penetration, grid.feature_m, at which the contact is twice as stiff as its penalty: ten times the largest in common
 # touches, so that it stays small where the foam is squeezed flat.
 _FIRM = 0.05
-# Firm gaps that the punch may stand below the foam's bottom.
+# Stiffening penetrations that the punch may stand below the foam's bottom.
 _THROUGH = 10.0
 # Largest penetration, in fillet radii, that the penalty contact is trusted with.
 _DEEPEST = 0.5
@@ -41,25 +41,25 @@ _FLAT = 0.9
 
 
 @dataclass(frozen=True)
-class Pressing:
+class IndentationProblem:
     """Foam under a punch, discretised."""
 
     # moduli over mu_0
     law: Hyperfoam
     grid: Grid
-    tool: Tool
+    punch: RigidPunch
     facets: Facets
     # element size over the default element size
     relative_size: float
     # (elements, points, 4) second Piola-Kirchhoff stress beside the law's, rr, rz, zz and hoop, over mu_0; None: none
     prestress: Array | None = None
     # friction between foam and punch; None: none
-    grip: Grip | None = None
+    springs: FrictionState | None = None
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A stable equilibrium of a pressing."""
+    """A stable equilibrium of an indentation problem."""
 
     # (unknowns + 1,) displacements and depth
     x: Array
@@ -73,50 +73,51 @@ class Equilibrium:
     residuals: tuple[float, ...]
 
 
-def pressing(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float, order: int = 2) -> Pressing:
-    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over mesh.feature_m."""
-    grid, unit = foam_grid(body, punch, element_m, order), body.thickness_m
-    stiffness = penalty * unit / feature_m(body, punch)
-    tool = Tool(punch.diameter_m / 2 / unit, punch.fillet_m / unit, stiffness, slope_rad(punch),
-                _FIRM * feature_m(body, punch) / unit)
-    return Pressing(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, tool,
-                    contact.top_facets(grid, tool.radius + _REACH), element_m / default_element_m(body, punch))
+def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float,
+                        order: int = 2) -> IndentationProblem:
+    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m."""
+    unit = body.thickness_m
+    grid, profile, feature = foam_grid(body, punch, element_m, order), profile_of(punch, unit), feature_m(body, punch)
+    rigid = RigidPunch(profile, penalty * unit / feature, _FIRM * feature / unit)
+    return IndentationProblem(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, rigid,
+                    contact.top_facets(grid, profile.radius + _REACH), element_m / default_element_m(body, punch))
 
 
-def at_rest(model: Pressing, force: float) -> Array:
+def at_rest(model: IndentationProblem, force: float) -> Array:
     """Foam at rest under a punch so deep that its penalty balances the force, as far as that is trusted."""
     rest = np.zeros(model.grid.unknowns)
 
     def excess(depth: float) -> float:
-        return contact.forces(model.tool, model.facets, touching(model, np.append(rest, depth)))[1] - force
+        return contact.forces(model.punch, model.facets, contact_state(model, np.append(rest, depth)))[1] - force
 
-    deepest = _DEEPEST * model.tool.fillet
+    deepest = _DEEPEST * model.punch.profile.edge_radius
     if excess(deepest) < 0:
         return np.append(rest, deepest)
     return np.append(rest, root_scalar(excess, bracket=(0.0, deepest), xtol=1e-15, rtol=1e-6).root)
 
 
-def positions(model: Pressing, x: Array) -> Array:
+def positions(model: IndentationProblem, x: Array) -> Array:
     """Current positions (nodes, 2)."""
     return model.grid.nodes + axisymmetric_assembly.nodal(model.grid, x[:-1])
 
 
-def touching(model: Pressing, x: Array, facets: Facets | None = None) -> Touching:
+def contact_state(model: IndentationProblem, x: Array, facets: Facets | None = None) -> ContactState:
     """Contact state at x, on the facets of the model or others."""
-    return contact.touching(model.tool, facets or model.facets, positions(model, x), x[-1])
+    return contact.contact_state(model.punch, facets or model.facets, positions(model, x), x[-1])
 
 
-def nearest(model: Pressing, x: Array) -> Nearest:
+def nearest(model: IndentationProblem, x: Array) -> Nearest:
     """Where the foam's points of contact stand on the punch at x."""
-    return friction.nearest(model.tool, model.facets, positions(model, x), float(x[-1]))
+    return friction.nearest(model.punch, model.facets, positions(model, x), float(x[-1]))
 
 
-def seen(model: Pressing, x: Array) -> Array:
+def seen(model: IndentationProblem, x: Array) -> Array:
     """Displacement (facets, points, 2) of the points of contact at x, as seen from the punch."""
     return friction.moved(model.facets, axisymmetric_assembly.nodal(model.grid, x[:-1]), float(x[-1]))
 
 
-def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100, tolerance: float = 1e-10) -> Equilibrium:
+def equilibrium(model: IndentationProblem, force: float, start: Array, limit: int = 100,
+                tolerance: float = 1e-10) -> Equilibrium:
     """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations to a gradient of
     `tolerance` times the force.
 
@@ -128,28 +129,29 @@ def equilibrium(model: Pressing, force: float, start: Array, limit: int = 100, t
     except NotConverged as error:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
                            residuals=error.residuals) from None
-    at = touching(model, found.x)
+    at = contact_state(model, found.x)
     if problem := _implausible(model, at, found.x):
         raise NotConverged(f"{problem} {_state(model, found.x)}", estimate=found.x, residuals=found.residuals)
     by_force = found.solve(np.append(np.zeros(model.grid.unknowns), 1.0))
-    push, reaction = contact.complementary_forces(model.tool, model.facets, at)
-    if model.grip is not None:
-        more = friction.forces(model.grip, model.facets, seen(model, found.x), elastic=True)
+    push, reaction = contact.complementary_forces(model.punch, model.facets, at)
+    if model.springs is not None:
+        more = friction.forces(model.springs, model.facets, seen(model, found.x), elastic=True)
         push, reaction = push + more[0], reaction + more[1]
     penetration = float(_gathered(model, push) @ by_force[:-1] + reaction * by_force[-1])
     return Equilibrium(found.x, by_force, force, float(found.x[-1]) - penetration, found.residuals)
 
 
-def _implausible(model: Pressing, at: Touching, x: Array) -> str:
+def _implausible(model: IndentationProblem, at: ContactState, x: Array) -> str:
     """Why a minimum is none of the physical problem; empty where it is fine."""
-    deepest = float(at.gap.max()) / model.tool.fillet
-    if deepest > _DEEPEST:
-        return (f"The foam under the punch's edge or tip is so stiff that it stands {deepest:.1f} fillet radii "
+    deepest = float(at.penetration.max())
+    if deepest / model.punch.profile.edge_radius > _DEEPEST:
+        return (f"The foam under the punch's edge or tip is so stiff that it stands "
+                f"{deepest / model.punch.profile.edge_radius:.1f} fillet radii "
                 "inside the punch, more than the contact model allows.")
-    return "The punch has gone through the foam between the points of contact." if x[-1] > 1 + at.gap.max() else ""
+    return "The punch has gone through the foam between the points of contact." if x[-1] > 1 + deepest else ""
 
 
-def _state(model: Pressing, x: Array) -> str:
+def _state(model: IndentationProblem, x: Array) -> str:
     lost, depth = fraction_non_elliptic(model, x), float(x[-1])
     cause = "the foam is squeezed flat" if depth > _FLAT else "strong ellipticity is lost" if lost else (
         "the law is elliptic everywhere")
@@ -157,12 +159,12 @@ def _state(model: Pressing, x: Array) -> str:
             "Try a smaller force or depth, or a larger punch or fillet.")
 
 
-def fraction_non_elliptic(model: Pressing, x: Array) -> float:
+def fraction_non_elliptic(model: IndentationProblem, x: Array) -> float:
     """Fraction of the quadrature points at which the law is not strongly elliptic."""
     return float(1 - np.mean(_elliptic(model, x)))
 
 
-def non_elliptic_place(model: Pressing, x: Array) -> Array | None:
+def non_elliptic_place(model: IndentationProblem, x: Array) -> Array | None:
     """Least and largest reference radius and depth below the surface (2, 2) of those points; None without any."""
     lost = ~_elliptic(model, x)
     if not lost.any():
@@ -174,7 +176,7 @@ def non_elliptic_place(model: Pressing, x: Array) -> Array | None:
     return np.array([[radius.min(), radius.max()], [below.min(), below.max()]])
 
 
-def _elliptic(model: Pressing, x: Array) -> NDArray[np.bool_]:
+def _elliptic(model: IndentationProblem, x: Array) -> NDArray[np.bool_]:
     """Where (elements, points) the law is strongly elliptic."""
     grad_u = axisymmetric_assembly.deformation(model.grid, x[:-1])
     inside = axisymmetric_assembly.admissible(grad_u)
@@ -183,25 +185,25 @@ def _elliptic(model: Pressing, x: Array) -> NDArray[np.bool_]:
     )
 
 
-def energy(model: Pressing, force: float, x: Array) -> float:
+def energy(model: IndentationProblem, force: float, x: Array) -> float:
     """Foam energy + contact energy - force depth at x; infinite where the foam is turned inside out, or the punch is
     below the foam's fixed bottom by more than the contact may yield."""
-    if x[-1] > 1 + _THROUGH * model.tool.firm:
+    if x[-1] > 1 + _THROUGH * model.punch.stiffening_penetration:
         return np.inf
     stored = axisymmetric_assembly.energy(model.law, model.grid, x[:-1], model.prestress)
-    if model.grip is not None:
-        stored += friction.energy(model.grip, model.facets, seen(model, x))
-    return stored + contact.energy(model.tool, model.facets, touching(model, x)) - force * float(x[-1])
+    if model.springs is not None:
+        stored += friction.energy(model.springs, model.facets, seen(model, x))
+    return stored + contact.energy(model.punch, model.facets, contact_state(model, x)) - force * float(x[-1])
 
 
-def system(model: Pressing, force: float, x: Array, negative_curvature_scale: float = 1.0) -> System:
+def system(model: IndentationProblem, force: float, x: Array, negative_curvature_scale: float = 1.0) -> System:
     """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled."""
     gradient, band = axisymmetric_assembly.residual_and_tangent(model.law, model.grid, x[:-1], negative_curvature_scale,
                                                                 model.prestress)
-    at = touching(model, x)
-    blocks, border, corner = contact.stiffness(model.tool, model.facets, at, negative_curvature_scale)
-    if model.grip is not None:
-        more = friction.tangent(model.grip, model.facets, seen(model, x))
+    at = contact_state(model, x)
+    blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
+    if model.springs is not None:
+        more = friction.tangent(model.springs, model.facets, seen(model, x))
         blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
     push, reaction = _contact_gradient(model, at, x)
     unknown = _facet_unknowns(model)
@@ -216,19 +218,19 @@ def system(model: Pressing, force: float, x: Array, negative_curvature_scale: fl
     return np.append(gradient + push, reaction - force), factorise
 
 
-def _contact_gradient(model: Pressing, at: Touching, x: Array) -> tuple[Array, float]:
-    push, reaction = contact.forces(model.tool, model.facets, at)
-    if model.grip is not None:
-        more = friction.forces(model.grip, model.facets, seen(model, x))
+def _contact_gradient(model: IndentationProblem, at: ContactState, x: Array) -> tuple[Array, float]:
+    push, reaction = contact.forces(model.punch, model.facets, at)
+    if model.springs is not None:
+        more = friction.forces(model.springs, model.facets, seen(model, x))
         push, reaction = push + more[0], reaction + more[1]
     return _gathered(model, push), reaction
 
 
-def _facet_unknowns(model: Pressing) -> NDArray[np.int64]:
+def _facet_unknowns(model: IndentationProblem) -> NDArray[np.int64]:
     return model.grid.unknown[model.facets.nodes].reshape(len(model.facets.nodes), -1)
 
 
-def _gathered(model: Pressing, on_facets: Array) -> Array:
+def _gathered(model: IndentationProblem, on_facets: Array) -> Array:
     """Sum (facets, p + 1, 2) into the unknowns."""
     unknown = _facet_unknowns(model)
     free = unknown >= 0

@@ -27,28 +27,23 @@ from eitsim.mechanics.axisymmetric.continuation import carried_over, from_rest, 
 from eitsim.mechanics.axisymmetric.friction_increments import Course
 from eitsim.mechanics.axisymmetric.indentation import (
     Equilibrium,
-    Pressing,
+    IndentationProblem,
     equilibrium,
     fraction_non_elliptic,
+    indentation_problem,
     non_elliptic_place,
-    pressing,
 )
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
-from eitsim.scene.scene import FRICTIONS, PROFILES, Body, Punch
+from eitsim.scene.scene import FRICTIONS, Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
 
 Array = NDArray[np.float64]
 
-# Nominal contact pressure over penetration, in mu_0 over the mesh's feature length (mesh.feature_m): 10 MPa/mm for
-# mu_0 = 9.53 kPa, a thickness of 10 mm and a fillet of 0.5 mm.
-PENALTY = 525.0
-# The same for a cone, whose tip presses harder: at 45 degrees a tenth of it leaves the largest pressure 30 % too low.
-CONE_PENALTY = 5250.0
 # Floors of the relative errors of depth and signal at the default element size h_0, and their powers of h/h_0.
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
 # Floors of the relative errors of the largest pressure and of the contact area.
@@ -69,10 +64,10 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
                 penalty: float | None = None, order: int = 2) -> Touch:
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
 
-    element_m: element size at the punch's edge, m, by default mesh.default_element_m; strain: the skin's driving
-    strain for which signal_error is told; penalty: contact stiffness, mu_0 over mesh.feature_m, by default
-    PENALTY, for a cone CONE_PENALTY; order: of the elements, one of mesh.ELEMENTS. ValueError for a profile or
-    friction that is not known, NotConverged where no equilibrium is found.
+    element_m: element size at the punch's edge, m, by default grid.default_element_m; strain: the skin's driving
+    strain for which signal_error is told; penalty: contact stiffness, mu_0 over grid.feature_m, by default the
+    profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a profile or friction that is not known,
+    NotConverged where no equilibrium is found.
     """
     if punch.force_N is not None:
         return solve_path(law, body, punch, [punch.force_N], element_m=element_m, strain=strain, penalty=penalty,
@@ -115,22 +110,19 @@ def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[floa
 
 
 def force_unit(law: Hyperfoam, body: Body) -> float:
-    """Force, N, of one unit of a pressing: mu_0 H^2."""
+    """Force, N, of one unit of a problem: mu_0 H^2."""
     return law.mu_0_Pa * body.thickness_m**2
 
 
-def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
-              penalty: float | None, order: int = 2) -> list[Pressing]:
-    """Frictionless pressings from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes.
+def mesh_hierarchy(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
+              penalty: float | None, order: int = 2) -> list[IndentationProblem]:
+    """Frictionless problems from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes.
     """
-    if punch.profile not in PROFILES:
-        raise ValueError(f"profile in [punch]: '{punch.profile}' is unknown; known: {', '.join(PROFILES)}.")
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
-    if punch.profile == "sphere":
-        punch = replace(punch, fillet_m=punch.diameter_m / 2)
-    if penalty is None:
-        penalty = CONE_PENALTY if punch.profile == "cone" else PENALTY
+    profile = profile_of(punch)
+    punch = replace(punch, fillet_m=profile.edge_radius)
+    penalty = profile.default_penalty if penalty is None else penalty
     default = default_element_m(body, punch)
     sizes = [default if element_m is None else element_m]
     if not _FINEST * default <= sizes[0] < body.thickness_m / 2:
@@ -138,18 +130,20 @@ def pressings(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
-    return [pressing(law, body, punch, size, penalty, order) for size in sizes]
+    return [indentation_problem(law, body, punch, size, penalty, order) for size in sizes]
 
 
 def _rubbing(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, penalty: float | None,
-             order: int) -> tuple[list[Pressing], float]:
-    """Pressings as without friction, and the largest shear over pressure."""
+             order: int) -> tuple[list[IndentationProblem], float]:
+    """Problems as without friction, and the largest shear over pressure."""
     if punch.friction not in FRICTIONS:
         raise ValueError(f"friction in [punch]: '{punch.friction}' is unknown; known: {', '.join(FRICTIONS)}.")
-    return pressings(law, body, replace(punch, friction="none"), element_m, penalty, order), friction.coefficient(punch)
+    smooth = replace(punch, friction="none")
+    return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def _rubbed(law: Hyperfoam, body: Body, levels: list[Pressing], course: Course, strain: str, started: float) -> Touch:
+def _rubbed(law: Hyperfoam, body: Body, levels: list[IndentationProblem], course: Course, strain: str,
+            started: float) -> Touch:
     """A touch with friction; what half as many increments change, and the last pass did, adds to its errors."""
     touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], strain, started)
     touch = with_change(touch, levels[-2], course.coarse.state, course.rough.state, strain)
@@ -162,7 +156,7 @@ def allowed(unknowns: int) -> float:
     return FACTORISATIONS * max(1.0, UNKNOWNS / unknowns)
 
 
-def under_force(levels: list[Pressing], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
+def under_force(levels: list[IndentationProblem], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
     """Equilibria on all levels under a force, from the coarsest level's one before or from rest."""
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
         states = [near(levels[0], before, force) if before else from_rest(levels[0], force)]
@@ -171,10 +165,10 @@ def under_force(levels: list[Pressing], force: float, before: Equilibrium | None
     return states
 
 
-def at_depth(levels: list[Pressing], depth: float) -> list[Equilibrium]:
+def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium]:
     """Equilibria on all levels whose corrected depth is the given one: Newton's method in the logarithm of the force.
     """
-    guess = np.pi * levels[0].tool.radius**2 * depth
+    guess = np.pi * levels[0].punch.profile.radius**2 * depth
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
         states = [reached(levels[0], depth, from_rest(levels[0], guess))]
         for coarse, fine in itertools.pairwise(levels):
@@ -182,7 +176,7 @@ def at_depth(levels: list[Pressing], depth: float) -> list[Equilibrium]:
     return states
 
 
-def reached(model: Pressing, depth: float, state: Equilibrium) -> Equilibrium:
+def reached(model: IndentationProblem, depth: float, state: Equilibrium) -> Equilibrium:
     """The equilibrium whose corrected depth is the given one, from a near one: Newton's method in the logarithm of the
     force, kept between two forces that miss the depth on either side.
 
@@ -204,7 +198,7 @@ def reached(model: Pressing, depth: float, state: Equilibrium) -> Equilibrium:
                        estimate=state.x, residuals=spent, load_fraction=state.depth / depth)
 
 
-def _ahead(model: Pressing, state: Equilibrium, force: float) -> Equilibrium:
+def _ahead(model: IndentationProblem, state: Equilibrium, force: float) -> Equilibrium:
     """The equilibrium under another force, along the tangent or, where that fails, from the state itself."""
     try:
         return equilibrium(model, force, state.x + state.by_force * (force - state.force))
@@ -216,7 +210,7 @@ class Unresolved(NotConverged):
     """An equilibrium whose surface a mesh is too coarse to show; a finer one may do."""
 
 
-def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Equilibrium], strain: str,
+def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], states: list[Equilibrium], strain: str,
              started: float) -> Touch:
     """The finest level's equilibrium as a touch, its errors from the two finest; `law` gives the units."""
     model, state, unit = levels[-1], states[-1], body.thickness_m
@@ -231,7 +225,7 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Eq
     depth_error, signal_error = _errors(levels, states, strain)
     residuals = tuple(r for s in states for r in s.residuals)
     lost = non_elliptic_place(model, state.x)
-    area = min(contact.area, np.pi * model.tool.radius**2)
+    area = min(contact.area, np.pi * model.punch.profile.radius**2)
     return Touch(
         radius_m=radius * unit, u_r_m=(field.position[:, 0] - radius) * unit, u_z_m=field.position[:, 1] * unit,
         stretch_meridian=field.meridian, stretch_hoop=field.hoop, stretch_normal=field.normal,
@@ -249,7 +243,7 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[Pressing], states: list[Eq
                         axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law))
 
 
-def _errors(levels: list[Pressing], states: list[Equilibrium], strain: str) -> tuple[float, float]:
+def _errors(levels: list[IndentationProblem], states: list[Equilibrium], strain: str) -> tuple[float, float]:
     """Relative errors of depth, at equal force, and of the dipole response: differences of the two finest levels."""
     coarse, fine = states[-2:]
     shift = fine.depth - coarse.depth - fine.by_force[-1] * (fine.force - coarse.force)
@@ -259,7 +253,7 @@ def _errors(levels: list[Pressing], states: list[Equilibrium], strain: str) -> t
             max(abs(before / after - 1), _SIGNAL_FLOOR * scale**_SIGNAL_POWER))
 
 
-def _strain_error(levels: list[Pressing], states: list[Equilibrium], strain: str) -> float:
+def _strain_error(levels: list[IndentationProblem], states: list[Equilibrium], strain: str) -> float:
     """Relative error, L2 over the surface, of the strain that drives the skin: the difference of the two finest levels,
     which at first order, what the contact's end leaves, is the finer one's own."""
     (radius, fine), (coarse_radius, coarse) = (
@@ -269,7 +263,7 @@ def _strain_error(levels: list[Pressing], states: list[Equilibrium], strain: str
     return float(np.sqrt(np.trapezoid(missed**2 * radius, radius) / np.trapezoid(fine**2 * radius, radius)))
 
 
-def with_change(touch: Touch, model: Pressing, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:
+def with_change(touch: Touch, model: IndentationProblem, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:
     """The touch with the change from `fine` to `rough`, equilibria of one mesh in half as many steps, in its errors."""
     shift = abs(rough.depth - fine.depth - fine.by_force[-1] * (rough.force - fine.force)) / fine.depth
     before, after = (surface.dipole_response(model, state.x, strain) for state in (rough, fine))

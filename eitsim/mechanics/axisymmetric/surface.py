@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
-from eitsim.mechanics.axisymmetric.indentation import Pressing, positions, touching
+from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets
 from eitsim.mechanics.solid.grid import lagrange
@@ -51,7 +51,7 @@ class Contact:
     wall: float
 
 
-def stretch(model: Pressing, x: Array, facets: Facets) -> Stretch:
+def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:
     """Deformation at the points of facets, from the displacement's gradient at the surface."""
     where = positions(model, x)
     order, rows = model.grid.order, model.grid.lines[1]
@@ -67,7 +67,7 @@ def stretch(model: Pressing, x: Array, facets: Facets) -> Stretch:
     return Stretch(position, meridian, hoop, normal, along[..., 0] * hoop)
 
 
-def samples(model: Pressing, x: Array) -> tuple[Array, Stretch]:
+def samples(model: IndentationProblem, x: Array) -> tuple[Array, Stretch]:
     """Reference radii (n,), increasing from 0, and the deformation there, flattened to (n,)."""
     axis = contact.facets_at(model.grid, model.grid.top[:1], np.array([-1.0]), np.zeros(1))
     parts = [axis, contact.top_facets(model.grid, points=_SAMPLES)]
@@ -81,15 +81,15 @@ def samples(model: Pressing, x: Array) -> tuple[Array, Stretch]:
     return radius, Stretch(*(joined(name) for name in Stretch.__dataclass_fields__))
 
 
-def contact_of(model: Pressing, x: Array) -> Contact:
+def contact_of(model: IndentationProblem, x: Array) -> Contact:
     """Pressures and areas of the contact at x."""
     facets = model.facets
-    at, field = touching(model, x), stretch(model, x, facets)
-    push = (facets.weight * contact.pressure(model.tool, at.gap)).sum(axis=1)
+    at, field = contact_state(model, x), stretch(model, x, facets)
+    push = (facets.weight * contact.pressure(model.punch, at.penetration)).sum(axis=1)
     pressure = push / (facets.weight * field.meridian * field.hoop).sum(axis=1)
     fine = contact.facets_at(model.grid, facets.nodes, *np.polynomial.legendre.leggauss(_FINE))
-    at, field = touching(model, x, fine), stretch(model, x, fine)
-    touched = at.gap > 0
+    at, field = contact_state(model, x, fine), stretch(model, x, fine)
+    touched = at.penetration > 0
     projected = fine.weight * field.widening * (touched & ~at.wall)
     wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
     radius = float(fine.radius[touched].max())
@@ -97,7 +97,7 @@ def contact_of(model: Pressing, x: Array) -> Contact:
     return Contact(pressure, middle, radius, float(projected.sum()), float(wall.sum()))
 
 
-def dipole_response(model: Pressing, x: Array, strain: str) -> float:
+def dipole_response(model: IndentationProblem, x: Array, strain: str) -> float:
     """Polarisability of a nominal skin, driven by that strain, on the deformed surface."""
     facets = contact.top_facets(model.grid, points=_FINE)
     field = stretch(model, x, facets)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.indentation import Pressing
+from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.solid import axisymmetric_assembly
 from matcal.laws.prony import Prony, decaying, relaxation
 
@@ -36,20 +36,20 @@ class Memory:
     decaying: Array
 
 
-def unloaded(model: Pressing, series: Prony) -> Memory:
+def unloaded(model: IndentationProblem, series: Prony) -> Memory:
     """Memory of foam that was never touched."""
     none = np.zeros((*model.grid.weight.shape, 4))
     return Memory(none, np.zeros((series.tau_s.size, *none.shape)))
 
 
-def loaded_at_once(model: Pressing, series: Prony, x: Array) -> Memory:
+def loaded_at_once(model: IndentationProblem, series: Prony, x: Array) -> Memory:
     """Memory of foam that was brought to x in no time."""
     stress = _instantaneous(model, x)
     return Memory(stress, np.broadcast_to(stress, (series.tau_s.size, *stress.shape)))
 
 
-def stepped(model: Pressing, series: Prony, memory: Memory, step_s: float) -> Pressing:
-    """The pressing whose equilibria are those of the instantaneous pressing `model` after a step in time."""
+def stepped(model: IndentationProblem, series: Prony, memory: Memory, step_s: float) -> IndentationProblem:
+    """The problem whose equilibria are those of the instantaneous problem `model` after a step in time."""
     decay, weight = _factors(series, step_s)
     share = series.g_infinity + float(series.g @ weight)
     kept = np.tensordot(series.g * decay, memory.decaying, axes=1)
@@ -57,7 +57,7 @@ def stepped(model: Pressing, series: Prony, memory: Memory, step_s: float) -> Pr
     return replace(model, law=replace(model.law, mu_Pa=model.law.mu_Pa * share), prestress=past)
 
 
-def remembered(model: Pressing, series: Prony, memory: Memory, step_s: float, x: Array) -> Memory:
+def remembered(model: IndentationProblem, series: Prony, memory: Memory, step_s: float, x: Array) -> Memory:
     """Memory after that step, which ended at x."""
     decay, weight = (factor[:, None, None, None] for factor in _factors(series, step_s))
     stress = _instantaneous(model, x)
@@ -81,7 +81,7 @@ def steps_s(series: Prony, times_s: Array, per_decade: int) -> Array:
     return np.unique(np.concatenate([kept, times]))
 
 
-def _instantaneous(model: Pressing, x: Array) -> Array:
+def _instantaneous(model: IndentationProblem, x: Array) -> Array:
     return axisymmetric_assembly.second_piola(model.law, axisymmetric_assembly.deformation(model.grid, x[:-1]))
 
 

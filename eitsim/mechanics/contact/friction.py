@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.punch_contact import Facets, Tool
+from eitsim.mechanics.contact.punch_contact import Facets, RigidPunch
 from eitsim.scene.scene import Punch
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Nearest:
     """Points of the punch's profile that are nearest to the Gauss points (facets, points) of the foam's top."""
 
     # depth inside the punch, negative outside
-    gap: Array
+    penetration: Array
     # arc of the profile from the axis
     arc: Array
     # (facets, points, 2) direction (r, z) of the profile, outwards and up
@@ -37,8 +37,8 @@ class Nearest:
 
 
 @dataclass(frozen=True)
-class Grip:
-    """Springs along the punch's profile at the Gauss points (facets, points) during one minimisation."""
+class FrictionState:
+    """StickSprings along the punch's profile at the Gauss points (facets, points) during one minimisation."""
 
     # nominal shear over slip, while it sticks
     stiffness: float
@@ -71,16 +71,16 @@ def coefficient(punch: Punch) -> float:
     return {"none": 0.0, "stick": np.inf, "coulomb": punch.friction_coefficient}[punch.friction]
 
 
-def stiffness(tool: Tool) -> float:
+def stiffness(punch: RigidPunch) -> float:
     """Stiffness of the springs, nominal shear over slip."""
-    return _STIFFNESS * tool.stiffness
+    return _STIFFNESS * punch.stiffness
 
 
-def nearest(tool: Tool, facets: Facets, position: Array, depth: float) -> Nearest:
+def nearest(punch: RigidPunch, facets: Facets, position: Array, depth: float) -> Nearest:
     """Where the Gauss points of nodes at `position` (nodes, 2) stand on the punch, whose tip is `depth` below z = 0."""
     r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
-    gap, n_r, n_z, _, _ = contact.distance(tool, r, z + depth)
-    return Nearest(gap, contact.arc(tool, r, z + depth), np.stack([n_z, -n_r], axis=-1))
+    penetration, n_r, n_z, _, _ = punch.profile.signed_distance(r, z + depth)
+    return Nearest(penetration, punch.profile.arc_length(r, z + depth), np.stack([n_z, -n_r], axis=-1))
 
 
 def moved(facets: Facets, displacement: Array, depth: float) -> Array:
@@ -88,28 +88,28 @@ def moved(facets: Facets, displacement: Array, depth: float) -> Array:
     return facets.shape @ displacement[facets.nodes] + np.array([0.0, depth])
 
 
-def shear(grip: Grip, seen: Array) -> Shear:
+def shear(springs: FrictionState, seen: Array) -> Shear:
     """State of the springs where the foam has `moved` by seen (facets, points, 2)."""
-    slip = grip.slip + np.sum(grip.along * (seen - grip.moved), axis=-1)
-    size, most = np.abs(slip), grip.limit / grip.stiffness
+    slip = springs.slip + np.sum(springs.along * (seen - springs.moved), axis=-1)
+    size, most = np.abs(slip), springs.limit / springs.stiffness
     elastic = np.minimum(size, most)
-    return Shear(grip.stiffness * elastic * (size - elastic / 2), grip.stiffness * elastic * np.sign(slip),
-                 np.where(size < most, grip.stiffness, 0.0), size - elastic)
+    return Shear(springs.stiffness * elastic * (size - elastic / 2), springs.stiffness * elastic * np.sign(slip),
+                 np.where(size < most, springs.stiffness, 0.0), size - elastic)
 
 
-def energy(grip: Grip, facets: Facets, seen: Array) -> float:
+def energy(springs: FrictionState, facets: Facets, seen: Array) -> float:
     """Potential of the springs over the reference surface."""
-    return float(np.sum(facets.weight * shear(grip, seen).potential))
+    return float(np.sum(facets.weight * shear(springs, seen).potential))
 
 
-def forces(grip: Grip, facets: Facets, seen: Array, *, elastic: bool = False) -> tuple[Array, float]:
+def forces(springs: FrictionState, facets: Facets, seen: Array, *, elastic: bool = False) -> tuple[Array, float]:
     """Derivatives of the energy as of punch.forces; elastic: of what the springs store, so without those that slip."""
-    at = shear(grip, seen)
+    at = shear(springs, seen)
     size = np.where(at.slope > 0, at.size, 0.0) if elastic else at.size
-    return contact.gathered(facets, size[..., None] * grip.along)
+    return contact.assemble_load(facets, size[..., None] * springs.along)
 
 
-def tangent(grip: Grip, facets: Facets, seen: Array) -> tuple[Array, Array, float]:
+def tangent(springs: FrictionState, facets: Facets, seen: Array) -> tuple[Array, Array, float]:
     """Second derivatives of the energy as of punch.stiffness; never negative."""
-    slope = shear(grip, seen).slope[..., None, None]
-    return contact.gathered_twice(facets, slope * grip.along[..., :, None] * grip.along[..., None, :])
+    slope = shear(springs, seen).slope[..., None, None]
+    return contact.assemble_stiffness(facets, slope * springs.along[..., :, None] * springs.along[..., None, :])

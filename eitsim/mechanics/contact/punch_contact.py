@@ -1,5 +1,4 @@
-"""Contact of the foam's top with a rigid rounded cylinder or cone: exact distance, arc, and energy of the penetration.
-"""
+"""Contact of the foam's top with a rigid punch: penetration, its pressure and energy, and their derivatives."""
 
 from __future__ import annotations
 
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid, lagrange
+from eitsim.scene.profiles.profile import Profile
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -18,20 +18,15 @@ POINTS = 4
 
 
 @dataclass(frozen=True)
-class Tool:
-    """All points within `fillet` of a cylinder or a cone on a shank, tip downwards: a flat punch with a rounded edge, a
-    cone with a rounded tip and edge, or a hemisphere where the fillet is as large as the radius."""
+class RigidPunch:
+    """A punch and how hard it resists penetration."""
 
-    # radius, fillet included
-    radius: float
-    # radius of the fillet
-    fillet: float
+    # its outline
+    profile: Profile
     # penalty: nominal pressure over a small penetration
     stiffness: float
-    # angle between the face and the horizontal, rad; 0 for a flat face
-    slope: float = 0.0
     # penetration at which the pressure is twice what the penalty alone gives; beyond, it grows with the third power
-    firm: float = np.inf
+    stiffening_penetration: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -51,11 +46,11 @@ class Facets:
 
 
 @dataclass(frozen=True)
-class Touching:
+class ContactState:
     """State of the Gauss points under a punch."""
 
     # (facets, points) penetration, 0 where there is none
-    gap: Array
+    penetration: Array
     # (facets, points, 2) derivative of the penetration by the position (r, z)
     normal: Array
     # (facets, points, 2, 2) second derivative
@@ -78,113 +73,70 @@ def facets_at(grid: Grid, nodes: Indices, t: Array, weight: Array) -> Facets:
     return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * radius * half * weight)
 
 
-def distance(tool: Tool, r: Array, y: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """Depth inside the punch (...), negative outside, its normal (r, y) and curvature, and whether the wall is nearest.
-
-    The depth is that to the nearest of rounded tip, face, rounded edge and side wall. With f the fillet,
-    c = radius - f, b the slope and y the height over the lowest point: f minus the distance to (0, f) and
-    to (c, f + c tan b), within the angles that tip and edge subtend there; y cos b - r sin b + f (1 - cos b) at the
-    face; radius - r at the wall; deep inside the nearer of face and wall.
-    """
-    sine, cosine = np.sin(tool.slope), np.cos(tool.slope)
-    inner = tool.radius - tool.fillet
-    dx, dy = r - inner, tool.fillet + inner * sine / cosine - y
-    edge = (dx * cosine > dy * sine) & (dy > 0)
-    tip = r * cosine < (tool.fillet - y) * sine
-    rounded, dx, dy = edge | tip, np.where(tip, r, dx), np.where(tip, tool.fillet - y, dy)
-    away = np.hypot(dx, dy)
-    face = y * cosine - r * sine + tool.fillet * (1 - cosine)
-    wall = ~rounded & (dy <= 0) & (tool.radius - r < face)
-    gap = np.where(rounded, tool.fillet - away, np.where(wall, tool.radius - r, face))
-    length = np.where(away > 0, away, 1.0)
-    n_r = np.where(rounded, -dx / length, np.where(wall, -1.0, -sine))
-    n_z = np.where(rounded, dy / length, np.where(wall, 0.0, cosine))
-    return gap, n_r, n_z, np.where(rounded, 1 / length, 0.0), wall
-
-
-def arc(tool: Tool, r: Array, y: Array) -> Array:
-    """Arc (...) of the profile from the axis to the point nearest to (r, y), outside or near the surface.
-
-    Tip and edge count the fillet times the angle from the vertical; see `distance`.
-    """
-    sine, cosine, fillet = np.sin(tool.slope), np.cos(tool.slope), tool.fillet
-    inner = tool.radius - fillet
-    dx, dy = r - inner, fillet + inner * sine / cosine - y
-    on_tip = fillet * np.arctan2(r, fillet - y)
-    on_face = fillet * tool.slope + (r - fillet * sine) * cosine + (y - fillet * (1 - cosine)) * sine
-    on_edge = inner / cosine + fillet * np.arctan2(dx, dy)
-    on_wall = inner / cosine + fillet * np.pi / 2 - dy
-    _, _, _, bend, wall = distance(tool, r, y)
-    rounded = np.where(r * cosine < (fillet - y) * sine, on_tip, on_edge)
-    return np.where(bend > 0, rounded, np.where(wall, on_wall, on_face))
-
-
-def touching(tool: Tool, facets: Facets, position: Array, depth: float) -> Touching:
-    """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0.
-
-    See `distance`.
-    """
+def contact_state(punch: RigidPunch, facets: Facets, position: Array, depth: float) -> ContactState:
+    """Contact state of nodes at `position` (nodes, 2), the lowest point of the punch `depth` below z = 0."""
     r, z = np.moveaxis(facets.shape @ position[facets.nodes], -1, 0)
-    gap, n_r, n_z, bend, wall = distance(tool, r, z + depth)
+    penetration, n_r, n_z, bend, wall = punch.profile.signed_distance(r, z + depth)
     tangent = np.stack([n_z, -n_r], axis=-1)
     curvature = -tangent[..., :, None] * tangent[..., None, :] * bend[..., None, None]
-    return Touching(np.maximum(gap, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)
+    return ContactState(np.maximum(penetration, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)
 
 
-def pressure(tool: Tool, gap: Array) -> Array:
-    """Nominal pressure k g (1 + (g/f)^2) at penetrations g (...), not negative; k the stiffness, f the firm gap."""
-    return tool.stiffness * gap * (1 + (gap / tool.firm) ** 2)
+def pressure(punch: RigidPunch, penetration: Array) -> Array:
+    """Nominal pressure k g (1 + (g/f)^2) at penetrations g (...), not negative; k the stiffness, f the stiffening
+    penetration."""
+    return punch.stiffness * penetration * (1 + (penetration / punch.stiffening_penetration) ** 2)
 
 
-def pressure_slope(tool: Tool, gap: Array) -> Array:
+def pressure_slope(punch: RigidPunch, penetration: Array) -> Array:
     """Derivative of `pressure` by the penetration (...); 0 where there is none."""
-    return tool.stiffness * (gap > 0) * (1 + 3 * (gap / tool.firm) ** 2)
+    return punch.stiffness * (penetration > 0) * (1 + 3 * (penetration / punch.stiffening_penetration) ** 2)
 
 
-def stored(tool: Tool, gap: Array) -> Array:
+def penalty_energy_density(punch: RigidPunch, penetration: Array) -> Array:
     """Energy per reference area at penetrations g (...): the integral of `pressure` from 0."""
-    return tool.stiffness / 2 * gap**2 * (1 + (gap / tool.firm) ** 2 / 2)
+    return punch.stiffness / 2 * penetration**2 * (1 + (penetration / punch.stiffening_penetration) ** 2 / 2)
 
 
-def energy(tool: Tool, facets: Facets, at: Touching) -> float:
+def energy(punch: RigidPunch, facets: Facets, at: ContactState) -> float:
     """Penalty energy over the reference surface."""
-    return float(np.sum(facets.weight * stored(tool, at.gap)))
+    return float(np.sum(facets.weight * penalty_energy_density(punch, at.penetration)))
 
 
-def forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Array, float]:
+def forces(punch: RigidPunch, facets: Facets, at: ContactState) -> tuple[Array, float]:
     """Derivatives of the energy by the facets' node positions (facets, p + 1, 2) and by the depth (the reaction)."""
-    return _pushed(facets, at, pressure(tool, at.gap))
+    return surface_load(facets, at, pressure(punch, at.penetration))
 
 
-def complementary_forces(tool: Tool, facets: Facets, at: Touching) -> tuple[Array, float]:
+def complementary_forces(punch: RigidPunch, facets: Facets, at: ContactState) -> tuple[Array, float]:
     """As `forces`, of the complementary energy: pressure times penetration less the energy."""
-    return _pushed(facets, at, pressure_slope(tool, at.gap) * at.gap)
+    return surface_load(facets, at, pressure_slope(punch, at.penetration) * at.penetration)
 
 
-def _pushed(facets: Facets, at: Touching, by_gap: Array) -> tuple[Array, float]:
+def surface_load(facets: Facets, at: ContactState, by_gap: Array) -> tuple[Array, float]:
     """Derivatives of an integral over the surface from its integrand's by the penetration (facets, points)."""
-    return gathered(facets, by_gap[..., None] * at.normal)
+    return assemble_load(facets, by_gap[..., None] * at.normal)
 
 
-def gathered(facets: Facets, by_position: Array) -> tuple[Array, float]:
+def assemble_load(facets: Facets, by_position: Array) -> tuple[Array, float]:
     """Derivatives, as of `forces`, of an integral from its integrand's by the position (facets, points, 2)."""
     push = facets.weight[..., None] * by_position
     return np.einsum("fpi,pa->fai", push, facets.shape), float(np.sum(push[..., 1]))
 
 
-def stiffness(tool: Tool, facets: Facets, at: Touching,
+def stiffness(punch: RigidPunch, facets: Facets, at: ContactState,
               negative_curvature_scale: float = 1.0) -> tuple[Array, Array, float]:
     """Second derivatives of the energy: facet blocks (facets, p + 1, 2, p + 1, 2), border
     (facets, p + 1, 2), corner.
 
     The part with the punch's curvature, which is never positive, is scaled by negative_curvature_scale.
     """
-    push, bend = pressure_slope(tool, at.gap), pressure(tool, at.gap) * negative_curvature_scale
+    push, bend = pressure_slope(punch, at.penetration), pressure(punch, at.penetration) * negative_curvature_scale
     point = push[..., None, None] * at.normal[..., :, None] * at.normal[..., None, :]
-    return gathered_twice(facets, point + bend[..., None, None] * at.curvature)
+    return assemble_stiffness(facets, point + bend[..., None, None] * at.curvature)
 
 
-def gathered_twice(facets: Facets, by_position: Array) -> tuple[Array, Array, float]:
+def assemble_stiffness(facets: Facets, by_position: Array) -> tuple[Array, Array, float]:
     """Second derivatives, as of `stiffness`, of an integral from its integrand's by the position
     (facets, points, 2, 2)."""
     point = facets.weight[..., None, None] * by_position

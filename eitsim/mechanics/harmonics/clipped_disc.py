@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing
-from eitsim.mechanics.contact.punch_contact import Tool
-from eitsim.mechanics.contact.stick_springs import Springs, springs
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
+from eitsim.mechanics.contact.punch_contact import RigidPunch
+from eitsim.mechanics.contact.stick_springs import StickSprings, stick_springs
 from eitsim.mechanics.harmonics.arcs import Circles, Outline, circles
 from eitsim.mechanics.harmonics.fourier_fields import Points
 from eitsim.mechanics.solid.axisymmetric_assembly import nodal
@@ -63,7 +63,7 @@ class ClippedDisc:
 
     # moduli over mu_0
     law: Hyperfoam
-    tool: Tool
+    punch: RigidPunch
     outline: Outline
     foam: Points
     # (points, angles) quadrature weight, and (points,) that of the tie
@@ -71,7 +71,7 @@ class ClippedDisc:
     tie: Array
     facing: Facing
     # what holds the surface where the punch sticks
-    springs: Springs
+    springs: StickSprings
     # (columns,) radii of the nodes' columns
     columns: Array
     # order of the elements
@@ -94,12 +94,12 @@ class ClippedDisc:
         return int(self.fixed.size - self.fixed.sum())
 
 
-def clipped_disc(model: Pressing, state: Equilibrium, outline: Outline, harmonics: int, angles: int,
+def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: Outline, harmonics: int, angles: int,
                  reach: float, *, held: bool = False) -> ClippedDisc:
     """Discretise what the rim adds to an axisymmetric state: harmonics 0 to harmonics - 1, as many angles on half a
     circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force.
 
-    The punch sticks where the model has a grip.
+    The punch sticks where the model has a springs.
     """
     grid, facets = model.grid, model.facets
     near = grid.nodes[grid.elements, 0].max(axis=1) <= reach
@@ -115,9 +115,9 @@ def clipped_disc(model: Pressing, state: Equilibrium, outline: Outline, harmonic
     facing = Facing(facets.nodes[kept], facets.shape, facets.radius[kept].reshape(-1, 1),
                     facets.weight[kept].reshape(-1, 1) * under.weight, under)
     foam = Points(shape, np.repeat(elements, grid.weight.shape[1], axis=0), circle, around)
-    held_by = springs(model.grip, facets.radius[kept].shape)
+    held_by = stick_springs(model.springs, facets.radius[kept].shape)
     return ClippedDisc(
-        model.law, model.tool, outline, foam,
+        model.law, model.punch, outline, foam,
         volume[:, None] * around.weight[circle], TIE * volume * around.cut[circle], facing, held_by,
         grid.lines[0][:count // len(grid.lines[1])], grid.order, base, float(state.x[-1]), state.force, held,
         _fixed(grid.nodes[:count], harmonics, count < len(grid.nodes)))

@@ -31,7 +31,7 @@ class Contact:
     """Points of the surface under a punch, all (facets points, ..., angles)."""
 
     # penetration, 0 where there is none
-    gap: Array
+    penetration: Array
     # (., 3, .) and (., 3, 3, .): its derivatives by the position in the local frame
     normal: Array
     curvature: Array
@@ -60,11 +60,12 @@ def energy(disc: ClippedDisc, x: Array) -> float:
         stored = float(np.sum(disc.weight * hyperfoam.energy(disc.law, hyperfoam_3d.principal(grad_u).log)))
     if not np.isfinite(stored):
         return np.inf
-    at = touching(disc, x)
+    at = contact_state(disc, x)
     held = float(np.sum(added * tied(disc.foam, disc.tie, added))) / 2
     if disc.outside is not None:
         held -= float(np.sum(disc.outside.stress * gradients(disc.foam, added)))
-    pressed = contact.stored(disc.tool, at.gap) + stick_springs.potential(disc.springs, seen(disc, x))
+    pressed = contact.penalty_energy_density(disc.punch, at.penetration)
+    pressed = pressed + stick_springs.potential(disc.springs, seen(disc, x))
     pressed = float(np.sum(disc.facing.weight * pressed))
     return stored + held + pressed - (0.0 if disc.held else disc.force * (disc.depth + float(x[-1])))
 
@@ -75,18 +76,18 @@ def displacement_gradient(disc: ClippedDisc, added: Array) -> Array:
     return own if disc.outside is None else own + disc.outside.displacement_gradient
 
 
-def touching(disc: ClippedDisc, x: Array) -> Contact:
+def contact_state(disc: ClippedDisc, x: Array) -> Contact:
     """Contact state at x."""
     u = seen(disc, x)
     across, around = disc.facing.radius + u[:, 0], u[:, 1]
     radius = np.hypot(across, around)
-    gap, n_r, n_z, bend, wall = contact.distance(disc.tool, radius, u[:, 2])
+    penetration, n_r, n_z, bend, wall = disc.punch.profile.signed_distance(radius, u[:, 2])
     cosine, sine = across / radius, around / radius
     down = np.stack([n_z * cosine, n_z * sine, -n_r], axis=1)
     hoop = np.stack([-sine, cosine, np.zeros_like(sine)], axis=1)
     curvature = (n_r / radius)[:, None, None] * hoop[:, :, None] * hoop[:, None]
     curvature = curvature - bend[:, None, None] * down[:, :, None] * down[:, None]
-    return Contact(np.maximum(gap, 0.0), np.stack([n_r * cosine, n_r * sine, n_z], axis=1), curvature, wall)
+    return Contact(np.maximum(penetration, 0.0), np.stack([n_r * cosine, n_r * sine, n_z], axis=1), curvature, wall)
 
 
 def seen(disc: ClippedDisc, x: Array) -> Array:
@@ -123,14 +124,14 @@ def linearised(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.
     by_stretch = hyperfoam_3d.derivatives(disc.law, at.log, negative_curvature_scale)
     stress, tangent = hyperfoam_3d.stress_and_tangent(at, by_stretch, disc.weight)
     stress = stress if disc.outside is None else stress - disc.outside.stress
-    touch = touching(disc, x)
-    push = disc.facing.weight * contact.pressure(disc.tool, touch.gap)
+    touch = contact_state(disc, x)
+    push = disc.facing.weight * contact.pressure(disc.punch, touch.penetration)
     pulled = (
         disc.facing.weight[:, None] * stick_springs.pull(disc.springs, seen(disc, x)) + push[:, None] * touch.normal
     )
     on = forces(disc.foam, stress, added) + tied(disc.foam, disc.tie, added)
     on = on + from_surface(disc.facing, pulled, added)
-    bearing = (disc.facing.weight * contact.pressure_slope(disc.tool, touch.gap))[:, None, None]
+    bearing = (disc.facing.weight * contact.pressure_slope(disc.punch, touch.penetration))[:, None, None]
     bearing = bearing * touch.normal[:, :, None] * touch.normal[:, None]
     bearing = bearing + negative_curvature_scale * push[:, None, None] * touch.curvature
     bearing = bearing + disc.facing.weight[:, None, None] * stick_springs.tangent(disc.springs)
@@ -177,8 +178,9 @@ def solve(disc: ClippedDisc, start: Array | None = None) -> Minimum:
 
 def reaction(disc: ClippedDisc, x: Array) -> float:
     """Force of the foam on the punch."""
-    at = touching(disc, x)
-    pulled = stick_springs.pull(disc.springs, seen(disc, x)) + contact.pressure(disc.tool, at.gap)[:, None] * at.normal
+    at = contact_state(disc, x)
+    push = contact.pressure(disc.punch, at.penetration)[:, None] * at.normal
+    pulled = stick_springs.pull(disc.springs, seen(disc, x)) + push
     return float(np.sum(disc.facing.weight * pulled[:, 2]))
 
 

@@ -15,8 +15,8 @@ from scipy.interpolate import PchipInterpolator
 
 from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
 from eitsim.mechanics.axisymmetric import surface
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import pressings, touch_of, under_force
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, touch_of, under_force
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
@@ -48,7 +48,7 @@ class Course:
 
     law: Hyperfoam
     body: Body
-    levels: tuple[Pressing, ...]
+    levels: tuple[IndentationProblem, ...]
     # the skin's driving strain, for which errors of signals are told
     strain: str
     # (r,) reference radii
@@ -57,7 +57,7 @@ class Course:
     @property
     def face(self) -> float:
         """Area of the punch's face, fillet included."""
-        return float(np.pi * self.levels[0].tool.radius**2)
+        return float(np.pi * self.levels[0].punch.profile.radius**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Deviation:
 
 def course_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, radius: Array | None = None) -> Course:
     """A punch and a law without units, kept at these reference radii, by default at those of the surface's samples."""
-    levels = tuple(pressings(law, body, punch, None, None))
+    levels = tuple(mesh_hierarchy(law, body, punch, None, None))
     if radius is None:
         radius = surface.samples(levels[-1], np.zeros(levels[-1].grid.unknowns + 1))[0]
     return Course(law, body, levels, strain, radius)
@@ -279,7 +279,7 @@ def _kept(course: Course, states: list[Equilibrium]) -> Node:
     depth, by_depth = float(state.x[-1]), state.by_force / state.by_force[-1]
     step = _DIFFERENCE * depth
     fields, ahead, behind = (_sampled(course, model, state.x + s * step * by_depth) for s in (0, 1, -1))
-    radius = model.tool.radius
+    radius = model.punch.profile.radius
     numbers = np.array([state.force / course.face, state.depth / depth, touch.contact_radius_m - radius,
                         touch.contact_area_m2 / course.face, touch.wall_contact_m2 / (2 * np.pi * radius),
                         touch.sigma_max_Pa])
@@ -293,7 +293,7 @@ def _kept(course: Course, states: list[Equilibrium]) -> Node:
     return Node(depth, fields, (ahead - behind) / (2 * step), numbers, told, stiffness, tuple(states))
 
 
-def _sampled(course: Course, model: Pressing, x: Array) -> Array:
+def _sampled(course: Course, model: IndentationProblem, x: Array) -> Array:
     """FIELDS (6, r) at the course's radii: monotone cubics between the samples of the surface."""
     radius, field = surface.samples(model, x)
     contact = surface.contact_of(model, x)

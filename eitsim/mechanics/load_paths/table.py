@@ -19,7 +19,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.load_paths.load_path import FIELDS, NUMBERS, TOLD, depth_at, hermite
 from eitsim.mechanics.load_paths.types import Shape, Table
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
@@ -160,7 +160,7 @@ def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: s
     """The touch under the punch's force or at its depth; None where the table does not hold it."""
     shape, unit = table.shape, body.thickness_m
     own = shape_of(law, body, punch, strain)
-    of_kind = punch.profile == "flat" and punch.friction == "none"
+    of_kind = profile_of(punch).is_flat and punch.friction == "none"
     if not of_kind or not _alike(own, shape):
         return None
     started = time.process_time()

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.indentation import Pressing
+from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.contact.punch_contact import pressure
 from eitsim.mechanics.harmonics.arcs import Circles, Outline, harmonics_at
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc
-from eitsim.mechanics.harmonics.equilibrium import touching
+from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.scene.results import RimField
@@ -38,7 +38,7 @@ class Samples:
     outline: Outline
 
 
-def samples(disc: ClippedDisc, model: Pressing, outline: Outline) -> Samples:
+def samples(disc: ClippedDisc, model: IndentationProblem, outline: Outline) -> Samples:
     """Circles on the top, as far as they lie inside the outline."""
     points, radius = _top_points(disc, model)
     share = np.linspace(0, 1, _ANGLES)
@@ -78,7 +78,7 @@ def _beside(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]
     return metric, normal
 
 
-def _top_points(disc: ClippedDisc, model: Pressing) -> tuple[Points, Array]:
+def _top_points(disc: ClippedDisc, model: IndentationProblem) -> tuple[Points, Array]:
     """Points of the surface, Gauss points of the top facets, each with a circle of its own (yet to be sampled)."""
     grid, p = model.grid, disc.order
     top = grid.top[grid.top.max(axis=1) < len(disc.base)]
@@ -114,16 +114,17 @@ def displacement(points: Points, amplitude: Array) -> Array:
 
 def contact_ratios(disc: ClippedDisc, x: Array) -> tuple[float, float, float]:
     """Ratios of the largest pressure, a facet's average, and of the areas of face and wall to the axisymmetric ones."""
-    at, before = touching(disc, x), touching(replace(disc, outside=None), np.zeros_like(x))
+    at, before = contact_state(disc, x), contact_state(replace(disc, outside=None), np.zeros_like(x))
     facets, weight = len(disc.facing.nodes), disc.facing.weight
     share = disc.facing.radius.reshape(facets, -1, 1)
 
     def largest(gap: Array) -> float:
-        held = pressure(disc.tool, gap).reshape(facets, -1, gap.shape[1])
+        held = pressure(disc.punch, gap).reshape(facets, -1, gap.shape[1])
         return float(((share * held).sum(axis=1) / share.sum(axis=1)).max())
 
     def areas(gap: Array, wall: NDArray[np.bool_]) -> tuple[float, float]:
         return float(weight[(gap > 0) & ~wall].sum()), float(weight[(gap > 0) & wall].sum())
 
-    (face, wall), (old_face, old_wall) = areas(at.gap, at.wall), areas(before.gap, before.wall)
-    return largest(at.gap) / largest(before.gap), face / old_face, wall / old_wall if old_wall > 0 else 1.0
+    (face, wall), (old_face, old_wall) = areas(at.penetration, at.wall), areas(before.penetration, before.wall)
+    pressed = largest(at.penetration) / largest(before.penetration)
+    return pressed, face / old_face, wall / old_wall if old_wall > 0 else 1.0

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.harmonics.arcs import Circles, Outline, harmonics_at
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes
-from eitsim.mechanics.harmonics.equilibrium import touching
+from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import lagrange
@@ -41,7 +41,7 @@ class Places:
     within_m: Array
 
 
-def volume_of(disc: ClippedDisc, model: Pressing, state: Equilibrium, x: Array, law: Hyperfoam, unit: float,
+def volume_of(disc: ClippedDisc, model: IndentationProblem, state: Equilibrium, x: Array, law: Hyperfoam, unit: float,
               bearing_rad: float) -> Volume:
     """What a touch keeps of a clipped disc's solution x; beyond what it reaches, that of the axisymmetric state."""
     radius, height = model.grid.lines
@@ -53,7 +53,7 @@ def volume_of(disc: ClippedDisc, model: Pressing, state: Equilibrium, x: Array, 
         radius_m=radius * unit, height_m=height * unit, order=disc.order,
         amplitude_m=moved.reshape(len(radius), len(height), *moved.shape[1:]) * unit, facet_m=middle * unit,
         share=np.linspace(0, 1, _ANGLES), pressure_Pa=np.zeros((len(middle), _ANGLES)),
-        disc_m=disc.outline.disc * unit, offset_m=disc.outline.offset * unit, punch_m=disc.tool.radius * unit,
+        disc_m=disc.outline.disc * unit, offset_m=disc.outline.offset * unit, punch_m=disc.punch.profile.radius * unit,
         bearing_rad=bearing_rad, law=law)
     return replace(kept, pressure_Pa=_pressure(disc, x, kept, unit) * law.mu_0_Pa)
 
@@ -64,8 +64,8 @@ def _pressure(disc: ClippedDisc, x: Array, volume: Volume, unit: float) -> Array
     start = disc.outline.start(radius)[:, None]
     angle = start + (np.pi - start) * share
     circles = Circles(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
-    push = contact.pressure(disc.tool, touching(replace(
-        disc, facing=replace(disc.facing, weight=circles.weight, circles=circles)), x).gap)
+    push = contact.pressure(disc.punch, contact_state(replace(
+        disc, facing=replace(disc.facing, weight=circles.weight, circles=circles)), x).penetration)
     middle = np.repeat(volume.facet_m, contact.POINTS)
     within = np.column_stack([middle, np.full(len(middle), volume.height_m[-2])])
     there = Places(np.repeat(radius * unit, len(share)), np.zeros(angle.size), np.arange(angle.size), angle.ravel(),

@@ -18,8 +18,14 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
 from eitsim.mechanics.axisymmetric import friction_increments
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing, interpolation
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, pressings, solve_touch, under_force
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    at_depth,
+    force_unit,
+    mesh_hierarchy,
+    solve_touch,
+    under_force,
+)
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
 from eitsim.mechanics.harmonics.arcs import Outline
@@ -83,7 +89,7 @@ class Solution:
     """What the rim adds on one mesh."""
 
     disc: ClippedDisc
-    model: Pressing
+    model: IndentationProblem
     state: Equilibrium
     # (unknowns + 1,) what the rim adds
     x: Array
@@ -97,8 +103,8 @@ class Load:
     force: float | None
     depth: float | None
 
-    def state(self, model: Pressing, sticks: bool) -> tuple[Pressing, Equilibrium]:
-        """Axisymmetric equilibrium, and the pressing with what holds the foam there; ValueError where nothing is given.
+    def state(self, model: IndentationProblem, sticks: bool) -> tuple[IndentationProblem, Equilibrium]:
+        """Axisymmetric equilibrium, and the problem with what holds the foam there; ValueError where nothing is given.
         """
         if self.force is not None:
             if not sticks:
@@ -113,7 +119,7 @@ class Load:
                 _, found = friction_increments.at_depth_of(model, np.inf, self.depth, state.force)
         else:
             raise ValueError("a punch needs force_N or depth_m, got neither.")
-        return replace(model, grip=found.grip), found.state
+        return replace(model, springs=found.springs), found.state
 
     def halved(self) -> Load:
         """Half of it."""
@@ -218,20 +224,20 @@ def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before:
     return _under(model, load, punch.friction == "stick", outline, fineness, before, _HALVINGS)
 
 
-def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness) -> tuple[Pressing, Load]:
+def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness) -> tuple[IndentationProblem, Load]:
     """The discretised foam under a punch, without friction, and what is given."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
-    model = pressings(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]
+    model = mesh_hierarchy(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]
     load = Load(None if punch.force_N is None else punch.force_N / force_unit(law, body),
                 None if punch.force_N is not None or punch.depth_m is None else punch.depth_m / unit)
     return _narrowed(model, fineness), load
 
 
-def _narrowed(model: Pressing, fineness: Fineness) -> Pressing:
-    """The pressing with elements halved about the punch's edge, and none wider than the widest as far as the change
+def _narrowed(model: IndentationProblem, fineness: Fineness) -> IndentationProblem:
+    """The problem with elements halved about the punch's edge, and none wider than the widest as far as the change
     reaches."""
     r, z = (lines[::model.grid.order] for lines in model.grid.lines)
-    edge = model.tool.radius
+    edge = model.punch.profile.radius
     halved = (r[:-1] > edge - _INSIDE - _NEAR) & (r[1:] < edge + _OUTSIDE)
     parts = [max(math.ceil((b - a) / fineness.widest), 2 if half else 1) if a < edge + fineness.beyond else 1
              for (a, b), half in zip(itertools.pairwise(r), halved, strict=True)]
@@ -242,11 +248,11 @@ def _narrowed(model: Pressing, fineness: Fineness) -> Pressing:
     return replace(model, grid=grid, facets=top_facets(grid, last - _NEAR))
 
 
-def _under(model: Pressing, load: Load, sticks: bool, outline: Outline, fineness: Fineness,
+def _under(model: IndentationProblem, load: Load, sticks: bool, outline: Outline, fineness: Fineness,
            before: Solution | None, halvings: int) -> Solution:
     model, state = load.state(model, sticks)
-    disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles, model.tool.radius + fineness.beyond,
-                        held=load.force is None)
+    disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,
+                        model.punch.profile.radius + fineness.beyond, held=load.force is None)
     with bounded(FACTORISATIONS, disc.unknowns):
         for start in (None if before is None else carried_over(before, disc, model), None):
             try:
@@ -260,7 +266,7 @@ def _under(model: Pressing, load: Load, sticks: bool, outline: Outline, fineness
         return Solution(disc, model, state, found.x, half.residuals + found.residuals)
 
 
-def carried_over(before: Solution, disc: ClippedDisc, model: Pressing) -> Array:
+def carried_over(before: Solution, disc: ClippedDisc, model: IndentationProblem) -> Array:
     """A solution's unknowns on another disc: what the rim adds at the new nodes, in as many harmonics as both have."""
     old, count = before.disc, min(len(before.disc.fixed), len(disc.fixed))
     along_r = interpolation(old.columns, disc.columns, old.order)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.indentation import Pressing
+from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.harmonics.arcs import Outline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, Outside, amplitudes, clipped_disc
 from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
@@ -70,7 +70,7 @@ class _Frame:
         return self.alone.disc
 
     @property
-    def model(self) -> Pressing:
+    def model(self) -> IndentationProblem:
         return self.alone.model
 
 
@@ -129,15 +129,15 @@ def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Fine
         model, load = set_up(law, body, punch, fineness)
         model, state = load.state(model, sticks=False)
         disc = clipped_disc(model, state, Outline(_PLANE, 0.0), fineness.harmonics, fineness.angles,
-                            model.tool.radius + fineness.beyond, held=load.force is None)
+                            model.punch.profile.radius + fineness.beyond, held=load.force is None)
         parts.append(Solution(disc, model, state, np.zeros(disc.unknowns + 1), ()))
-    apart = gap + sum(part.model.tool.radius for part in parts)
+    apart = gap + sum(part.model.punch.profile.radius for part in parts)
     return tuple(_frame(own, other, apart, gap) for own, other in zip(parts, parts[::-1], strict=True))
 
 
 def _frame(alone: Solution, other: Solution, apart: float, gap: float) -> _Frame:
     model, disc = alone.model, alone.disc
-    half = model.tool.radius + gap / 2
+    half = model.punch.profile.radius + gap / 2
     harmonics, angles = len(disc.fixed), disc.weight.shape[1]
     angle = (np.arange(angles) + 0.5) / angles * np.pi
     at = disc.foam.shape[..., 2]

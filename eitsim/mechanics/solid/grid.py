@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
 
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Punch, profile_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -24,15 +24,15 @@ _AROUND = {1: [0, 2, 3, 1], 2: [0, 6, 8, 2, 3, 7, 5, 1, 4]}
 # element at the edge of the punch, and the distances over which elements double from there, inwards, outwards and
 # downwards. Inwards they stay fine longer, since the foam under the fillet comes from there.
 _FEATURE, _ELEMENT, _INWARDS, _OUTWARDS, _DOWNWARDS = 0.05, 0.12, 1.2, 0.6, 0.6
-# The same outwards from a cone's tip, towards which elements are as small as at its edge.
+# The same outwards from a sharp tip, towards which elements are as small as at the edge.
 _FROM_TIP = 1.2
 # Distance inside a flat punch's edge, thicknesses, from which deep touches draw the foam over the fillet, and the
 # widest default element there, in feature lengths: wider ones catch on the fillet. With a fillet of 0.05 mm, 20 mm and
 # 3 N on 10 mm of foam, what stands at the fillet comes from 0.11 within; elements of five fillets left 2 to 5 %. But by
 # default at most so many elements there: with more, a touch takes more than 500 MB.
 _DRAWN, _WIDEST_DRAWN, _MOST_DRAWN = 0.18, 0.5, 144
-# Widest default element under the punch, in thicknesses; under a cone the contact may end anywhere.
-_WIDEST, _WIDEST_UNDER_CONE = 0.08, 0.03
+# Widest default element under the punch, in thicknesses; under a sharp tip the contact may end anywhere.
+_WIDEST, _WIDEST_UNDER_TIP = 0.08, 0.03
 
 
 @dataclass(frozen=True)
@@ -93,27 +93,27 @@ def default_element_m(body: Body, punch: Punch) -> float:
 def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Grid:
     """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0.
 
-    Lines lie at the edge of the punch and where its fillet starts. element_m is the element size there, m; elements
-    widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness, the
-    punch is smaller than the disc and the elements' order is one of ELEMENTS.
+    Lines lie at the edge of the punch and its edge radius inwards from there. element_m is the element size there, m;
+    elements widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m <
+    thickness, the punch is smaller than the disc and the elements' order is one of ELEMENTS.
     """
     unit = body.thickness_m
     if not 0 < element_m < unit:
         raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
-    rim, edge, fillet = body.radius_m / unit, punch.diameter_m / 2 / unit, punch.fillet_m / unit
+    rim, profile = body.radius_m / unit, profile_of(punch, unit)
+    edge, tip = profile.radius, profile.sharp_tip
     if edge >= rim:
         raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc (radius "
                          f"{body.radius_m} m).")
     size, feature = element_m / unit, feature_m(body, punch) / unit
-    cone = punch.profile == "cone"
-    widest = (_WIDEST_UNDER_CONE if cone else _WIDEST) * size / (_ELEMENT * feature)
-    start = max(edge - fillet, 0.0)
+    widest = (_WIDEST_UNDER_TIP if tip else _WIDEST) * size / (_ELEMENT * feature)
+    start = max(edge - profile.edge_radius, 0.0)
 
     def width(r: Array) -> Array:
         away = np.maximum((start - r) / _INWARDS, np.maximum((r - edge) / _OUTWARDS, 0))
-        if cone:
-            away = np.minimum(away, np.maximum(r - fillet, 0) / _FROM_TIP)
-        most = np.minimum(widest, np.inf if cone else drawn(r))
+        if tip:
+            away = np.minimum(away, np.maximum(r - profile.edge_radius, 0) / _FROM_TIP)
+        most = np.minimum(widest, np.inf if tip else drawn(r))
         return np.minimum(size * (1 + away / feature), np.where(r < edge, most, np.inf))
 
     def drawn(r: Array) -> Array:

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric import surface
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, Pressing, equilibrium, system
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, pressings, touch_of, under_force
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium, system
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, mesh_hierarchy, touch_of, under_force
 from eitsim.mechanics.contact.punch_contact import POINTS, facets_at
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Fineness, rim_change
 from eitsim.mechanics.solid.grid import tensor_grid
 from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Settled:
     law: Hyperfoam
     body: Body
     punch: Punch
-    model: Pressing
+    model: IndentationProblem
     state: Equilibrium
     touch: Touch
     # what the rim changes, by the distance from the disc's centre in m; None where the rim is far
@@ -79,7 +79,7 @@ def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m:
     """A touch without friction, as axisymmetric.solve_touch or near_rim.solve_near_rim finds it; NotConverged as there.
     """
     started = time.process_time()
-    levels = pressings(law, body, punch, element_m, None)
+    levels = mesh_hierarchy(law, body, punch, element_m, None)
     if punch.force_N is not None:
         states = under_force(levels, punch.force_N / force_unit(law, body))
     else:
@@ -164,8 +164,8 @@ def _parameters(base: Settled) -> Iterator[_Parameter]:
                          lambda more, one=one: (replace(law, alpha=law.alpha + more * one), punch), True)
 
 
-def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[Pressing, Array]]) -> Varied:
-    """The surface of both ends, each a pressing and what is added to the state."""
+def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[IndentationProblem, Array]]) -> Varied:
+    """The surface of both ends, each a problem and what is added to the state."""
     less, more = (sampled(base, model, base.state.x + shift) for model, shift in ends)
     if base.by_offset is not None:
         line = rim_line(base.by_offset.field, base.body, base.punch, parameter.at, parameter.step * _RIM_STEP / STEP,
@@ -175,24 +175,22 @@ def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[Pressing, 
                   (base.punch, more))
 
 
-def changed(base: Settled, law: Hyperfoam, punch: Punch) -> tuple[Pressing, float]:
-    """The pressing with another law and diameter, on the same mesh carried along, and its force without units."""
+def changed(base: Settled, law: Hyperfoam, punch: Punch) -> tuple[IndentationProblem, float]:
+    """The problem with another law and diameter, on the same mesh carried along, and its force without units."""
     unit, model = base.body.thickness_m, base.model
-    tool, radius = model.tool, punch.diameter_m / 2 / unit
+    before, after = model.punch.profile, profile_of(punch, unit)
     force = base.state.force * force_unit(base.law, base.body) / force_unit(law, base.body)
     law = replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa)
-    if radius == tool.radius:
+    if after == before:
         return replace(model, law=law), force
-    fillet = radius if punch.profile == "sphere" else tool.fillet
     lines, rows = (line[::model.grid.order] for line in model.grid.lines)
-    old = np.array([0.0, tool.radius - tool.fillet, tool.radius, lines[-1]])
-    new = np.array([0.0, radius - fillet, radius, lines[-1]])
+    old, new = (np.array([0.0, p.radius - p.edge_radius, p.radius, lines[-1]]) for p in (before, after))
     grid = tensor_grid(np.interp(lines, old[old.argsort()], new[old.argsort()]), rows, order=model.grid.order)
-    return replace(model, law=law, tool=replace(tool, radius=radius, fillet=fillet), grid=grid,
+    return replace(model, law=law, punch=replace(model.punch, profile=after), grid=grid,
                    facets=facets_at(grid, model.facets.nodes, *np.polynomial.legendre.leggauss(POINTS))), force
 
 
-def sampled(base: Settled, model: Pressing, x: Array) -> Touch:
+def sampled(base: Settled, model: IndentationProblem, x: Array) -> Touch:
     """The touch with the surface of another state; its contact and errors stay those of the base."""
     radius, field = surface.samples(model, x)
     return replace(base.touch, radius_m=radius * base.body.thickness_m, stretch_meridian=field.meridian,

@@ -20,12 +20,13 @@ from eitsim.mechanics.axisymmetric.indentation import (
     energy,
     equilibrium,
     fraction_non_elliptic,
+    indentation_problem,
     non_elliptic_place,
-    pressing,
     transferred,
 )
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, Unresolved, solve_touch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import Unresolved, solve_touch
 from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation.result_json import as_json
 from eitsim.simulation.simulate import simulate
@@ -43,7 +44,7 @@ FOAM = Hyperfoam([2143569.5, -5145106.0, 3123996.7], [-0.31441489, 0.01299211, 0
 
 @pytest.fixture(scope="module")
 def coarse():
-    return pressing(TABLE_1, Body(), Punch(), 0.24e-3, PENALTY)
+    return indentation_problem(TABLE_1, Body(), Punch(), 0.24e-3, Flat.default_penalty)
 
 
 def test_steps_up_and_down_end_where_one_solve_ends(coarse):
@@ -70,7 +71,7 @@ def test_the_next_force_towards_a_depth_stays_between_those_that_miss_it():
 def test_a_state_squeezed_flat_is_carried_to_a_finer_mesh():
     """The coarse state itself turns the fine mesh inside out; no path from rest is needed all the same."""
     punch, force = Punch(diameter_m=0.0164), 9.88
-    levels = [pressing(SOFT, Body(), punch, size, PENALTY) for size in (0.24e-3, 0.12e-3)]
+    levels = [indentation_problem(SOFT, Body(), punch, size, Flat.default_penalty) for size in (0.24e-3, 0.12e-3)]
     state = from_rest(levels[0], force)
     assert not np.isfinite(energy(levels[1], force, transferred(state.x, levels[0].grid, levels[1].grid)))
     fine = carried_over(levels[0], state, levels[1])
@@ -89,7 +90,7 @@ def test_hard_touches_are_reached(law, share):
 
 
 def test_a_failure_tells_what_was_reached():
-    model = pressing(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
+    model = indentation_problem(TABLE_1, Body(), Punch(), 1e-3, Flat.default_penalty)
     start = from_rest(model, 0.1)
     with pytest.raises(NotConverged, match="of the force") as caught:
         in_steps(model, start, 1e5)
@@ -101,7 +102,7 @@ def test_a_failure_tells_what_was_reached():
 
 
 def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
-    model = pressing(TABLE_1, Body(), Punch(), 1e-3, PENALTY)
+    model = indentation_problem(TABLE_1, Body(), Punch(), 1e-3, Flat.default_penalty)
     with pytest.raises(BottomedOut, match="of the force") as caught:
         from_rest(model, 1e5)
     assert caught.value.estimate[-1] > BOTTOM

@@ -15,7 +15,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, solve_path
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_path
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 
@@ -39,5 +40,5 @@ def test_depths_lie_between_two_penalties_of_calculix():
 
 
 def test_a_hundredfold_penalty_moves_the_depth_by_less_than_its_mesh():
-    soft, stiff = (depths_mm(penalty=PENALTY * factor, element_m=0.12e-3) for factor in (0.1, 10.0))
+    soft, stiff = (depths_mm(penalty=Flat.default_penalty * factor, element_m=0.12e-3) for factor in (0.1, 10.0))
     assert stiff == pytest.approx(soft, rel=5e-4)

@@ -10,24 +10,26 @@ import pytest
 from eitsim.mechanics.axisymmetric import friction_increments
 from eitsim.mechanics.axisymmetric.continuation import from_rest
 from eitsim.mechanics.axisymmetric.hold import solve_hold
-from eitsim.mechanics.axisymmetric.indentation import nearest, seen, touching
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, pressings, solve_path, solve_touch
+from eitsim.mechanics.axisymmetric.indentation import contact_state, nearest, seen
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, solve_path, solve_touch
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.punch_contact import Tool
+from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 
 TABLE_1 = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
-TOOLS = {"flat": Tool(0.7, 0.05, 1e4), "sphere": Tool(0.7, 0.7, 1e4), "cone": Tool(0.7, 0.05, 1e4, 0.2)}
+PUNCHES = {"flat": RigidPunch(Flat(0.7, 0.05), 1e4), "sphere": RigidPunch(Flat(0.7, 0.7), 1e4),
+           "cone": RigidPunch(Flat(0.7, 0.05, 0.2), 1e4)}
 
 
 def coarse(punch=None, size=2.0):
     punch = punch or Punch()
-    return pressings(TABLE_1, Body(), punch, size * default_element_m(Body(), punch), None)[-1]
+    return mesh_hierarchy(TABLE_1, Body(), punch, size * default_element_m(Body(), punch), None)[-1]
 
 
 def pressed(model, coefficient, force_N, count=4):
@@ -35,38 +37,40 @@ def pressed(model, coefficient, force_N, count=4):
     return friction_increments.loaded(model, coefficient, friction_increments.at_rest(model), force, count)[1]
 
 
-@pytest.mark.parametrize("name", TOOLS)
+@pytest.mark.parametrize("name", PUNCHES)
 def test_the_arc_is_the_length_of_the_profile(name):
-    tool, inner = TOOLS[name], TOOLS[name].radius - TOOLS[name].fillet
-    angle = np.linspace(tool.slope, np.pi / 2, 2001)
-    top = tool.fillet + inner * np.tan(tool.slope)
-    tip = tool.fillet * np.column_stack([np.sin(angle * 0 + tool.slope), 1 - np.cos(angle * 0 + tool.slope)])[:1]
-    edge = np.array([inner, top]) + tool.fillet * np.column_stack([np.sin(angle), -np.cos(angle)])
-    profile = np.vstack([[0.0, 0.0], tip, np.linspace(tip[0], edge[0], 50)[1:], edge[1:], [tool.radius, top + 0.3]])
-    length = np.cumsum(np.hypot(*np.diff(profile, axis=0).T))
-    assert contact.arc(tool, *profile.T)[1:] == pytest.approx(length, abs=1e-4)
+    punch = PUNCHES[name].profile
+    inner = punch.radius - punch.edge_radius
+    angle = np.linspace(punch.slope, np.pi / 2, 2001)
+    top = punch.edge_radius + inner * np.tan(punch.slope)
+    ends = angle * 0 + punch.slope
+    tip = punch.edge_radius * np.column_stack([np.sin(ends), 1 - np.cos(ends)])[:1]
+    edge = np.array([inner, top]) + punch.edge_radius * np.column_stack([np.sin(angle), -np.cos(angle)])
+    line = np.vstack([[0.0, 0.0], tip, np.linspace(tip[0], edge[0], 50)[1:], edge[1:], [punch.radius, top + 0.3]])
+    length = np.cumsum(np.hypot(*np.diff(line, axis=0).T))
+    assert punch.arc_length(*line.T)[1:] == pytest.approx(length, abs=1e-4)
 
 
 @pytest.mark.parametrize("coefficient", [0.2, np.inf])
 def test_derivatives_of_the_potential_equal_differences(coefficient):
     model, random = coarse(size=4.0), np.random.default_rng(1)
     found, h = pressed(model, coefficient, 0.5, 2), 1e-6
-    grip, facets, nodes = found.grip, model.facets, len(model.grid.nodes)
+    springs, facets, nodes = found.springs, model.facets, len(model.grid.nodes)
     base, way = 1e-3 * random.standard_normal((nodes, 2)), random.standard_normal((nodes, 2))
     base += axisymmetric_assembly.nodal(model.grid, found.state.x[:-1])
 
     def at(step):
         return friction.moved(facets, base + step * way, found.state.x[-1] + step)
 
-    slopes = [friction.shear(grip, at(step)).slope for step in (-h, h)]
+    slopes = [friction.shear(springs, at(step)).slope for step in (-h, h)]
     smooth = slopes[0] == slopes[1]
-    grip = replace(grip, limit=np.where(smooth, grip.limit, 0.0))
+    springs = replace(springs, limit=np.where(smooth, springs.limit, 0.0))
     assert smooth.mean() > 0.9
-    push, down = friction.forces(grip, facets, at(0.0))
-    slope = (friction.energy(grip, facets, at(h)) - friction.energy(grip, facets, at(-h))) / (2 * h)
+    push, down = friction.forces(springs, facets, at(0.0))
+    slope = (friction.energy(springs, facets, at(h)) - friction.energy(springs, facets, at(-h))) / (2 * h)
     assert slope == pytest.approx(float(np.sum(push * way[facets.nodes])) + down, rel=1e-7)
-    blocks, border, corner = friction.tangent(grip, facets, at(0.0))
-    (ahead, more), (behind, less) = (friction.forces(grip, facets, at(step)) for step in (h, -h))
+    blocks, border, corner = friction.tangent(springs, facets, at(0.0))
+    (ahead, more), (behind, less) = (friction.forces(springs, facets, at(step)) for step in (h, -h))
     turned = np.einsum("faibj,fbj->fai", blocks, way[facets.nodes]) + border
     assert (ahead - behind) / (2 * h) == pytest.approx(turned, rel=1e-6, abs=1e-6 * np.abs(turned).max())
     assert (more - less) / (2 * h) == pytest.approx(float(np.sum(border * way[facets.nodes])) + corner, rel=1e-6)
@@ -95,12 +99,12 @@ def test_more_friction_means_less_depth_and_less_slip_at_small_strain():
 def test_the_punch_and_the_foam_push_as_hard_as_the_force(coefficient):
     model = coarse()
     found = pressed(model, coefficient, 0.5)
-    push = contact.forces(model.tool, model.facets, touching(model, found.state.x))[1]
-    rub = friction.forces(found.grip, model.facets, seen(model, found.state.x))[1]
+    push = contact.forces(model.punch, model.facets, contact_state(model, found.state.x))[1]
+    rub = friction.forces(found.springs, model.facets, seen(model, found.state.x))[1]
     assert push + rub == pytest.approx(found.state.force, rel=1e-8)
     assert rub > 0
-    at, shear = nearest(model, found.state.x), friction.shear(found.grip, seen(model, found.state.x))
-    pressure = contact.pressure(model.tool, np.maximum(at.gap, 0))
+    at, shear = nearest(model, found.state.x), friction.shear(found.springs, seen(model, found.state.x))
+    pressure = contact.pressure(model.punch, np.maximum(at.penetration, 0))
     if np.isfinite(coefficient):
         assert np.all(np.abs(shear.size) <= coefficient * pressure + 1e-2 * pressure.max())
 
@@ -115,11 +119,11 @@ def course_of_energy(model, coefficient, force_N, count):
         depths.append(now.state.x[-1])
     work = float(np.sum(np.diff(depths) * (np.array(forces)[1:] + np.array(forces)[:-1]) / 2))
     x = now.state.x
-    spring = friction.shear(now.grip, seen(model, x)).size
+    spring = friction.shear(now.springs, seen(model, x)).size
     parts = [
         axisymmetric_assembly.energy(model.law, model.grid, x[:-1]),
-        contact.energy(model.tool, model.facets, touching(model, x)),
-        float(np.sum(model.facets.weight * spring**2)) / (2 * now.grip.stiffness),
+        contact.energy(model.punch, model.facets, contact_state(model, x)),
+        float(np.sum(model.facets.weight * spring**2)) / (2 * now.springs.stiffness),
         now.dissipated,
     ]
     return work, parts

@@ -11,11 +11,11 @@ import pytest
 
 from eitsim.electrics.sheet.sheet_conductance import changes, sheet_conductance, stretches
 from eitsim.mechanics.axisymmetric import friction_increments
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, pressings, solve_touch, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, solve_touch, under_force
 from eitsim.mechanics.contact.punch_contact import pressure
 from eitsim.mechanics.harmonics.arcs import Outline, circles
 from eitsim.mechanics.harmonics.clipped_disc import amplitudes, clipped_disc, unknowns_of
-from eitsim.mechanics.harmonics.equilibrium import energy, linearised, product, seen, solve, touching
+from eitsim.mechanics.harmonics.equilibrium import contact_state, energy, linearised, product, seen, solve
 from eitsim.mechanics.harmonics.fourier_fields import Points, forces, gradients, operators, stiffened
 from eitsim.mechanics.rim.correction import within_face
 from eitsim.mechanics.rim.solve_near_rim import COARSE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
@@ -39,11 +39,11 @@ def at_gap(gap_m: float, force_N: float = 0.1) -> Punch:
 
 
 def disc_at(gap_m: float, fineness: Fineness, force_N: float = 0.1, reach: float = 4.0, *, sticks: bool = False):
-    (model,) = pressings(FOAM, BODY, Punch(), fineness.element * 6e-5, None)[-1:]
+    (model,) = mesh_hierarchy(FOAM, BODY, Punch(), fineness.element * 6e-5, None)[-1:]
     force = force_N / force_unit(FOAM, BODY)
     if sticks:
         _, found = friction_increments.loaded(model, np.inf, friction_increments.at_rest(model), force)
-        model, state = replace(model, grip=found.grip), found.state
+        model, state = replace(model, springs=found.springs), found.state
     else:
         (state,) = under_force([model], force)
     return clipped_disc(model, state, Outline(10.0, 9.3 - gap_m * 100), fineness.harmonics, fineness.angles, reach)
@@ -233,8 +233,8 @@ def test_the_rim_deepens_a_touch_the_more_the_nearer():
         disc = disc_at(gap, NARROW, 1.0, reach=5.7)
         found = solve(disc).x
         added[gap] = float(found[-1]) / disc.depth
-        at = touching(disc, found)
-        reaction = float(np.sum(disc.facing.weight * pressure(disc.tool, at.gap) * at.normal[:, 2]))
+        at = contact_state(disc, found)
+        reaction = float(np.sum(disc.facing.weight * pressure(disc.punch, at.penetration) * at.normal[:, 2]))
         assert reaction == pytest.approx(disc.force, rel=1e-8)
     print({gap: f"{part:.2%}" for gap, part in added.items()})
     # the same touch by another method, hexahedra on a patch, in percent of the depth

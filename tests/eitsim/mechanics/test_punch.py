@@ -7,57 +7,61 @@ import pytest
 from scipy.spatial import KDTree
 
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.punch_contact import Tool
+from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.solid.grid import foam_grid
+from eitsim.scene.profiles.ellipse import Ellipse
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Punch
 
-TOOLS = {"flat": Tool(0.7, 0.05, 1e4), "sphere": Tool(0.7, 0.7, 1e4), "cone": Tool(0.7, 0.05, 1e4, 0.2),
-         "steep cone": Tool(0.7, 0.1, 1e4, 0.9), "firm": Tool(0.7, 0.05, 1e4, firm=0.02)}
+PUNCHES = {"flat": RigidPunch(Flat(0.7, 0.05), 1e4), "sphere": RigidPunch(Flat(0.7, 0.7), 1e4),
+           "cone": RigidPunch(Flat(0.7, 0.05, 0.2), 1e4),
+           "steep cone": RigidPunch(Flat(0.7, 0.1, 0.9), 1e4),
+           "firm": RigidPunch(Flat(0.7, 0.05), 1e4, stiffening_penetration=0.02)}
 
 
-def core(tool):
+def core(punch):
     """Corners of the profile's core, the tip's at (0, fillet): the punch is every point within its fillet of the core.
     """
-    inner = tool.radius - tool.fillet
-    return np.array([[0.0, tool.fillet], [inner, tool.fillet + inner * np.tan(tool.slope)]])
+    fillet, inner = punch.profile.edge_radius, punch.profile.radius - punch.profile.edge_radius
+    return np.array([[0.0, fillet], [inner, fillet + inner * np.tan(punch.profile.slope)]])
 
 
-def outline(tool, count=100_001):
+def outline(punch, count=100_001):
     """Points of the punch's outline: tip, face, edge and wall, the lowest at the origin."""
-    ends = core(tool)
-    tip, edge = np.linspace(0, tool.slope, count), np.linspace(tool.slope, np.pi / 2, count)
-    arcs = [end + tool.fillet * np.column_stack([np.sin(angle), -np.cos(angle)])
+    ends = core(punch)
+    tip, edge = np.linspace(0, punch.profile.slope, count), np.linspace(punch.profile.slope, np.pi / 2, count)
+    arcs = [end + punch.profile.edge_radius * np.column_stack([np.sin(angle), -np.cos(angle)])
             for end, angle in zip(ends, (tip, edge), strict=True)]
     face = np.linspace(arcs[0][-1], arcs[1][0], count)
-    wall = np.column_stack([np.full(count, tool.radius), np.linspace(ends[1, 1], 3, count)])
+    wall = np.column_stack([np.full(count, punch.profile.radius), np.linspace(ends[1, 1], 3, count)])
     return np.vstack([*arcs, face, wall])
 
 
-def inside(tool, points):
+def inside(punch, points):
     """Whether points lie inside the punch: under or beside the core, within the fillet of it; or in the core."""
-    (_, low), (inner, high) = core(tool)
-    in_core = (points[:, 0] <= inner) & (points[:, 1] >= low + points[:, 0] * np.tan(tool.slope))
+    (_, low), (inner, high) = core(punch)
+    in_core = (points[:, 0] <= inner) & (points[:, 1] >= low + points[:, 0] * np.tan(punch.profile.slope))
     face = np.array([inner, high - low])
     along = np.clip((points - [0, low]) @ face / max(face @ face, 1e-300), 0, 1)
-    near = np.hypot(*(points - [0, low] - along[:, None] * face).T) < tool.fillet
-    beside = (points[:, 1] >= high) & (points[:, 0] < tool.radius)
+    near = np.hypot(*(points - [0, low] - along[:, None] * face).T) < punch.profile.edge_radius
+    beside = (points[:, 1] >= high) & (points[:, 0] < punch.profile.radius)
     return in_core | near | beside
 
 
-@pytest.mark.parametrize("name", TOOLS)
+@pytest.mark.parametrize("name", PUNCHES)
 def test_penetration_is_the_distance_to_the_outline(name):
-    tool, depth = TOOLS[name], 0.3
+    punch, depth = PUNCHES[name], 0.3
     points = np.random.default_rng(0).uniform([0, -0.05], [0.8, 1.2], (600, 2))
     one = contact.Facets(np.arange(len(points))[:, None], np.eye(1), np.zeros(1), np.zeros(1), np.ones(1))
-    at = contact.touching(tool, one, points - [0, depth], depth)
-    within, distance = inside(tool, points), KDTree(outline(tool), balanced_tree=False).query(points)[0]
+    at = contact.contact_state(punch, one, points - [0, depth], depth)
+    within, distance = inside(punch, points), KDTree(outline(punch), balanced_tree=False).query(points)[0]
     assert 100 < within.sum() < 550
-    assert np.allclose(at.gap[:, 0], np.where(within, distance, 0.0), atol=2e-5)
+    assert np.allclose(at.penetration[:, 0], np.where(within, distance, 0.0), atol=2e-5)
 
 
-@pytest.mark.parametrize("name", TOOLS)
+@pytest.mark.parametrize("name", [*PUNCHES, "ellipse"])
 def test_forces_and_stiffness_equal_differences(name):
-    tool = TOOLS[name]
+    punch = RigidPunch(Ellipse(0.7, 0.2), 1e4) if name == "ellipse" else PUNCHES[name]
     grid = foam_grid(Body(), Punch(), 1e-3)
     facets = contact.top_facets(grid, 1.0)
     rng, step = np.random.default_rng(2), 1e-7
@@ -66,17 +70,17 @@ def test_forces_and_stiffness_equal_differences(name):
     depth, more = 0.03, 0.7
 
     def state(length):
-        return contact.touching(tool, facets, position + length * direction, depth + length * more)
+        return contact.contact_state(punch, facets, position + length * direction, depth + length * more)
 
     def force(length):
-        on_nodes, reaction = contact.forces(tool, facets, state(length))
+        on_nodes, reaction = contact.forces(punch, facets, state(length))
         return np.append(on_nodes.ravel(), reaction)
 
     work = np.sum(force(0)[:-1].reshape(-1, 3, 2) * direction[facets.nodes]) + force(0)[-1] * more
-    rise = contact.energy(tool, facets, state(step)) - contact.energy(tool, facets, state(-step))
+    rise = contact.energy(punch, facets, state(step)) - contact.energy(punch, facets, state(-step))
     assert rise / (2 * step) == pytest.approx(work, rel=1e-6)
 
-    blocks, border, corner = contact.stiffness(tool, facets, state(0))
+    blocks, border, corner = contact.stiffness(punch, facets, state(0))
     change = np.einsum("faibj,fbj->fai", blocks, direction[facets.nodes]) + border * more
     reaction = np.sum(border * direction[facets.nodes]) + corner * more
     differences = (force(step) - force(-step)) / (2 * step)
@@ -84,21 +88,21 @@ def test_forces_and_stiffness_equal_differences(name):
 
 
 def test_the_complementary_energy_is_the_integral_of_the_penetration_over_the_pressure():
-    tool, gaps = TOOLS["firm"], np.linspace(0, 0.05, 2001)
-    pressures = contact.pressure(tool, gaps)
+    punch, gaps = PUNCHES["firm"], np.linspace(0, 0.05, 2001)
+    pressures = contact.pressure(punch, gaps)
     work = np.trapezoid(pressures, gaps)
     stored = contact.Facets(np.zeros((1, 1), int), np.eye(1), np.zeros(1), np.zeros(1), np.ones((1, 1)))
-    at = contact.Touching(gaps[-1:, None], np.array([[[0.0, 1.0]]]), np.zeros((1, 1, 2, 2)), np.zeros((1, 1), bool))
-    assert contact.energy(tool, stored, at) == pytest.approx(work, rel=1e-5)
+    at = contact.ContactState(gaps[-1:, None], np.array([[[0.0, 1.0]]]), np.zeros((1, 1, 2, 2)), np.zeros((1, 1), bool))
+    assert contact.energy(punch, stored, at) == pytest.approx(work, rel=1e-5)
     by_gap = gaps * np.gradient(pressures, gaps)
     assert np.trapezoid(by_gap, gaps) == pytest.approx(pressures[-1] * gaps[-1] - work, rel=1e-4)
-    assert contact.complementary_forces(tool, stored, at)[1] == pytest.approx(by_gap[-1], rel=1e-2)
+    assert contact.complementary_forces(punch, stored, at)[1] == pytest.approx(by_gap[-1], rel=1e-2)
 
 
 def test_side_wall_is_told_from_the_face():
-    tool = TOOLS["flat"]
+    punch = PUNCHES["flat"]
     points = np.array([[0.3, 0.01], [0.69, 0.2], [0.69, 0.01]])
     one = contact.Facets(np.arange(3)[:, None], np.eye(1), np.zeros(1), np.zeros(1), np.ones(1))
-    at = contact.touching(tool, one, points, 0.0)
+    at = contact.contact_state(punch, one, points, 0.0)
     assert at.wall[:, 0].tolist() == [False, True, False]
     assert at.normal[1, 0].tolist() == [-1.0, 0.0]

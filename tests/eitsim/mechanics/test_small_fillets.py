@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric.continuation import carried_over, from_rest, sharpened
-from eitsim.mechanics.axisymmetric.indentation import Pressing, at_rest, energy, equilibrium
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, pressings
+from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, at_rest, energy, equilibrium
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy
 from eitsim.mechanics.solid.grid import default_element_m, foam_grid
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
@@ -27,10 +27,10 @@ def lines_under(punch: Punch, scale: float) -> np.ndarray:
     return np.diff(r)[inside] * Body().thickness_m / punch.fillet_m
 
 
-def problem(punch: Punch) -> tuple[Pressing, float]:
+def problem(punch: Punch) -> tuple[IndentationProblem, float]:
     """The coarsest mesh under the punch, and its force."""
     assert punch.force_N is not None
-    return pressings(TABLE_1, Body(), punch, None, None)[0], punch.force_N / force_unit(TABLE_1, Body())
+    return mesh_hierarchy(TABLE_1, Body(), punch, None, None)[0], punch.force_N / force_unit(TABLE_1, Body())
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.5])
@@ -46,7 +46,7 @@ def test_the_smallest_fillets_take_no_more_elements():
 
 
 def test_a_deep_touch_with_a_small_fillet_agrees_between_coarse_meshes():
-    coarse, fine = pressings(TABLE_1, Body(), SHARP, None, None)[:2]
+    coarse, fine = mesh_hierarchy(TABLE_1, Body(), SHARP, None, None)[:2]
     force = 3.0 / force_unit(TABLE_1, Body())
     rough = from_rest(coarse, force)
     found = carried_over(coarse, rough, fine)

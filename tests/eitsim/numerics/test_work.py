@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric import friction_increments, indentation, solve_axisymmetric
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import pressings, solve_touch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
 from eitsim.mechanics.rim import solve_near_rim
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.linear_solvers import conjugate_gradients, factorise_band
@@ -46,7 +46,7 @@ def ended(mu_3_Pa):
 
 def unknowns(size=4.0):
     """Unknowns of the touch's finest mesh."""
-    return pressings(law(-24e3), Body(), PUNCH, size * default_element_m(Body(), PUNCH), None)[-1].grid.unknowns
+    return mesh_hierarchy(law(-24e3), Body(), PUNCH, size * default_element_m(Body(), PUNCH), None)[-1].grid.unknowns
 
 
 @pytest.fixture

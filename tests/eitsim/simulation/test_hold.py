@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric.hold import Course, Step, solve_hold, states_over, stepped_through
-from eitsim.mechanics.axisymmetric.indentation import at_rest, equilibrium, pressing, system, touching
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, reached, solve_touch
+from eitsim.mechanics.axisymmetric.indentation import at_rest, contact_state, equilibrium, indentation_problem, system
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import reached, solve_touch
 from eitsim.mechanics.axisymmetric.viscoelastic import loaded_at_once, remembered, stepped, steps_s, unloaded
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import tensor_grid
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Hold, Punch, scene_from
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import as_json
@@ -34,8 +35,8 @@ COARSE_M = 0.4e-3
 FORCE = 1.0 / (TABLE_1.mu_0_Pa * 0.01**2)
 
 
-def model_of(law=TABLE_1, penalty=PENALTY):
-    return pressing(law, Body(), Punch(), COARSE_M, penalty)
+def model_of(law=TABLE_1, penalty=Flat.default_penalty):
+    return indentation_problem(law, Body(), Punch(), COARSE_M, penalty)
 
 
 def crept(model, times_s, per_decade=4, series=SERIES, force=FORCE):
@@ -46,7 +47,7 @@ def crept(model, times_s, per_decade=4, series=SERIES, force=FORCE):
 
 @pytest.fixture(scope="module")
 def block():
-    """A pressing whose foam is one element, 1 x 1 in the (r, z) plane, free everywhere."""
+    """A problem whose foam is one element, 1 x 1 in the (r, z) plane, free everywhere."""
     return replace(model_of(), grid=tensor_grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), free=True))
 
 
@@ -85,7 +86,7 @@ def test_one_element_follows_a_history_as_the_calibration_does(block):
 @pytest.mark.parametrize("series", [SERIES, FAR_APART])
 def test_limits_are_the_elastic_touches(series):
     at_once, soon, late = crept(model_of(), (1e-13, 1e14), series=series)
-    soft = model_of(replace(TABLE_1, mu_Pa=TABLE_1.mu_Pa * series.g_infinity), PENALTY / series.g_infinity)
+    soft = model_of(replace(TABLE_1, mu_Pa=TABLE_1.mu_Pa * series.g_infinity), Flat.default_penalty / series.g_infinity)
     force = FORCE / series.g_infinity
     longterm = equilibrium(soft, force, at_rest(soft, force))
     assert soon.depth == pytest.approx(at_once.depth, rel=1e-8)
@@ -119,7 +120,7 @@ def test_error_estimates_cover_the_steps_in_time():
 
 def test_a_force_hold_keeps_the_reaction_and_creeps_down():
     model, states = model_of(), crept(model_of(), PAPER_S)
-    reactions = [contact.forces(model.tool, model.facets, touching(model, state.x))[1] for state in states]
+    reactions = [contact.forces(model.punch, model.facets, contact_state(model, state.x))[1] for state in states]
     assert reactions == pytest.approx([FORCE] * 6, rel=1e-8)
     assert np.all(np.diff([state.depth for state in states]) > 0)
 
@@ -139,7 +140,7 @@ def test_a_depth_hold_keeps_the_deformation_and_relaxes_as_the_series():
     loaded = equilibrium(model, FORCE, at_rest(model, FORCE))
     share = float(relaxation(SERIES, 180.0))
     later = stepped(model, SERIES, loaded_at_once(model, SERIES, loaded.x), 180.0)
-    later = replace(later, tool=replace(model.tool, stiffness=share * model.tool.stiffness))
+    later = replace(later, punch=replace(model.punch, stiffness=share * model.punch.stiffness))
     assert np.linalg.norm(system(later, share * FORCE, loaded.x)[0]) < 1e-9 * FORCE
     course = Course(SERIES, None, loaded.depth, Hold((2.0, 180.0), "depth"))
     forces = [state.force / FORCE for state in states_over(model, course, 2, loaded)]
@@ -213,7 +214,7 @@ def test_a_sphere_that_flattens_a_foam_of_one_term_is_held_at_its_depth(alpha):
 def beside_a_jump(model, share):
     """Equilibria just before and after a point of contact comes or goes, between a share of FORCE and a tenth more."""
     def touched(state):
-        return np.count_nonzero(touching(model, state.x).gap)
+        return np.count_nonzero(contact_state(model, state.x).penetration)
 
     low = equilibrium(model, share * FORCE, at_rest(model, share * FORCE))
     high, count = equilibrium(model, 1.1 * share * FORCE, low.x), touched(low)

@@ -1,0 +1,1 @@
+"""Outlines of rigid punches of revolution, one file a family; `registry` names them."""
