@@ -111,8 +111,8 @@ def started(_: int) -> tuple[float, float]:
 def workers_row() -> dict[str, Any]:
     """What a worker takes until its first answer."""
     begun = time.perf_counter()
-    with processes(2) as crew:
-        cpu_s, memory_MB = crew.given(started)(0).result()
+    with processes(2) as pool:
+        cpu_s, memory_MB = pool.broadcast(started)(0).result()
     return {"what": "start of a worker", "wall_s": time.perf_counter() - begun, "cpu_s_median": cpu_s,
             "memory_MB": memory_MB}
 

@@ -19,7 +19,7 @@ from touchcal.json_file import write_json
 from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
-    from eitsim.cli.output_files import Beside
+    from eitsim.cli.output_files import OutputFiles
     from eitsim.scene.results import Result
 
 app = application("Touch a foam disc with a conductive skin: contact mechanics, skin conductance, 208 voltages.")
@@ -74,13 +74,13 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     Example: eitsim run scene.toml --card card.json --out result.json --report touch.pdf
     """
     from eitsim.cli.display import show_result
-    from eitsim.cli.output_files import Beside, check_beside
+    from eitsim.cli.output_files import OutputFiles, check_output_files
 
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
     parsed = read_scene(scene)
-    beside = Beside(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity)
-    outs = {"--out": out, "--report": report, **beside.places}
+    files = OutputFiles(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity)
+    outs = {"--out": out, "--report": report, **files.places}
     for flag, place in outs.items():
         if place is not None:
             check_out(place, flag)
@@ -89,7 +89,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     check_pdf(report, "--report")
     if reuse and (exact or fields is not None):
         raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
-    check_beside(parsed, beside)
+    check_output_files(parsed, files)
     result, document, note = _solve(parsed, path, exact, reuse)
     if note:
         print(note, file=sys.stderr)
@@ -101,25 +101,25 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         print_json(document)
     else:
         show_result(result, document)
-    for line in _write_files(parsed, result, document, path, beside, out, report):
+    for line in _write_files(parsed, result, document, path, files, out, report):
         if not as_json:
             print(line)
     if result.outcome != "ok":
         raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
 
 
-def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: Path, beside: Beside, out: Path | None,
-                 report: Path | None) -> Iterator[str]:
-    """Write what is asked for beside a stored result, whose hash comes after the skin's file is named in it."""
-    from eitsim.cli.output_files import write_beside
+def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: Path, files: OutputFiles,
+                 out: Path | None, report: Path | None) -> Iterator[str]:
+    """Write what is requested next to a stored result, whose hash comes after the skin's file is named in it."""
+    from eitsim.cli.output_files import write_output_files
     from touchcal.provenance import file_identity
 
     if result.readings is not None:
-        yield from (f"{name}: {place}" for name, place in write_beside(scene, result, read_card(card), beside))
+        yield from (f"{name}: {place}" for name, place in write_output_files(scene, result, read_card(card), files))
     if out is None:
         return
-    if result.readings is not None and beside.skin is not None:
-        write_json(document | {"skin_file": file_identity(beside.skin, out.parent)}, out)
+    if result.readings is not None and files.skin is not None:
+        write_json(document | {"skin_file": file_identity(files.skin, out.parent)}, out)
     yield f"result: {out} (sha256 {file_identity(out, out.parent)['sha256'][:12]})"
     if report is not None:
         yield report_written(out, report)

@@ -1,4 +1,4 @@
-"""The files that a run may write beside its result: fields in the foam and on the skin, frames, derivatives."""
+"""The files that a run may write next to its result: fields in the foam and on the skin, frames, derivatives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matcal.card import MaterialCard, require
 
 
 @dataclass(frozen=True)
-class Beside:
+class OutputFiles:
     """Where each file goes; None: it is not written."""
 
     # stress and strain inside the foam, VTU
@@ -33,48 +33,49 @@ class Beside:
                 "--sensitivity": self.sensitivity}
 
 
-def check_beside(scene: Scene, beside: Beside) -> None:
+def check_output_files(scene: Scene, files: OutputFiles) -> None:
     """ValueError, before anything is solved, where the scene has no such file."""
     for flag in ("--fields", "--skin"):
-        place = beside.places[flag]
+        place = files.places[flag]
         if place is not None and place.suffix != ".vtu":
             raise ValueError(f"{flag} {place}: the file is a VTU file; give a name that ends in .vtu.")
-    if beside.fields is not None and scene.hold.time_s:
+    if files.fields is not None and scene.hold.time_s:
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
-    if beside.fields is not None and len(scene.punches) > 1:
+    if files.fields is not None and len(scene.punches) > 1:
         raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
-    if beside.skin is None and beside.patterns is not None:
+    if files.skin is None and files.patterns is not None:
         raise ValueError("--skin-patterns has no effect without --skin; add --skin skin.vtu.")
-    if beside.skin is not None:
+    if files.skin is not None:
         from eitsim.electrics.forward.sheet_fields import driven_currents
 
-        driven_currents(scene, beside.patterns)
-    if beside.sensitivity is not None:
+        driven_currents(scene, files.patterns)
+    if files.sensitivity is not None:
         from eitsim.simulation.derivatives.readings import check_differentiable
 
         check_differentiable(scene)
 
 
-def write_beside(scene: Scene, result: Result, card: MaterialCard, beside: Beside) -> Iterator[tuple[str, Path]]:
+def write_output_files(scene: Scene, result: Result, card: MaterialCard,
+                       files: OutputFiles) -> Iterator[tuple[str, Path]]:
     """Write the files that are asked for of a solved result; what each is, and where."""
-    if beside.fields is not None:
+    if files.fields is not None:
         from eitsim.simulation.foam_fields import write_vtu
 
         (touch,) = result.touches
-        write_vtu(touch, beside.fields)
-        yield "fields", beside.fields
-    if beside.frames is not None and result.readings is not None:
+        write_vtu(touch, files.fields)
+        yield "fields", files.fields
+    if files.frames is not None and result.readings is not None:
         from eitsim.scene.frames import write_frames
 
-        write_frames(beside.frames, [moment.readings for moment in result.moments] or [result.readings])
-        yield "frames", beside.frames
-    if beside.skin is not None:
+        write_frames(files.frames, [moment.readings for moment in result.moments] or [result.readings])
+        yield "frames", files.frames
+    if files.skin is not None:
         from eitsim.electrics.forward.sheet_fields import write_skin_vtu
 
-        write_skin_vtu(scene, result.touches, require(card, "conductivity", "the skin"), beside.skin, beside.patterns)
-        yield "skin", beside.skin
-    if beside.sensitivity is not None and result.outcome == "ok":
+        write_skin_vtu(scene, result.touches, require(card, "conductivity", "the skin"), files.skin, files.patterns)
+        yield "skin", files.skin
+    if files.sensitivity is not None and result.outcome == "ok":
         from eitsim.simulation.derivatives.readings import scene_sensitivity, write_sensitivity
 
-        write_sensitivity(scene_sensitivity(scene, card), beside.sensitivity)
-        yield "sensitivity", beside.sensitivity
+        write_sensitivity(scene_sensitivity(scene, card), files.sensitivity)
+        yield "sensitivity", files.sensitivity

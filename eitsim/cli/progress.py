@@ -22,7 +22,7 @@ def shown(scenes: int, log_every_s: float = 0.0) -> Iterator[Callable[[Progress]
         def show(step: Progress) -> None:
             nonlocal said, begun
             now = time.monotonic()
-            advance(step.done, beside_bar(step, now - begun))
+            advance(step.done, bar_text(step, now - begun))
             if not (sys.stderr.isatty() or log_every_s):
                 return
             if step.stage == "table":
@@ -45,7 +45,7 @@ def line(step: Progress, spent_s: float) -> str:
                       *([in_words(step.outcomes)] if step.outcomes else []), *errors])
 
 
-def beside_bar(step: Progress, spent_s: float) -> str:
+def bar_text(step: Progress, spent_s: float) -> str:
     """What of a line the bar on a terminal does not tell, as short as 80 columns ask; errors are the median and what
     95 % lie below."""
     rate = _rate(step, spent_s)

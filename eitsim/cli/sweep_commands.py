@@ -107,7 +107,7 @@ def _steps(rows: Design, card: Path, out: Path, count: int, scheduler: str | Non
     from touchcal.parallel.dask_cluster import cluster
 
     return steps(rows, card, out, workers=count, reuse=reuse, exact=exact, other_code=other_code,
-                 crew=cluster(scheduler) if scheduler is not None else None)
+                 pool=cluster(scheduler) if scheduler is not None else None)
 
 
 def _cautioned(steps: Iterator[Progress | Account], rows: Design, card: Path) -> Iterator[Progress | Account]:

@@ -19,14 +19,14 @@ PRODUCT = 1 / 4
 
 
 @dataclass
-class _Account:
+class WorkBudget:
     """What a touch may take, and has taken, in unknowns."""
 
     most: float
     spent: float = 0.0
 
 
-_ACCOUNT: ContextVar[_Account | None] = ContextVar("work of a touch", default=None)
+_BUDGET: ContextVar[WorkBudget | None] = ContextVar("work of a touch", default=None)
 
 
 @contextmanager
@@ -35,10 +35,10 @@ def bounded(factorisations: float, unknowns: int) -> Iterator[None]:
 
     Within another bound that one holds alone. A NotConverged that leaves it then says that the work was used up.
     """
-    if _ACCOUNT.get() is not None:
+    if _BUDGET.get() is not None:
         yield
         return
-    token = _ACCOUNT.set(_Account(factorisations * unknowns))
+    token = _BUDGET.set(WorkBudget(factorisations * unknowns))
     try:
         yield
     except NotConverged as error:
@@ -48,16 +48,16 @@ def bounded(factorisations: float, unknowns: int) -> Iterator[None]:
                           "the finest mesh.", estimate=error.estimate, residuals=error.residuals,
                           load_fraction=error.load_fraction) from None
     finally:
-        _ACCOUNT.reset(token)
+        _BUDGET.reset(token)
 
 
 def charge(unknowns: float) -> None:
     """Add to the work of the touch that is being solved, if one is."""
-    if account := _ACCOUNT.get():
-        account.spent += unknowns
+    if budget := _BUDGET.get():
+        budget.spent += unknowns
 
 
 def used_up() -> bool:
     """Whether the touch that is being solved has taken all its work."""
-    account = _ACCOUNT.get()
-    return account is not None and account.spent >= account.most
+    budget = _BUDGET.get()
+    return budget is not None and budget.spent >= budget.most

@@ -12,7 +12,7 @@ import numpy as np
 from eitsim.scene.scene import is_list, scene_from, scene_tables
 from eitsim.sweeps.dataset import code_history
 from eitsim.sweeps.dataset.parquet import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_dataset
-from eitsim.sweeps.design.distributions import Draw, draw_of
+from eitsim.sweeps.design.distributions import Distribution, distribution_of
 from eitsim.sweeps.design.variables import number_of_touches
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent
@@ -131,8 +131,8 @@ def _design_table(design: Mapping[str, Any]) -> Table:
     drawn = 0
     touches = number_of_touches(design.get("touches"))
     if touches is not None:
-        drawn += isinstance(touches, Draw)
-        rows.append(["touches", touches.words if isinstance(touches, Draw) else str(touches)])
+        drawn += isinstance(touches, Distribution)
+        rows.append(["touches", touches.words if isinstance(touches, Distribution) else str(touches)])
     for name, value in design["tables"].items():
         for i, table in enumerate(value if isinstance(value, list) else [value]):
             where = f"{name} {i + 1}" if isinstance(value, list) and len(value) > 1 else name
@@ -151,8 +151,8 @@ def _words(key: str, cell: Any) -> str | None:
         held = [f"{len(value)} places by {name}" if isinstance(value, list) else f"{value} grid"
                 for name, value in cell.items() if isinstance(value, list | str)]
         return ", ".join([*(held or ["uniform over the disc where the punch fits"]), *([limits] if limits else [])])
-    draw = draw_of(key, cell)
-    return None if draw is None else draw.words
+    distribution = distribution_of(key, cell)
+    return None if distribution is None else distribution.words
 
 
 def _prose(data: Dataset, account: Accounted) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset.parquet import read_manifest
-from eitsim.sweeps.design.design import design_from, example
+from eitsim.sweeps.design.design import design_from, representative_scene
 from eitsim.sweeps.measurement.instrument import below
 from matcal.card import read_card
 from surrogate.bounds.derivative_table import SlopeTable, derivatives_at, table_for
@@ -87,7 +87,7 @@ def prior_of(samples: Samples) -> Prior:
 def example_of(folder: Path | str) -> Scene:
     """A scene of the design of a data set."""
     design = read_manifest(Path(folder))["design"]
-    return example(design_from({"scenes": 1, "seed": design["seed"], **design["tables"]}))
+    return representative_scene(design_from({"scenes": 1, "seed": design["seed"], **design["tables"]}))
 
 
 def least_rms(table: SlopeTable, prior: Prior, noise_V: float, spread: MaterialSpread,

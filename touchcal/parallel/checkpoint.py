@@ -1,4 +1,4 @@
-"""The pieces of a table that takes minutes, kept one by one until it is whole, so that a stopped sweep loses little."""
+"""A map whose answers are kept on disk one by one until all are there, so that a stopped sweep loses little."""
 
 from __future__ import annotations
 
@@ -11,35 +11,36 @@ from typing import Any
 
 from touchcal import cache
 from touchcal.array_store import from_arrays, to_arrays
-from touchcal.parallel.pool import Crew, Failed, NoCrew, answers
+from touchcal.parallel.pool import Failed, PoolUnavailable, WorkerPool, answers
 
 # Workers that may be lost on a piece.
 _TRIES = 4
 
 
-class Pieces:
-    """A map of a function over arguments by a crew, whose answers are kept on disk until `forget`."""
+class CheckpointedMap:
+    """A map of a function over arguments by a pool, whose answers are kept on disk until `forget`."""
 
-    def __init__(self, crew: Crew) -> None:
-        self._crew = crew
+    def __init__(self, pool: WorkerPool) -> None:
+        self._pool = pool
         self._keys: set[str] = set()
 
     def __call__(self, task: Callable[[Any], Any], arguments: Iterable[Any]) -> list[Any]:
-        """task(argument) of each argument, in order; what the task raises, or NoCrew where workers were lost on one
-        again and again."""
+        """task(argument) of each argument, in order; what the task raises, or PoolUnavailable where workers were
+        lost on one again and again."""
         items = list(arguments)
         whole = pickle.dumps(task)
         keys = [_key(whole, item) for item in items]
         self._keys.update(keys)
         found = {i: value[0] for i, key in enumerate(keys) if (value := _kept(key)) is not None}
         missing = [(i, item) for i, item in enumerate(items) if i not in found]
-        for (i, _), value in answers(self._crew, partial(_second, task), missing, _TRIES):
+        for (i, _), value in answers(self._pool, partial(_second, task), missing, _TRIES):
             if isinstance(value, Failed):
                 if not value.lost:
                     raise value.error
-                raise NoCrew(f"a piece of the table of load paths was given up after {_TRIES} tries: {value.reason}. "
-                             "What is finished is kept, and the same command goes on from there; fewer workers leave "
-                             "each of them more memory.")
+                raise PoolUnavailable(
+                    f"a piece of the table of load paths was given up after {_TRIES} tries: {value.reason}. "
+                    "What is finished is kept, and the same command goes on from there; fewer workers leave "
+                    "each of them more memory.")
             found[i] = value
             with contextlib.suppress(OSError):  # table_for says so where nothing can be kept
                 cache.store(keys[i], to_arrays(value))

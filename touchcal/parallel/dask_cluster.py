@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from touchcal.cache import key_of
-from touchcal.parallel.pool import Crew, NoCrew, Submit, Task
+from touchcal.parallel.pool import PoolUnavailable, Submit, Task, WorkerPool
 from touchcal.provenance import versions
 
 # How long a scheduler may take to answer, how often the cluster's size is asked for, how long it may be without
@@ -22,12 +22,12 @@ _GONE = "the dask scheduler is gone. Start one, and the same command again: what
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Crew]:
+def cluster(address: str) -> Iterator[WorkerPool]:
     """The workers of the scheduler at `address`, for instance tcp://10.0.0.1:8786.
 
-    ValueError without dask.distributed or where the address is none; NoCrew where no scheduler answers, or it has no
-    workers, or any of several threads, or that runs other code or libraries than this process, which one that joins
-    later tells with its first item.
+    ValueError without dask.distributed or where the address is none; PoolUnavailable where no scheduler answers, or it
+    has no workers, or any of several threads, or that runs other code or libraries than this process, which one that
+    joins later tells with its first item.
     """
     try:
         from distributed import Client
@@ -38,12 +38,14 @@ def cluster(address: str) -> Iterator[Crew]:
     try:
         client = Client(address, timeout=_ANSWER_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise NoCrew(f"no dask scheduler answers at {address} ({error}). Start one with `dask scheduler`, or correct "
-                     "the address.") from None
+        raise PoolUnavailable(
+            f"no dask scheduler answers at {address} ({error}). Start one with `dask scheduler`, or correct "
+            "the address.") from None
     with client:
         if not _threads(client):
-            raise NoCrew(f"the dask scheduler at {address} has no workers. Start some with `dask worker {address} "
-                         "--nthreads 1`, or wait for them, and start again.")
+            raise PoolUnavailable(
+                f"the dask scheduler at {address} has no workers. Start some with `dask worker {address} "
+                "--nthreads 1`, or wait for them, and start again.")
         _check_code(client, address)
         yield _Cluster(client)
 
@@ -66,14 +68,15 @@ def _check_address(address: str) -> None:
 
 
 def _threads(client: Any) -> dict[str, int]:
-    """Worker -> its threads; NoCrew where tasks would run side by side in one process, whose CPU time and memory are
-    then no one row's."""
+    """Worker -> its threads; PoolUnavailable where tasks would run side by side in one process, whose CPU time and
+    memory are then no one row's."""
     threads: dict[str, int] = client.nthreads()
     for worker, count in threads.items():
         if count > 1:
-            raise NoCrew(f"the dask worker {worker} has {count} threads, and a row's CPU time is that of its process. "
-                         "Start workers with `--nthreads 1` (a LocalCluster with threads_per_worker=1), as many as "
-                         "there are processors, and start again: what is finished is kept.")
+            raise PoolUnavailable(
+                f"the dask worker {worker} has {count} threads, and a row's CPU time is that of its process. "
+                "Start workers with `--nthreads 1` (a LocalCluster with threads_per_worker=1), as many as "
+                "there are processors, and start again: what is finished is kept.")
     return threads
 
 
@@ -82,8 +85,9 @@ def _check_code(client: Any, address: str) -> None:
         for worker, (key, there) in client.run(_code).items():
             _compare(key_of({}), key, f"the dask worker {worker}", there)
     except ImportError as error:
-        raise NoCrew(f"a dask worker of {address} cannot load this package ({error}). Install it there as it is here, "
-                     "restart the workers, and start again.") from None
+        raise PoolUnavailable(
+            f"a dask worker of {address} cannot load this package ({error}). Install it there as it is here, "
+            "restart the workers, and start again.") from None
 
 
 def _code() -> tuple[str, dict[str, str]]:
@@ -93,8 +97,9 @@ def _code() -> tuple[str, dict[str, str]]:
 def _compare(wanted: str, key: str, worker: str, there: dict[str, str]) -> None:
     if key != wanted:
         told = ", ".join(f"{name} {version}" for name, version in there.items())
-        raise NoCrew(f"{worker} runs other code or libraries than the sweep ({told}, {key[:12]}; wanted "
-                     f"{wanted[:12]}). Install the same there, restart it, and start again: what is finished is kept.")
+        raise PoolUnavailable(
+            f"{worker} runs other code or libraries than the sweep ({told}, {key[:12]}; wanted "
+            f"{wanted[:12]}). Install the same there, restart it, and start again: what is finished is kept.")
 
 
 class _Cluster:
@@ -112,13 +117,13 @@ class _Cluster:
         # since when there are no workers, s of the monotonic clock
         self._alone_s: float | None = None
 
-    def abreast(self) -> int:
+    def max_in_flight(self) -> int:
         """Two for every worker that is there now."""
         if time.monotonic() > self._asked_s + _SIZE_S:
             self._size, self._asked_s = 2 * len(_threads(self._client)), time.monotonic()
         return max(self._size, 2)
 
-    def given(self, task: Task) -> Submit:
+    def broadcast(self, task: Task) -> Submit:
         """Send the task to the scheduler once, as its own task: workers pass what it holds on to each other, and where
         all that had it are lost it is made again."""
         from dask import config
@@ -135,12 +140,12 @@ class _Cluster:
         return submit
 
     def look(self) -> None:
-        """NoCrew where the scheduler is gone, or no worker came for some minutes."""
+        """PoolUnavailable where the scheduler is gone, or no worker came for some minutes."""
         self._check_scheduler()
         try:
             there = self._client.nthreads()
         except OSError:
-            raise NoCrew(_GONE) from None
+            raise PoolUnavailable(_GONE) from None
         now = time.monotonic()
         if there:
             self._alone_s = None
@@ -149,22 +154,23 @@ class _Cluster:
             logging.getLogger(__name__).warning(
                 "the dask cluster has lost all its workers; waiting %.3g min for others", _WITHOUT_S / 60)
         elif now > self._alone_s + _WITHOUT_S:
-            raise NoCrew(f"the dask cluster has had no workers for {_WITHOUT_S / 60:.3g} min. Start some, and the same "
-                         "command again: what is finished is kept.")
+            raise PoolUnavailable(
+                f"the dask cluster has had no workers for {_WITHOUT_S / 60:.3g} min. Start some, and the same "
+                "command again: what is finished is kept.")
 
     def _check_scheduler(self) -> None:
         if self._client.status != "running":
-            raise NoCrew(_GONE)
+            raise PoolUnavailable(_GONE)
 
     def _pass_on(self, answer: Future[Any], done: Any) -> None:
         try:
             answer.set_result(done.result(timeout=_FETCH_S))
         except CancelledError as error:
-            answer.set_exception(error if self._client.status == "running" else NoCrew(_GONE))
+            answer.set_exception(error if self._client.status == "running" else PoolUnavailable(_GONE))
         except TimeoutError as error:
             late = CancelledError(f"its result did not come within {_FETCH_S:g} s")
             own = error if done.status == "error" else late
-            answer.set_exception(own if self._client.status == "running" else NoCrew(_GONE))
+            answer.set_exception(own if self._client.status == "running" else PoolUnavailable(_GONE))
         except BaseException as error:
             answer.set_exception(error)
 

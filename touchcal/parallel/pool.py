@@ -13,10 +13,10 @@ from typing import Any, Protocol
 from threadpoolctl import threadpool_limits
 
 Task = Callable[[Any], Any]
-# hands one item to the task that the crew was given
+# hands one item to the task that the pool was given
 Submit = Callable[[Any], Future[Any]]
 
-# How often a crew that does not answer is looked after, s.
+# How often a pool that does not answer is looked after, s.
 _LOOK_S = 5.0
 
 
@@ -24,11 +24,11 @@ class WorkerLost(Exception):
     """The process that worked on an item ended before it answered."""
 
 
-class NoCrew(OSError):
+class PoolUnavailable(OSError):
     """Nobody is there, or any longer there, to work; the message says why and what to do."""
 
 
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Who works: this process, processes of this machine, an executor, or a cluster."""
 
     @property
@@ -36,16 +36,16 @@ class Crew(Protocol):
         """What a future raises whose worker was lost."""
         ...
 
-    def abreast(self) -> int:
+    def max_in_flight(self) -> int:
         """Items that are handed out at a time: all that work at once, and those that wait for them."""
         ...
 
-    def given(self, task: Task) -> Submit:
+    def broadcast(self, task: Task) -> Submit:
         """Send a task with all that it holds to every worker, once; items follow one by one."""
         ...
 
     def look(self) -> None:
-        """Asked now and then while no answer comes; NoCrew where none will."""
+        """Asked now and then while no answer comes; PoolUnavailable where none will."""
         ...
 
 
@@ -64,31 +64,31 @@ class Failed:
         return str(self.error) if self.lost else f"{type(self.error).__name__}: {self.error}"
 
 
-def answers(crew: Crew, task: Task, items: Iterable[Any], tries: int = 2) -> Iterator[tuple[Any, Any]]:
+def answers(pool: WorkerPool, task: Task, items: Iterable[Any], tries: int = 2) -> Iterator[tuple[Any, Any]]:
     """Yield (item, task(item)) as they come, or (item, Failed) where the task raises or `tries` workers were lost on
     it.
 
-    Items are taken from their iterable as workers become free. NoCrew where there is nobody to work. This process has
-    one thread of linear algebra meanwhile, as its workers have.
+    Items are taken from their iterable as workers become free. PoolUnavailable where there is nobody to work. This
+    process has one thread of linear algebra meanwhile, as its workers have.
     """
     with _ONE_THREAD:
-        yield from _answers(crew, task, items, tries)
+        yield from _answers(pool, task, items, tries)
 
 
-def _answers(crew: Crew, task: Task, items: Iterable[Any], tries: int) -> Iterator[tuple[Any, Any]]:
-    submit = crew.given(partial(_on_one_thread, task))
+def _answers(pool: WorkerPool, task: Task, items: Iterable[Any], tries: int) -> Iterator[tuple[Any, Any]]:
+    submit = pool.broadcast(partial(_on_one_thread, task))
     ahead, again = iter(items), deque[tuple[Any, int]]()
     out: dict[Future[Any], tuple[Any, int]] = {}
     while True:
-        while len(out) < crew.abreast() and (taken := again.popleft() if again else _next(ahead)):
+        while len(out) < pool.max_in_flight() and (taken := again.popleft() if again else _next(ahead)):
             out[submit(taken[0])] = taken
         if not out:
             return
         while not (done := wait(out, timeout=_LOOK_S, return_when=FIRST_COMPLETED).done):
-            crew.look()
+            pool.look()
         for future in done:
             item, lost = out.pop(future)
-            found = _outcome(future, crew.losses)
+            found = _outcome(future, pool.losses)
             if isinstance(found, Failed) and found.lost and lost + 1 < tries:
                 again.append((item, lost + 1))
             else:
@@ -104,7 +104,7 @@ def _next(items: Iterator[Any]) -> tuple[Any, int] | None:
 def _outcome(future: Future[Any], losses: tuple[type[BaseException], ...]) -> Any:
     try:
         return future.result()
-    except NoCrew:
+    except PoolUnavailable:
         raise
     except losses as error:
         return Failed(error, lost=True)
@@ -143,16 +143,16 @@ _ONE_THREAD = _OneThread()
 
 
 @dataclass(frozen=True)
-class Here:
+class InProcess:
     """This process."""
 
     losses: tuple[type[BaseException], ...] = ()
 
-    def abreast(self) -> int:
+    def max_in_flight(self) -> int:
         """One: the next item is taken when this one is done."""
         return 1
 
-    def given(self, task: Task) -> Submit:
+    def broadcast(self, task: Task) -> Submit:
         """Items are worked on as they are handed over."""
         def submit(item: Any) -> Future[Any]:
             done: Future[Any] = Future()
@@ -168,7 +168,7 @@ class Here:
 
 
 @dataclass(frozen=True)
-class Lent:
+class ExecutorPool:
     """Any executor of the interface of concurrent.futures; the task travels with every item."""
 
     executor: Executor
@@ -176,17 +176,18 @@ class Lent:
     count: int
     losses: tuple[type[BaseException], ...] = ()
 
-    def abreast(self) -> int:
+    def max_in_flight(self) -> int:
         """As many as its owner says."""
         return self.count
 
-    def given(self, task: Task) -> Submit:
-        """Items go to the executor; NoCrew where it is broken, since only its owner can start another."""
+    def broadcast(self, task: Task) -> Submit:
+        """Items go to the executor; PoolUnavailable where it is broken, since only its owner can start another."""
         def submit(item: Any) -> Future[Any]:
             try:
                 return self.executor.submit(task, item)
             except (BrokenExecutor, RuntimeError) as error:
-                raise NoCrew(f"the executor takes no more work: {error}. Start another and call again.") from None
+                raise PoolUnavailable(
+                    f"the executor takes no more work: {error}. Start another and call again.") from None
         return submit
 
     def look(self) -> None:

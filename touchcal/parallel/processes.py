@@ -20,22 +20,22 @@ from multiprocessing import connection, resource_tracker
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from touchcal.parallel.pool import Crew, Here, NoCrew, Submit, Task, WorkerLost
+from touchcal.parallel.pool import InProcess, PoolUnavailable, Submit, Task, WorkerLost, WorkerPool
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @contextmanager
-def processes(count: int) -> Iterator[Crew]:
+def processes(count: int) -> Iterator[WorkerPool]:
     """`count` worker processes, started as they are needed; for one, this process."""
     if count == 1:
-        yield Here()
+        yield InProcess()
         return
-    crew = _Processes(count)
+    pool = _Processes(count)
     try:
-        yield crew
+        yield pool
     finally:
-        crew.dismiss()
+        pool.dismiss()
 
 
 @dataclass
@@ -59,11 +59,11 @@ class _Processes:
         self._hired: list[_Worker] = []
         self._dismissed = False
 
-    def abreast(self) -> int:
+    def max_in_flight(self) -> int:
         """Two for every worker, so that none waits while the parent writes; the second is not with it yet."""
         return 2 * self._count
 
-    def given(self, task: Task) -> Submit:
+    def broadcast(self, task: Task) -> Submit:
         pickled = pickle.dumps(task)
 
         def submit(item: Any) -> Future[Any]:
@@ -109,8 +109,9 @@ class _Processes:
         except (EOFError, OSError):
             how = _end(worker)
             if (worker.process.exitcode or 0) > 0:
-                raise NoCrew(f"a worker process {how} as it started, with what it wrote above. A script that calls "
-                             "this needs `if __name__ == \"__main__\":` around it.") from None
+                raise PoolUnavailable(
+                    f"a worker process {how} as it started, with what it wrote above. A script that calls "
+                    "this needs `if __name__ == \"__main__\":` around it.") from None
             raise WorkerLost(f"its process {how} as it started") from None
         return worker
 

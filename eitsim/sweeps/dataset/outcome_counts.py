@@ -16,7 +16,7 @@ _BIN = 0.01
 
 
 @dataclass(frozen=True)
-class Tally:
+class OutcomeCounts:
     """What became of some rows."""
 
     # outcome -> number of rows
@@ -40,14 +40,14 @@ class Tally:
         counts = np.cumsum([self.errors[b] for b in bins])
         return float(np.exp(_BIN * bins[int(np.searchsorted(counts, share * counts[-1]))])) if bins else None
 
-    def __add__(self, other: Tally) -> Tally:
+    def __add__(self, other: OutcomeCounts) -> OutcomeCounts:
         first = {name: min(part[name] for part in (self.first, other.first) if name in part)
                  for name in {*self.first, *other.first}}
-        return Tally(Counter(self.outcomes) + Counter(other.outcomes), first,
-                     Counter(self.errors) + Counter(other.errors), self.cpu_s + other.cpu_s)
+        return OutcomeCounts(Counter(self.outcomes) + Counter(other.outcomes), first,
+                             Counter(self.errors) + Counter(other.errors), self.cpu_s + other.cpu_s)
 
 
-def tally_of(table: pd.DataFrame) -> Tally:
+def count_outcomes(table: pd.DataFrame) -> OutcomeCounts:
     """Count a table that has COLUMNS, sorted by scene."""
     ok = (table["outcome"] == "ok").to_numpy()
     first: dict[str, tuple[int, str]] = {}
@@ -55,5 +55,5 @@ def tally_of(table: pd.DataFrame) -> Tally:
         first.setdefault(outcome, (scene, message))
     errors = table.loc[ok, "signal_error"].to_numpy(dtype=float)
     bins = np.rint(np.log(errors[errors > 0]) / _BIN).astype(int)
-    return Tally(Counter(table["outcome"].tolist()), first, Counter(bins.tolist()),
-                 float(np.nansum(table["cpu_s"].to_numpy(dtype=float))))
+    return OutcomeCounts(Counter(table["outcome"].tolist()), first, Counter(bins.tolist()),
+                         float(np.nansum(table["cpu_s"].to_numpy(dtype=float))))

@@ -76,13 +76,13 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     count = _count(scenes if scenes is not None else raw.get("scenes"), layout)
     material = material_from(raw["material"]) if "material" in raw else None
     if sampler == nested_design.SAMPLER:
-        nested_design.check(count, material, any(v.draw.order != "chance" for v in layout.variables))
+        nested_design.check(count, material, any(v.distribution.order != "chance" for v in layout.variables))
     measurement = as_table(measurement_from(raw["measurement"])) if "measurement" in raw else {}
     stored = fields_from(raw["fields"]) if "fields" in raw else None
     design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
     if stored is not None:
         check_one_grid(drawn_keys(design))
-    example(design)
+    representative_scene(design)
     return design
 
 
@@ -111,7 +111,7 @@ def scene_at(design: Design, index: int) -> Scene:
     return scene_from(tables_at(design, index))
 
 
-def right_scenes(design: Design, most: int) -> Iterator[Scene]:
+def valid_scenes(design: Design, most: int) -> Iterator[Scene]:
     """The scenes of the first `most` rows, those left out that are none."""
     for index in range(min(design.scenes, most)):
         try:
@@ -120,9 +120,9 @@ def right_scenes(design: Design, most: int) -> Iterator[Scene]:
             continue
 
 
-def example(design: Design) -> Scene:
+def representative_scene(design: Design) -> Scene:
     """The first scene of a design that is right; ValueError says what is wrong with row 0 where none of many is."""
-    found = next(right_scenes(design, _TRIED), None)
+    found = next(valid_scenes(design, _TRIED), None)
     return scene_at(design, 0) if found is None else found
 
 
@@ -131,7 +131,7 @@ def most_touches(design: Design) -> int:
     return len(_layout(design).places)
 
 
-def varied(design: Design) -> tuple[Variable, ...]:
+def varied_keys(design: Design) -> tuple[Variable, ...]:
     """What differs between the rows of a design, in a fixed order."""
     return _layout(design).variables
 
@@ -143,7 +143,7 @@ def card_number(design: Design, index: int) -> int:
 
 def drawn_keys(design: Design) -> list[tuple[str, str]]:
     """(table, key) of every key of a scene that is drawn, in a fixed order; of several touches once for each."""
-    return [(v.table, key) for v in varied(design) if v.table
+    return [(v.table, key) for v in varied_keys(design) if v.table
             for key in (("x_mm", "y_mm") if v.key == "place" else (v.key,))]
 
 

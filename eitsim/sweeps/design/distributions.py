@@ -20,7 +20,7 @@ _LEAST_KEPT, _LEAST = 1e-6, 2.0**-53
 
 
 @dataclass(frozen=True)
-class Draw:
+class Distribution:
     """The values that a key takes over the rows of a design."""
 
     # "chance": a quantile each row; "list": each combination with other lists once, over and over; "rows": one a row
@@ -35,7 +35,7 @@ class Draw:
     words: str
 
 
-def draw_of(where: str, value: Any) -> Draw | None:
+def distribution_of(where: str, value: Any) -> Distribution | None:
     """How the value of the key `where` is drawn; None for a plain value. ValueError says what it may be."""
     if isinstance(value, list):
         return _law(where, "uniform", dict(zip(("lo", "hi"), value, strict=True)) if len(value) == 2 else {}, value)
@@ -49,7 +49,7 @@ def draw_of(where: str, value: Any) -> Draw | None:
     raise ValueError(f"{where} must be a plain value, {_FORMS}, got {dict(value)}.")
 
 
-def of_values(form: str, values: Sequence[Any]) -> Draw:
+def of_values(form: str, values: Sequence[Any]) -> Distribution:
     """A draw of these values: "choice" by chance, all with the same odds, "list" in turn, "rows" one a row."""
     found = tuple(values)
     numbers = [v for v in found if v is not None]
@@ -57,19 +57,19 @@ def of_values(form: str, values: Sequence[Any]) -> Draw:
     ends = (float(min(numbers)), float(max(numbers))) if ordered else (math.nan, math.nan)
     opening = {"choice": "one of ", "list": "in turn ", "rows": f"given for each of {len(found)} scenes"}[form]
     if form == "choice":
-        return Draw("chance", lambda u: found[min(int(u * len(found)), len(found) - 1)], found, ends,
-                    opening + ", ".join(map(str, found)))
+        return Distribution("chance", lambda u: found[min(int(u * len(found)), len(found) - 1)], found, ends,
+                            opening + ", ".join(map(str, found)))
     if form == "list":
-        return Draw("list", None, found, ends, opening + ", ".join(map(str, found)))
+        return Distribution("list", None, found, ends, opening + ", ".join(map(str, found)))
     span = f", from {ends[0]:g} to {ends[1]:g}" if ends[0] <= ends[1] else ""
-    return Draw("rows", None, found, ends, opening + span)
+    return Distribution("rows", None, found, ends, opening + span)
 
 
 def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Draw:
+def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Distribution:
     """A law with checked parameters."""
     if not isinstance(name, str) or name not in LAWS:
         raise ValueError(f"{where}: dist '{name}' is unknown; known: {', '.join(LAWS)}.")
@@ -91,23 +91,23 @@ def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Draw:
     return _between(where, name, lo, hi)
 
 
-def _between(where: str, name: str, lo: float, hi: float) -> Draw:
+def _between(where: str, name: str, lo: float, hi: float) -> Distribution:
     """Uniform, uniform in the logarithm, or whole numbers with the same odds, both ends included."""
     if name == "uniform":
-        return Draw("chance", lambda u: lo + (hi - lo) * u, (), (lo, hi), f"uniform from {lo:g} to {hi:g}")
+        return Distribution("chance", lambda u: lo + (hi - lo) * u, (), (lo, hi), f"uniform from {lo:g} to {hi:g}")
     if name == "loguniform":
         if lo <= 0:
             raise ValueError(f"{where}: dist = \"loguniform\" needs lo above 0, got {lo:g}.")
-        return Draw("chance", lambda u: min(max(lo * (hi / lo) ** u, lo), hi), (), (lo, hi),
-                    f"uniform in the logarithm from {lo:g} to {hi:g}")
+        return Distribution("chance", lambda u: min(max(lo * (hi / lo) ** u, lo), hi), (), (lo, hi),
+                            f"uniform in the logarithm from {lo:g} to {hi:g}")
     if lo != int(lo) or hi != int(hi):
         raise ValueError(f"{where}: dist = \"integer\" takes whole numbers lo and hi, got {lo:g} and {hi:g}.")
     first, count = int(lo), int(hi) - int(lo) + 1
-    return Draw("chance", lambda u: first + min(int(u * count), count - 1), (), (lo, hi),
-                f"a whole number from {lo:g} to {hi:g}")
+    return Distribution("chance", lambda u: first + min(int(u * count), count - 1), (), (lo, hi),
+                        f"a whole number from {lo:g} to {hi:g}")
 
 
-def _normal(where: str, logarithmic: bool, mean: float, sd: float, lo: float, hi: float) -> Draw:
+def _normal(where: str, logarithmic: bool, mean: float, sd: float, lo: float, hi: float) -> Distribution:
     """A (log-)normal variable with this mean and standard deviation of the variable itself, before it is cut off."""
     from scipy.special import ndtr, ndtri
 
@@ -135,4 +135,4 @@ def _normal(where: str, logarithmic: bool, mean: float, sd: float, lo: float, hi
         return min(max(math.exp(score) if logarithmic else score, lo), hi)
 
     cut = f", cut off to {lo:g} ... {hi:g}" if kept < 1 else ""
-    return Draw("chance", quantile, (), (lo, hi), f"{name}, mean {mean:g}, standard deviation {sd:g}{cut}")
+    return Distribution("chance", quantile, (), (lo, hi), f"{name}, mean {mean:g}, standard deviation {sd:g}{cut}")

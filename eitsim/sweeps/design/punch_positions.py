@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from eitsim.sweeps.design.distributions import Draw, is_number, of_values
+from eitsim.sweeps.design.distributions import Distribution, is_number, of_values
 
 GRIDS = {"square": "spacing_mm", "polar": "spacing_mm", "sunflower": "count"}
 _LIMITS = ("gap_mm", "within_mm", "apart_mm")
@@ -21,7 +21,7 @@ class Places:
     """Where the punch of a design's touch stands."""
 
     # places to choose from or to go through; None: anywhere on the disc where the punch fits
-    draw: Draw | None
+    distribution: Distribution | None
     # least distance from the punch's edge to the rim, mm
     gap_mm: float = 0.0
     # largest distance from the centre to the punch's axis, mm

@@ -75,19 +75,19 @@ def _values(layout: Layout, numbers: NDArray[np.float64], index: int) -> Iterato
     """The value of each variable in a row; of lists every combination once, the last list the fastest."""
     chances, left = iter(numbers.tolist()), layout.combinations or 1
     for variable in layout.variables:
-        draw = variable.draw
-        if draw.quantile is not None:
-            yield variable, draw.quantile(next(chances))
-        elif draw.order == "list":
-            left //= len(draw.values)
-            yield variable, draw.values[index // left % len(draw.values)]
+        distribution = variable.distribution
+        if distribution.quantile is not None:
+            yield variable, distribution.quantile(next(chances))
+        elif distribution.order == "list":
+            left //= len(distribution.values)
+            yield variable, distribution.values[index // left % len(distribution.values)]
         else:
-            yield variable, draw.values[index]
+            yield variable, distribution.values[index]
 
 
 def _without_idle_friction(layout: Layout, punches: list[dict[str, Any]]) -> None:
     """Where friction is drawn, its coefficient serves the rows with Coulomb's law alone."""
-    drawn = {v.touch for v in layout.variables if v.key == "friction" and v.draw.order != "rows"}
+    drawn = {v.touch for v in layout.variables if v.key == "friction" and v.distribution.order != "rows"}
     for k, punch in enumerate(punches):
         if k in drawn and punch["friction"] != "coulomb":
             punch.pop("friction_coefficient", None)
@@ -96,7 +96,7 @@ def _without_idle_friction(layout: Layout, punches: list[dict[str, Any]]) -> Non
 def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> None:
     """Give every touch its place: first those that stand fast, then the others where they do not overlap."""
     punches = tables["punch"]
-    movable = [[v for v in layout.variables if v.table == "punch" and v.touch == k and v.draw.order == "chance"
+    movable = [[v for v in layout.variables if v.table == "punch" and v.touch == k and v.distribution.order == "chance"
                 and v.key in ("x_mm", "y_mm", "place")] for k in range(len(punches))]
     radius = tables.get("body", {}).get("radius_mm", Body().radius_m * 1e3)
     standing: list[Standing] = []
@@ -108,7 +108,8 @@ def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> Non
             if len(punches) == 1 or not movable[k] or _clear(circle, _apart_mm(layout, k), standing):
                 break
             rng = rng or np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, 1)))
-            drawn |= {v.key: v.draw.quantile(float(rng.random())) for v in movable[k] if v.draw.quantile}
+            drawn |= {v.key: v.distribution.quantile(float(rng.random())) for v in movable[k]
+                      if v.distribution.quantile}
         else:
             raise ValueError(f"touch {k + 1} found no place beside the others in {_TRIES} draws. Ask for fewer or "
                              "smaller punches, or a smaller apart_mm in place.")
@@ -120,7 +121,7 @@ def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> Non
 def _circle(layout: Layout, k: int, punch: dict[str, Any], radius_mm: float) -> Circle:
     """x, y and diameter of a touch, mm."""
     places, diameter = layout.places[k], punch.get("diameter_mm", Punch().diameter_m * 1e3)
-    if places is not None and places.draw is None:
+    if places is not None and places.distribution is None:
         return (*on_disc(punch["x_mm"], punch["y_mm"], radius_mm, diameter, places), diameter)
     x, y = punch["place"] if "place" in punch else (punch.get("x_mm", 0.0), punch.get("y_mm", 0.0))
     return x, y, diameter

@@ -10,13 +10,13 @@ from typing import Any
 
 from eitsim.scene.drive import MATRICES
 from eitsim.scene.scene import Body, Punch, check_value, is_list, scene_keys
-from eitsim.sweeps.design.distributions import Draw, draw_of, is_number, of_values
+from eitsim.sweeps.design.distributions import Distribution, distribution_of, is_number, of_values
 from eitsim.sweeps.design.punch_positions import Places, places_of
 from touchcal.errors import unknown_key
 
 # What decides which readings a row holds, and so cannot vary between rows.
 SENSOR = (("electrodes", "count"), ("drive", "pattern"), ("drive", "reading"), *(("drive", key) for key in MATRICES))
-_UNIT = Draw("chance", lambda u: u, (), (0.0, 1.0), "uniform from 0 to 1")
+_UNIT = Distribution("chance", lambda u: u, (), (0.0, 1.0), "uniform from 0 to 1")
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Variable:
     touch: int
     # key of the table, or "place" for both x_mm and y_mm, or "touches"
     key: str
-    draw: Draw
+    distribution: Distribution
 
 
 @dataclass(frozen=True)
@@ -46,18 +46,18 @@ class Layout:
     @property
     def free(self) -> int:
         """How many random numbers a row takes."""
-        return sum(v.draw.order == "chance" for v in self.variables)
+        return sum(v.distribution.order == "chance" for v in self.variables)
 
     @property
     def combinations(self) -> int | None:
         """How many combinations the lists have; None without lists."""
-        sizes = [len(v.draw.values) for v in self.variables if v.draw.order == "list"]
+        sizes = [len(v.distribution.values) for v in self.variables if v.distribution.order == "list"]
         return math.prod(sizes) if sizes else None
 
     @property
     def rows(self) -> int | None:
         """For how many scenes values are given row by row; None where there are none."""
-        return min((len(v.draw.values) for v in self.variables if v.draw.order == "rows"), default=None)
+        return min((len(v.distribution.values) for v in self.variables if v.distribution.order == "rows"), default=None)
 
 
 def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
@@ -80,29 +80,29 @@ def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
         places.append(places_of(place, radius, largest) if free else None)
         touched += [*own, *_place_variables(k, places[-1])]
     ordered = [*(v for v in variables if v.table < "punch"), *touched, *later]
-    if isinstance(number, Draw):
+    if isinstance(number, Distribution):
         ordered.append(Variable("", 0, "touches", number))
     return Layout(plain, tuple(ordered), tuple(places))
 
 
-def number_of_touches(touches: Any) -> int | Draw | None:
+def number_of_touches(touches: Any) -> int | Distribution | None:
     """The number of touches of a row: fixed, drawn, or None where the tables tell it."""
     if touches is None:
         return None
     raw: Any = {"dist": "integer", "lo": touches[0], "hi": touches[1]} if (
         isinstance(touches, list) and len(touches) == 2) else touches
-    draw = draw_of("touches", raw)
-    values: Sequence[Any] = [touches] if draw is None else draw.values or draw.ends
+    distribution = distribution_of("touches", raw)
+    values: Sequence[Any] = [touches] if distribution is None else distribution.values or distribution.ends
     law = isinstance(raw, Mapping) and raw.get("dist", "integer") != "integer"
     if law or not all(is_number(v) and v == int(v) and v >= 1 for v in values):
         raise ValueError("touches must be a whole number from 1, a range of them, {choice = [...]}, {list = [...]} or "
                          f"{{dist = \"integer\", ...}}, got {touches!r}.")
-    if draw is None:
+    if distribution is None:
         return int(values[0])
-    return of_values(next(iter(raw)), [int(v) for v in draw.values]) if draw.values else draw
+    return of_values(next(iter(raw)), [int(v) for v in distribution.values]) if distribution.values else distribution
 
 
-def _punches(raw: Any, number: int | Draw | None) -> list[dict[str, Any]]:
+def _punches(raw: Any, number: int | Distribution | None) -> list[dict[str, Any]]:
     """One table a touch; a single one serves them all."""
     given = raw if isinstance(raw, list) else [raw]
     if not given or not all(isinstance(punch, Mapping) for punch in given):
@@ -131,19 +131,19 @@ def _parted(name: str, touch: int, table: Any) -> Iterator[Variable]:
             _check_times(value)
             if isinstance(value, list) and len(value) == 1:
                 value = table[key] = value[0]
-        draw = draw_of(where, value)
-        if draw is None:
+        distribution = distribution_of(where, value)
+        if distribution is None:
             if name in ("body", "punch"):
                 check_value(name, key, value)
             continue
         if (name, key) in SENSOR:
             raise ValueError(f"{where} is drawn, but the readings of all rows stand in the same columns. Fix it, and "
                              "make one data set for each of its values.")
-        for each in draw.values or ([draw.quantile(0.5)] if draw.quantile else []):
+        for each in distribution.values or ([distribution.quantile(0.5)] if distribution.quantile else []):
             if each is not None:
                 check_value(name, key, each)
         del table[key]
-        yield Variable(name, touch, key, draw)
+        yield Variable(name, touch, key, distribution)
 
 
 def _check_times(value: Any) -> None:
@@ -160,12 +160,12 @@ def _check_times(value: Any) -> None:
 def _place_variables(touch: int, places: Places | None) -> list[Variable]:
     if places is None:
         return []
-    if places.draw is not None:
-        return [Variable("punch", touch, "place", places.draw)]
+    if places.distribution is not None:
+        return [Variable("punch", touch, "place", places.distribution)]
     return [Variable("punch", touch, key, _UNIT) for key in ("x_mm", "y_mm")]
 
 
 def _end(plain: Mapping[str, Any], variables: list[Variable], table: str, key: str, default: float, end: int) -> float:
     """The least (end 0) or largest (end 1) value of a key over all rows."""
-    drawn = [v.draw.ends[end] for v in variables if (v.table, v.key) == (table, key)]
+    drawn = [v.distribution.ends[end] for v in variables if (v.table, v.key) == (table, key)]
     return drawn[0] if drawn else float(plain.get(key, default))

@@ -13,7 +13,7 @@ import pandas as pd
 from eitsim.scene.scene import Accuracy
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.hdf5_fields import SUFFIX
-from eitsim.sweeps.dataset.outcome_counts import Tally, tally_of
+from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.run.omissions import Omission, omissions_of
 from eitsim.sweeps.run.run_log import Run, runs_of
 from touchcal.errors import TestFileError
@@ -89,22 +89,22 @@ def account_of(folder: Path) -> Accounted:
     manifest, parts = parquet.read_manifest(folder), parquet.parts(folder)
     if not parts:
         raise TestFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
-    tally, stages = Tally(), pd.DataFrame()
+    counts, stages = OutcomeCounts(), pd.DataFrame()
     found, above = [], 0
     wanted = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
     wanted = float(wanted) if isinstance(wanted, int | float) else None
     for path in parts:
         table = parquet.read_part(path, _COLUMNS).reindex(columns=_COLUMNS)
-        tally, stages = tally + tally_of(table), stages.add(_by_stage(table), fill_value=0.0)
+        counts, stages = counts + count_outcomes(table), stages.add(_by_stage(table), fill_value=0.0)
         ok = table.loc[table["outcome"] == "ok"]
         errors = ok["signal_error"].to_numpy(dtype=float)
         above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if wanted is None else wanted)).sum())
         found.append(errors)
     runs = tuple(runs_of(manifest))
-    return Accounted(tally.rows, manifest["design"]["scenes"], dict(tally.outcomes),
+    return Accounted(counts.rows, manifest["design"]["scenes"], dict(counts.outcomes),
                      _errors(np.concatenate(found), above, wanted),
-                     (*_of_tables(runs), *_of_rows(stages), *_of_parts(runs)), _bytes(parts) / tally.rows,
-                     _bytes(path.with_suffix(SUFFIX) for path in parts) / tally.rows, runs,
+                     (*_of_tables(runs), *_of_rows(stages), *_of_parts(runs)), _bytes(parts) / counts.rows,
+                     _bytes(path.with_suffix(SUFFIX) for path in parts) / counts.rows, runs,
                      tuple(omissions_of(manifest)))
 
 

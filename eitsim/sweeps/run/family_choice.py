@@ -19,7 +19,7 @@ from eitsim.simulation import reuse
 from eitsim.simulation.plan import law_of
 from eitsim.simulation.reuse import table_for
 from eitsim.sweeps.design.card_draws import Cards
-from eitsim.sweeps.design.design import Design, example
+from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.table_choice import REPAYS, design_shape
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.posterior.draws import card_of
@@ -39,7 +39,7 @@ def span_for(design: Design, cards: Cards) -> tuple[Shape, Span]:
 
 def _laws(design: Design, cards: Cards) -> Iterator[Hyperfoam]:
     """Laws of all cards that make a material, moduli as the scenes ask for."""
-    scene, draws = example(design), cards.draws
+    scene, draws = representative_scene(design), cards.draws
     for k in range(len(cards.samples)):
         try:
             yield law_of(scene, card_of(draws, cards.card, k) if draws is not None else cards.card)
@@ -52,7 +52,7 @@ def family_repays(design: Design, shape: Shape, span: Span) -> bool:
     solved = len(shape.solved)
     cost = REPAYS * solved + LAW_REPAYS * len(span.chosen) * len(places_among(solved))
     cost += CHECK_REPAYS * len(span.held_out)
-    return design.scenes * len(example(design).punches) >= cost
+    return design.scenes * len(representative_scene(design).punches) >= cost
 
 
 def family_for(shape: Shape, span: Span, run: Run = map, *, rim: bool = False) -> tuple[Family, str]:

@@ -18,7 +18,7 @@ from eitsim.mechanics.load_paths.law_family import Family, central_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.code_history import by_this_code, check_columns
-from eitsim.sweeps.dataset.outcome_counts import COLUMNS, Tally, tally_of
+from eitsim.sweeps.dataset.outcome_counts import COLUMNS, OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import GROWING, Design, same_or_grown
 from matcal.card import card_identity
@@ -149,14 +149,14 @@ class Standing:
     # (scenes,) whether a scene has one
     there: NDArray[np.bool_]
     # what became of them
-    tally: Tally
+    counts: OutcomeCounts
     # rows "crashed", which are as if not there: too little memory, or a kill, may not come again
     crashed: int
 
 
 def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:
     """What a folder holds of a sweep; TestFileError where a part is damaged or does not belong to such a sweep."""
-    there, tally, crashed = np.zeros(scenes, dtype=bool), Tally(), 0
+    there, counts, crashed = np.zeros(scenes, dtype=bool), OutcomeCounts(), 0
     for path in parquet.parts(folder):
         table = parquet.read_part(path, COLUMNS)
         first, count = int(table["scene"].iloc[0]), len(table)
@@ -165,8 +165,8 @@ def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:
             raise TestFileError(path, "the part does not belong to this sweep. Remove it, and sweep again.")
         stays = (table["outcome"] != "crashed").to_numpy()
         there[first:first + count] = stays
-        tally, crashed = tally + tally_of(table.loc[stays]), crashed + int((~stays).sum())
-    return Standing(there, tally, crashed)
+        counts, crashed = counts + count_outcomes(table.loc[stays]), crashed + int((~stays).sum())
+    return Standing(there, counts, crashed)
 
 
 def missing(there: NDArray[np.bool_], rows_per_part: int) -> list[range]:

@@ -24,8 +24,8 @@ from eitsim.sweeps.run.table_choice import (
     with_diameters,
 )
 from touchcal.errors import NotConverged
-from touchcal.parallel.checkpoint import Pieces
-from touchcal.parallel.pool import Crew
+from touchcal.parallel.checkpoint import CheckpointedMap
+from touchcal.parallel.pool import WorkerPool
 
 
 def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) -> dict[str, Any]:
@@ -53,9 +53,10 @@ def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) ->
     return found | ({"shape": diameters_of(shape)} if used else {})
 
 
-def table_of(design: Design, cards: Cards, crew: Crew, method: Mapping[str, Any]) -> tuple[Table | Family | None, str]:
+def table_of(design: Design, cards: Cards, pool: WorkerPool,
+             method: Mapping[str, Any]) -> tuple[Table | Family | None, str]:
     """The table of a design, or the family of its drawn laws, and a note; none where paths are not found or too rough,
-    or were not when the folder was started; NoCrew where workers were lost on it again and again."""
+    or were not when the folder was started; PoolUnavailable where workers were lost on it again and again."""
     before = method.get("table", {"used": True, "rim": method["rim"], "note": ""})
     if not before["used"]:
         return None, before["note"]
@@ -65,9 +66,9 @@ def table_of(design: Design, cards: Cards, crew: Crew, method: Mapping[str, Any]
         make = partial(family_for, with_diameters(shape, kept), span)
     else:
         make = partial(table_for, with_diameters(design_shape(design, cards.card), kept))
-    pieces = Pieces(crew)
-    found, note = _made(make, pieces, before["rim"])
-    pieces.forget()
+    checkpointed = CheckpointedMap(pool)
+    found, note = _made(make, checkpointed, before["rim"])
+    checkpointed.forget()
     table = central_of(found)
     if table is None:
         return None, note
@@ -76,7 +77,7 @@ def table_of(design: Design, cards: Cards, crew: Crew, method: Mapping[str, Any]
     return (replace(found, table=fine) if isinstance(found, Family) and fine is not None else fine), note
 
 
-def _made(make: Callable[..., tuple[Table | Family, str]], run: Pieces,
+def _made(make: Callable[..., tuple[Table | Family, str]], run: CheckpointedMap,
           rim: bool) -> tuple[Table | Family | None, str]:
     try:
         found, note = make(run)

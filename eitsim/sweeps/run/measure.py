@@ -17,7 +17,7 @@ from eitsim.electrics.forward.untouched import TABLES, by_contact, conductance_o
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset import parquet
-from eitsim.sweeps.design.design import design_from, example
+from eitsim.sweeps.design.design import design_from, representative_scene
 from eitsim.sweeps.measurement.instrument import Indices, Measured, Measurement, channels_of, measured
 from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurement_from
 from eitsim.sweeps.measurement.noise_summary import Sums, Told, volts
@@ -94,7 +94,8 @@ def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | 
         measurement = measurement_from(given)
     tables = manifest["design"]["tables"]
     try:
-        first = example(design_from({"scenes": 1} | {name: tables[name] for name in TABLES if name in tables}))
+        first = representative_scene(
+            design_from({"scenes": 1} | {name: tables[name] for name in TABLES if name in tables}))
         return Lab(measurement, channels_of(measurement, first.drive, first.electrodes.count),
                    _skin(clean, tables) if measurement.contact_impedance else None)
     except ValueError as error:

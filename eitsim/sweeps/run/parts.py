@@ -13,11 +13,11 @@ import pandas as pd
 from eitsim.mechanics.load_paths.law_family import Family
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.sweeps.dataset import hdf5_fields, parquet
-from eitsim.sweeps.dataset.outcome_counts import Tally, tally_of
+from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
-from eitsim.sweeps.design.design import Design, example
+from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.rows import crashed_row, solve_rows
-from touchcal.parallel.pool import Crew, Failed, answers
+from touchcal.parallel.pool import Failed, WorkerPool, answers
 
 # Workers that may be lost on a whole part, and on one row of it.
 _TRIES, _ROW_TRIES = 2, 3
@@ -31,14 +31,14 @@ class Part:
     scenes: range
     # a Parquet file of them
     content: bytes
-    tally: Tally
+    counts: OutcomeCounts
     # an HDF5 file of their fields; None where the design stores none
     fields: bytes | None = None
     # CPU time that it took to encode them, s
     encoding_cpu_s: float = 0.0
 
 
-def solved_parts(crew: Crew, design: Design, cards: Cards, todo: Iterable[range], *, exact: bool,
+def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[range], *, exact: bool,
                  table: Table | Family | None) -> Iterator[Part]:
     """Solve the scenes of each range into a part, as workers become free.
 
@@ -47,19 +47,19 @@ def solved_parts(crew: Crew, design: Design, cards: Cards, todo: Iterable[range]
     """
     solve = partial(_part, design, partial(solve_rows, design, cards, exact=exact, table=table))
     apart = []
-    for scenes, found in answers(crew, solve, todo, _TRIES):
+    for scenes, found in answers(pool, solve, todo, _TRIES):
         if isinstance(found, Failed):
             apart.append(scenes)
         else:
             yield found
     for scenes in apart:
-        found = dict(answers(crew, solve, [range(i, i + 1) for i in scenes], _ROW_TRIES))
+        found = dict(answers(pool, solve, [range(i, i + 1) for i in scenes], _ROW_TRIES))
         rows = [_crashed(design, cards, one, part.reason) if isinstance(part, Failed) else part
                 for one, part in sorted(found.items(), key=lambda pair: pair[0].start)]
         kept = None if design.fields is None else hdf5_fields.joined(
-            design.fields, example(design).body, [row.fields for row in rows if row.fields is not None])
-        yield Part(scenes, parquet.joined([row.content for row in rows]), sum((row.tally for row in rows), Tally()),
-                   kept, sum(row.encoding_cpu_s for row in rows))
+            design.fields, representative_scene(design).body, [row.fields for row in rows if row.fields is not None])
+        yield Part(scenes, parquet.joined([row.content for row in rows]),
+                   sum((row.counts for row in rows), OutcomeCounts()), kept, sum(row.encoding_cpu_s for row in rows))
 
 
 def _part(design: Design, solve: Callable[[list[int]], list[dict[str, Any]]], scenes: range) -> Part:
@@ -70,8 +70,9 @@ def _encoded(design: Design, scenes: range, rows: list[dict[str, Any]]) -> Part:
     begun = time.process_time()
     found = {row["scene"]: row.pop("fields", {}) for row in rows}
     table = pd.DataFrame(rows)
-    kept = None if design.fields is None else hdf5_fields.encoded(design.fields, example(design).body, found)
-    return Part(scenes, parquet.encoded(table), tally_of(table), kept, time.process_time() - begun)
+    kept = None if design.fields is None else hdf5_fields.encoded(
+        design.fields, representative_scene(design).body, found)
+    return Part(scenes, parquet.encoded(table), count_outcomes(table), kept, time.process_time() - begun)
 
 
 def _crashed(design: Design, cards: Cards, scenes: range, reason: str) -> Part:

@@ -9,7 +9,7 @@ from typing import Any
 
 from eitsim.scene.scene import Punch
 from eitsim.sweeps.dataset import parquet
-from eitsim.sweeps.design.design import Design, most_touches, varied
+from eitsim.sweeps.design.design import Design, most_touches, varied_keys
 
 # key of [punch] -> its column
 OWN = {"x_mm": "x_mm", "y_mm": "y_mm", "diameter_mm": "d_mm", "force_N": "F_N"}
@@ -58,8 +58,8 @@ def _told(design: Design) -> dict[tuple[str, int, str], bool]:
     The time of a hold is told though it be fixed, and beside it a force that is drawn: F_N is then the force at that
     time.
     """
-    told = {(v.table, v.touch, v.key): any(isinstance(value, str | list) for value in v.draw.values)
-            for v in varied(design)}
+    told = {(v.table, v.touch, v.key): any(isinstance(value, str | list) for value in v.distribution.values)
+            for v in varied_keys(design)}
     held = "time_s" in design.tables.get("hold", {})
     if held:
         told["hold", 0, "time_s"] = False

@@ -20,7 +20,7 @@ from eitsim.simulation.result_json import mechanical
 from eitsim.simulation.simulate import simulate
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.card_draws import Cards, card_at, columns, recorded
-from eitsim.sweeps.design.design import Design, card_number, example, tables_at
+from eitsim.sweeps.design.design import Design, card_number, representative_scene, tables_at
 from eitsim.sweeps.run.row_columns import blank_keys, keys_of, numbered
 from matcal.card import require
 
@@ -65,7 +65,7 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | F
 
 def blank_row(design: Design, cards: Cards) -> dict[str, Any]:
     """A row without numbers, so that every part has the same columns and types."""
-    first = example(design)
+    first = representative_scene(design)
     readings = math.prod(protocol(first.drive, first.electrodes.count).shape)
     names = ("signal_error", "depth_error", *parquet.COST, "skin_fraction_extrapolated", "fraction_non_elliptic",
              *columns(cards), *voltage_columns(readings), *voltage_columns(readings, "dv"))

@@ -12,10 +12,10 @@ from eitsim.mechanics.load_paths.law_family import Family, central_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.simulation.plan import law_of
 from eitsim.sweeps.dataset import code_history, hdf5_fields, parquet
-from eitsim.sweeps.dataset.outcome_counts import Tally
+from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
-from eitsim.sweeps.design.design import Design, example
+from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.folder import Standing, keep_to_table, missing, sole_writer, start_or_continue
 from eitsim.sweeps.run.load_path_choice import method_for, table_of, told
 from eitsim.sweeps.run.omissions import omissions
@@ -23,7 +23,7 @@ from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
 from eitsim.sweeps.run.run_log import Run, Spent, record, runs_of
 from matcal.card import MaterialCard, read_card, require
-from touchcal.parallel.pool import Crew
+from touchcal.parallel.pool import WorkerPool
 from touchcal.parallel.processes import processes
 
 # Rows of a part: files cost as much as some dozen rows from a table, and little beside rows that are solved afresh.
@@ -68,21 +68,22 @@ class Account:
 
 
 def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
-          crew: AbstractContextManager[Crew] | Crew | None = None, reuse: bool | None = None,
+          pool: AbstractContextManager[WorkerPool] | WorkerPool | None = None, reuse: bool | None = None,
           exact: bool = False, other_code: bool = False) -> Iterator[Progress | Account]:
     """Solve every scene of `design` that `folder` lacks; yields Progress at the start and after each part, then the
     Account.
 
-    workers: processes of this machine, 1 for this process itself; crew: who works instead, as cluster.cluster(address)
-    or crew.Lent(executor, count). reuse: whether touches come from a table of load paths, by default where that repays
+    workers: processes of this machine, 1 for this process itself; pool: who works instead, as cluster.cluster(address)
+    or pool.ExecutorPool(executor, count). reuse: whether touches come from a table of load paths, by default where
+    that repays
     its cost; exact: every row as simulate(exact=True), without a table. A folder keeps to what it was started with.
     other_code: go on where other code or libraries made the rows; the manifest tells which scenes are whose.
     Rows, but for COST, depend on the design, the card and these two only, not on who works or how often the sweep was
     stopped. A scene whose solution takes its process with it, again and again, is a row "crashed", which the next call
     solves again.
     ValueError where the folder belongs to another design or card, was started otherwise or by other code, where reuse
-    is asked for and the design has no use for a table, or where another sweep is writing to it; NoCrew where nobody
-    works, before anything is written where `crew` tells it; OSError where the folder cannot be written.
+    is asked for and the design has no use for a table, or where another sweep is writing to it; PoolUnavailable where
+    nobody works, before anything is written where `pool` tells it; OSError where the folder cannot be written.
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}.")
@@ -91,7 +92,7 @@ def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
     card = read_card(card_path)
     _check_card(card, design)
     cards = cards_for(design.material, design.seed, card, card_path, in_pairs=design.sampler == nested_design.SAMPLER)
-    with _entered(crew) as lent:
+    with _entered(pool) as lent:
         folder.mkdir(parents=True, exist_ok=True)
         with sole_writer(folder):
             work = _work(design, cards, card_path, folder, reuse, exact, other_code)
@@ -116,10 +117,10 @@ class _Work:
         """How touches are solved, as the folder was started."""
         return self.manifest["method"]
 
-    def progress(self, tally: Tally, stage: str = "rows") -> Progress:
-        """How far the rows of this tally are."""
-        median, most = tally.error_below(0.5), tally.error_below(0.95)
-        return Progress(tally.rows, self.design.scenes, self.before.tally.rows, tally.outcomes, stage,
+    def progress(self, counts: OutcomeCounts, stage: str = "rows") -> Progress:
+        """How far the rows of these counts are."""
+        median, most = counts.error_below(0.5), counts.error_below(0.95)
+        return Progress(counts.rows, self.design.scenes, self.before.counts.rows, counts.outcomes, stage,
                         None if median is None or most is None else (median, most))
 
 
@@ -132,43 +133,43 @@ def _work(design: Design, cards: Cards, card_path: Path, folder: Path, reuse: bo
     return _Work(design, cards, folder, manifest, before, missing(before.there, manifest["rows_per_part"]))
 
 
-def _done(work: _Work, lent: Crew | None, workers: int) -> Generator[Progress, None, Account]:
+def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Generator[Progress, None, Account]:
     """Solve and keep what is to be done, and put on record what it cost."""
     count, spent, run = workers if work.method["reuse"] or len(work.todo) > 1 else 1, Spent(), None
     with processes(count) if lent is None else nullcontext(lent) as hands:
         work, table, note = yield from _with_table(work, hands, spent)
-        tally = yield from _rows(work, hands, table, spent)
+        counts = yield from _rows(work, hands, table, spent)
     if work.todo:
-        kept = work.before.tally
-        run = spent.run(_how(work, table, note), tally.rows - kept.rows, tally.cpu_s - kept.cpu_s,
+        kept = work.before.counts
+        run = spent.run(_how(work, table, note), counts.rows - kept.rows, counts.cpu_s - kept.cpu_s,
                         count if lent is None else None, central_of(table))
         record(work.folder, work.manifest, run,
                omissions(work.design, work.cards, exact=work.method["exact"], table=table))
     parquet.settle(work.folder)
-    return _account(work, tally, run)
+    return _account(work, counts, run)
 
 
-def _with_table(work: _Work, hands: Crew, spent: Spent) -> Generator[Progress, None, tuple[_Work, Loads, str]]:
+def _with_table(work: _Work, hands: WorkerPool, spent: Spent) -> Generator[Progress, None, tuple[_Work, Loads, str]]:
     """The load paths where touches are taken from them, which the manifest then tells, and a note on them."""
     if not work.method["reuse"] or not work.todo:
         return work, None, ""
-    yield work.progress(work.before.tally, "table")
+    yield work.progress(work.before.counts, "table")
     with spent.on("table"):
         table, note = table_of(work.design, work.cards, hands, work.method)
     return replace(work, manifest=keep_to_table(work.folder, work.manifest, table, note)), table, note
 
 
-def _rows(work: _Work, hands: Crew, table: Loads, spent: Spent) -> Generator[Progress, None, Tally]:
-    """Solve and keep the parts that are missing; the tally of all rows."""
-    tally = work.before.tally
-    yield work.progress(tally)
+def _rows(work: _Work, hands: WorkerPool, table: Loads, spent: Spent) -> Generator[Progress, None, OutcomeCounts]:
+    """Solve and keep the parts that are missing; the counts of all rows."""
+    counts = work.before.counts
+    yield work.progress(counts)
     with spent.on("rows"):
         for part in solved_parts(hands, work.design, work.cards, work.todo, exact=work.method["exact"], table=table):
             with spent.on("writing"):
                 _keep(work.folder, work.design, part, work.manifest["rows_per_part"])
-            tally, spent.encoding_cpu_s = tally + part.tally, spent.encoding_cpu_s + part.encoding_cpu_s
-            yield work.progress(tally)
-    return tally
+            counts, spent.encoding_cpu_s = counts + part.counts, spent.encoding_cpu_s + part.encoding_cpu_s
+            yield work.progress(counts)
+    return counts
 
 
 def _how(work: _Work, table: Loads, note: str) -> str:
@@ -178,16 +179,16 @@ def _how(work: _Work, table: Loads, note: str) -> str:
             + (f"; {crashed} rows that had crashed solved again" if crashed else ""))
 
 
-def _account(work: _Work, tally: Tally, run: Run | None) -> Account:
-    before, kept = runs_of(work.manifest), work.before.tally.rows
+def _account(work: _Work, counts: OutcomeCounts, run: Run | None) -> Account:
+    before, kept = runs_of(work.manifest), work.before.counts.rows
     how = run or (before[-1] if before else None)
-    return Account(tally.outcomes, {name: message for name, (_, message) in tally.first.items()}, tally.rows - kept,
+    return Account(counts.outcomes, {name: message for name, (_, message) in counts.first.items()}, counts.rows - kept,
                    kept, told(work.method, None, "") if how is None else how.method, run)
 
 
-def _entered(crew: AbstractContextManager[Crew] | Crew | None) -> AbstractContextManager[Crew | None]:
+def _entered(pool: AbstractContextManager[WorkerPool] | WorkerPool | None) -> AbstractContextManager[WorkerPool | None]:
     """Who works instead of processes of this machine, connected to where that is still to be done."""
-    return crew if isinstance(crew, AbstractContextManager) else nullcontext(crew)
+    return pool if isinstance(pool, AbstractContextManager) else nullcontext(pool)
 
 
 def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
@@ -197,7 +198,7 @@ def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
     if place.exists():
         content = parquet.with_rows(place.read_bytes(), content)
         if design.fields is not None and fields is not None:
-            fields = hdf5_fields.continued(beside, design.fields, example(design).body, fields)
+            fields = hdf5_fields.continued(beside, design.fields, representative_scene(design).body, fields)
     try:
         if fields is not None:
             parquet.put(beside, fields)
@@ -209,5 +210,5 @@ def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
 
 def _check_card(card: MaterialCard, design: Design) -> None:
     """Fail before the first row where the card lacks what every row needs."""
-    law_of(example(design), card)
+    law_of(representative_scene(design), card)
     require(card, "conductivity", "the skin")

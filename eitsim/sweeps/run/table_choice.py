@@ -14,8 +14,8 @@ from eitsim.mechanics.rim.solve_near_rim import rim_problem
 from eitsim.scene.scene import Punch
 from eitsim.simulation.plan import law_of, near_rim
 from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, shape_for
-from eitsim.sweeps.design.design import Design, drawn_keys, example, right_scenes
-from eitsim.sweeps.design.distributions import draw_of
+from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
+from eitsim.sweeps.design.distributions import distribution_of
 from matcal.card import MaterialCard
 
 # Touches from which on a table repays its cost, for each of its diameters.
@@ -42,7 +42,7 @@ def design_shape(design: Design, card: MaterialCard) -> Shape:
     spans = any(spans for _, spans in found) or len(diameters) > _MOST
     if spans and diameters[0] == diameters[-1]:
         diameters, spans = diameters[:1], False
-    first = example(design)
+    first = representative_scene(design)
     return shape_for(first, law_of(first, card), diameters if not spans else [diameters[0], diameters[-1]], spans)
 
 
@@ -61,25 +61,25 @@ def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
     """Diameters, m, of a punch of a design: all, or the ends of their range."""
     default = Punch().diameter_m * 1e3
     given = punch.get("diameter_mm", default)
-    draw = draw_of("diameter_mm in [punch]", given)
-    if draw is None:
+    distribution = distribution_of("diameter_mm in [punch]", given)
+    if distribution is None:
         return [float(given) / 1e3], False
-    if draw.values:
-        return [float(default if d is None else d) / 1e3 for d in draw.values], False
-    if not np.all(np.isfinite(draw.ends)):
+    if distribution.values:
+        return [float(default if d is None else d) / 1e3 for d in distribution.values], False
+    if not np.all(np.isfinite(distribution.ends)):
         raise ValueError("diameter_mm in [punch] is drawn from a distribution without ends, and a table of load paths "
                          "needs a range.")
-    return [end / 1e3 for end in draw.ends], True
+    return [end / 1e3 for end in distribution.ends], True
 
 
 def repays(design: Design, shape: Shape) -> bool:
     """Whether solving a design's touches afresh costs more than the table."""
-    return design.scenes * len(example(design).punches) >= REPAYS * len(shape.solved)
+    return design.scenes * len(representative_scene(design).punches) >= REPAYS * len(shape.solved)
 
 
 def rim_repays(design: Design, shape: Shape) -> bool:
     """Whether solving a design's touches near the rim afresh costs more than a table of what the rim changes."""
-    rows = list(right_scenes(design, _ROWS))
+    rows = list(valid_scenes(design, _ROWS))
     near = sum(not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
 
@@ -87,7 +87,7 @@ def rim_repays(design: Design, shape: Shape) -> bool:
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
     """What of a table is fine enough for any row of a design, and why the rest is not, whose touches are then solved
     afresh."""
-    wanted = max((scene.accuracy.signal for scene in right_scenes(design, _ROWS)), default=np.inf)
+    wanted = max((scene.accuracy.signal for scene in valid_scenes(design, _ROWS)), default=np.inf)
     if table.error.signal > TABLE_SHARE * wanted:
         return None, (
             f"no table: its signals are up to {table.error.signal:.1e} off, more than {TABLE_SHARE:.0%} of the "

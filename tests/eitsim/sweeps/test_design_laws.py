@@ -13,7 +13,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 from eitsim.sweeps.design.design import Design, design_from, scene_at, tables_at
-from eitsim.sweeps.design.distributions import draw_of
+from eitsim.sweeps.design.distributions import distribution_of
 
 SEEDS = some.integers(0, 2**32)
 RAW = {"punch": {"diameter_mm": {"choice": [12, 14]}, "force_N": [0.2, 1.5]}, "skin": {"thickness_um": [15, 25]}}
@@ -48,10 +48,10 @@ def test_a_row_is_the_same_everywhere_and_for_ever() -> None:
 def test_quantiles_are_finite_up_to_the_largest_number_below_one(name: str) -> None:
     """A law cut off below leaves sums that round to 1, whose quantile is infinite."""
     for lo in np.linspace(0.1, 9.9, 50):
-        draw = draw_of("d", {"dist": name, "mean": 10, "sd": 2, "lo": float(lo)})
-        assert draw is not None
-        assert draw.quantile is not None
-        assert math.isfinite(draw.quantile(1 - 2.0**-53))
+        distribution = distribution_of("d", {"dist": name, "mean": 10, "sd": 2, "lo": float(lo)})
+        assert distribution is not None
+        assert distribution.quantile is not None
+        assert math.isfinite(distribution.quantile(1 - 2.0**-53))
 
 
 @pytest.mark.parametrize(("raw", "named"), [
@@ -96,22 +96,22 @@ def test_sobol_points_are_more_even_than_random_ones() -> None:
     ({"dist": "lognormal", "mean": 1, "sd": 0.5},
      stats.lognorm(math.sqrt(math.log(1.25)), scale=1 / math.sqrt(1.25)))])
 def test_quantiles_are_those_of_the_law(law: Any, reference: Any) -> None:
-    draw = draw_of("force_N in [punch]", law)
-    assert draw is not None
-    assert draw.quantile is not None
+    distribution = distribution_of("force_N in [punch]", law)
+    assert distribution is not None
+    assert distribution.quantile is not None
     u = np.linspace(0.001, 0.999, 41)
-    np.testing.assert_allclose([draw.quantile(v) for v in u], reference.ppf(u), rtol=1e-9)
-    ends = (draw.quantile(0.0), draw.quantile(1 - 2.0**-53))
-    assert draw.ends[0] <= ends[0]
-    assert ends[1] <= draw.ends[1]
+    np.testing.assert_allclose([distribution.quantile(v) for v in u], reference.ppf(u), rtol=1e-9)
+    ends = (distribution.quantile(0.0), distribution.quantile(1 - 2.0**-53))
+    assert distribution.ends[0] <= ends[0]
+    assert ends[1] <= distribution.ends[1]
     assert np.all(np.isfinite(ends))
 
 
 def test_whole_numbers_have_the_same_odds() -> None:
-    draw = draw_of("diameter_mm in [punch]", {"dist": "integer", "lo": 10, "hi": 18})
-    assert draw is not None
-    assert draw.quantile is not None
-    drawn = [draw.quantile((i + 0.5) / 900) for i in range(900)]
+    distribution = distribution_of("diameter_mm in [punch]", {"dist": "integer", "lo": 10, "hi": 18})
+    assert distribution is not None
+    assert distribution.quantile is not None
+    drawn = [distribution.quantile((i + 0.5) / 900) for i in range(900)]
     assert np.unique(drawn, return_counts=True)[1].tolist() == [100] * 9
     assert all(isinstance(value, int) for value in drawn)
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eitsim.electrics.forward.gridded_fields import fields_from
-from eitsim.sweeps.design.design import design_from, read_design, right_scenes
+from eitsim.sweeps.design.design import design_from, read_design, valid_scenes
 from eitsim.sweeps.run.scene_table import read_scene_table
 from eitsim.sweeps.run.sweep import sweep
 from eitsim.sweeps.run.table_choice import design_shape, repays
@@ -90,4 +90,4 @@ def test_drawn_profiles_are_solved_afresh() -> None:
 @pytest.mark.parametrize("name", ["design", "paper", "calibration", "uncertain"])
 def test_examples_are_designs_whose_scenes_are_right(name: str) -> None:
     design = read_design(EXAMPLES / f"{name}.toml")
-    assert sum(1 for _ in right_scenes(design, 300)) == min(design.scenes, 300)
+    assert sum(1 for _ in valid_scenes(design, 300)) == min(design.scenes, 300)

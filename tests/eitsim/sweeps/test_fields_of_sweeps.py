@@ -12,7 +12,7 @@ from eitsim.electrics.forward.gridded_fields import inside, values
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.hdf5_fields import SUFFIX, read_fields
-from eitsim.sweeps.design.design import design_from, example
+from eitsim.sweeps.design.design import design_from, representative_scene
 from eitsim.sweeps.measurement.instrument import Measurement
 from eitsim.sweeps.run import sweep as sweeps
 from eitsim.sweeps.run.measure import measure
@@ -66,7 +66,7 @@ def test_every_row_has_the_fields_of_its_touch(card: Path, tmp_path: Path) -> No
 def test_stored_values_are_those_of_the_solved_touch(card: Path, tmp_path: Path) -> None:
     swept(card, tmp_path / "a", 1, punch={"x_mm": 10.0, "y_mm": 0.0, "diameter_mm": 14, "force_N": 0.3})
     design = design_from(RAW | {"punch": {"x_mm": 10.0, "y_mm": 0.0, "diameter_mm": 14, "force_N": 0.3}}, 1)
-    scene = example(design)
+    scene = representative_scene(design)
     assert design.fields is not None
     touch = solve_touch(FOAM, scene.body, scene.punches[0])
     expected, there = values(design.fields, scene, [touch], LAW), inside(design.fields, scene.body)

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from eitsim.cli.progress import shown
-from eitsim.sweeps.dataset.outcome_counts import Tally
+from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
 from eitsim.sweeps.dataset.parquet import (
     COST,
     MANIFEST,
@@ -86,10 +86,10 @@ def test_what_takes_its_worker_with_it_is_a_row(card: Path) -> None:
         def look(self) -> None:
             pass
 
-        def abreast(self) -> int:
+        def max_in_flight(self) -> int:
             return 2
 
-        def given(self, task):
+        def broadcast(self, task):
             def submit(scenes):
                 done: Future = Future()
                 if 2 in scenes:
@@ -109,7 +109,7 @@ def test_what_takes_its_worker_with_it_is_a_row(card: Path) -> None:
     assert table["message"][2] == "its process was killed by signal 9"
     assert table["message"][5] == "MemoryError: too large"
     assert table["x_mm"].notna().all()
-    assert sum((part.tally for part in found), Tally()).outcomes == {"ok": 4, "crashed": 2}
+    assert sum((part.counts for part in found), OutcomeCounts()).outcomes == {"ok": 4, "crashed": 2}
 
 
 def test_a_part_that_cannot_be_written_leaves_the_others(card: Path, tmp_path: Path,

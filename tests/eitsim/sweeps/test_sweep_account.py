@@ -13,11 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from eitsim.cli.main import app
-from eitsim.cli.progress import beside_bar, line
+from eitsim.cli.progress import bar_text, line
 from eitsim.mechanics.load_paths import build_table
 from eitsim.simulation import reuse
 from eitsim.sweeps.dataset import parquet
-from eitsim.sweeps.dataset.outcome_counts import Tally, tally_of
+from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.account import Accounted, Errors, account_of, document, in_words, lines
 from eitsim.sweeps.run.omissions import Omission
@@ -40,13 +40,13 @@ def rows_of(errors: np.ndarray, first: int = 0) -> pd.DataFrame:
 
 def test_errors_are_counted_to_a_per_cent_and_add_up() -> None:
     errors = np.random.default_rng(2).lognormal(-5, 1.5, 3001)
-    whole = tally_of(rows_of(errors))
-    parts = sum((tally_of(rows_of(part, k)) for k, part in enumerate(np.array_split(errors, 7))), Tally())
+    whole = count_outcomes(rows_of(errors))
+    parts = sum((count_outcomes(rows_of(part, k)) for k, part in enumerate(np.array_split(errors, 7))), OutcomeCounts())
     for share in (0.1, 0.5, 0.95, 1.0):
         assert whole.error_below(share) == pytest.approx(np.quantile(errors, share, method="inverted_cdf"), rel=0.0051)
         assert parts.error_below(share) == whole.error_below(share)
     assert parts.cpu_s == pytest.approx(0.5 * errors.size)
-    assert Tally().error_below(0.5) is None
+    assert OutcomeCounts().error_below(0.5) is None
 
 
 def test_what_weighs_most_is_named_where_rows_miss_the_wanted_error() -> None:
@@ -70,15 +70,15 @@ def test_a_run_in_words_has_right_plurals_and_no_zeros() -> None:
 
 def test_failed_rows_have_no_error() -> None:
     table = rows_of(np.array([0.01, np.nan, 0.04])).assign(outcome=["ok", "refused", "bottomed_out"])
-    assert tally_of(table).error_below(1.0) == pytest.approx(0.01, rel=0.0051)
-    assert tally_of(table).first.keys() == {"refused", "bottomed_out"}
+    assert count_outcomes(table).error_below(1.0) == pytest.approx(0.01, rel=0.0051)
+    assert count_outcomes(table).first.keys() == {"refused", "bottomed_out"}
 
 
 def test_a_line_tells_rate_time_left_outcomes_and_errors() -> None:
     step = Progress(60, 100, 20, {"ok": 58, "refused": 2}, signal_error=(0.004, 0.0123))
     assert line(step, 20.0) == ("60 of 100 scenes, 2 a second, 0.3 min left; 58 ok, 2 refused; signal error 0.4 % in "
                                 "the median, 95 % below 1.23 %")
-    assert beside_bar(step, 20.0) == "2/s, 58 ok, 2 refused, error 0.4 < 1.2 %"
+    assert bar_text(step, 20.0) == "2/s, 58 ok, 2 refused, error 0.4 < 1.2 %"
     assert line(Progress(0, 9, 0, {}), 1.0) == "0 of 9 scenes, 0 a second, time left unknown"
 
 

@@ -23,7 +23,7 @@ from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.parallel.dask_cluster import _Cluster, cluster
-from touchcal.parallel.pool import NoCrew, answers
+from touchcal.parallel.pool import PoolUnavailable, answers
 
 distributed = pytest.importorskip("distributed")
 psutil = pytest.importorskip("psutil")
@@ -55,7 +55,7 @@ def rows(folder: Path) -> pd.DataFrame:
 
 @pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_makes_the_rows_of_one_process(card: Path, tmp_path: Path, address: str) -> None:
-    steps, killed = sweep(design_from(RAW, SCENES), card, tmp_path / "a", crew=cluster(address), reuse=True), False
+    steps, killed = sweep(design_from(RAW, SCENES), card, tmp_path / "a", pool=cluster(address), reuse=True), False
     for step in steps:
         if isinstance(step, Progress) and step.done and not killed:
             with distributed.Client(address, set_as_default=False) as client:
@@ -72,17 +72,17 @@ def test_a_cluster_that_loses_a_worker_makes_the_rows_of_one_process(card: Path,
 
 def test_no_scheduler_or_no_workers_is_said(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("touchcal.parallel.dask_cluster._ANSWER_S", 0.5)
-    with pytest.raises(NoCrew, match=r"no dask scheduler answers at tcp://127.0.0.1:9"), cluster("tcp://127.0.0.1:9"):
+    with pytest.raises(PoolUnavailable, match=r"no dask scheduler answers at tcp://127.0.0.1:9"), cluster("tcp://127.0.0.1:9"):
         pass
     with (distributed.LocalCluster(n_workers=0, dashboard_address=None) as empty,
-          pytest.raises(NoCrew, match="has no workers"), cluster(empty.scheduler_address)):
+          pytest.raises(PoolUnavailable, match="has no workers"), cluster(empty.scheduler_address)):
         pass
 
 
 def test_without_a_scheduler_nothing_is_written(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("touchcal.parallel.dask_cluster._ANSWER_S", 0.2)
-    with pytest.raises(NoCrew, match="no dask scheduler answers"):
-        next(sweep(design_from(RAW, SCENES), card, tmp_path / "set", crew=cluster("tcp://127.0.0.1:9"), reuse=True))
+    with pytest.raises(PoolUnavailable, match="no dask scheduler answers"):
+        next(sweep(design_from(RAW, SCENES), card, tmp_path / "set", pool=cluster("tcp://127.0.0.1:9"), reuse=True))
     assert not (tmp_path / "set").exists()
 
 
@@ -98,24 +98,24 @@ def local(threads: int):
 
 
 def test_workers_of_several_threads_are_refused_at_once_and_when_they_join(monkeypatch: pytest.MonkeyPatch) -> None:
-    with (local(2) as made, pytest.raises(NoCrew, match=r"has 2 threads.*--nthreads 1"),
+    with (local(2) as made, pytest.raises(PoolUnavailable, match=r"has 2 threads.*--nthreads 1"),
           cluster(made.scheduler_address)):
         pass
     monkeypatch.setattr("touchcal.parallel.dask_cluster._SIZE_S", 0.0)
-    with local(1) as made, cluster(made.scheduler_address) as crew:
-        assert crew.abreast() == 2
+    with local(1) as made, cluster(made.scheduler_address) as pool:
+        assert pool.max_in_flight() == 2
         monkeypatch.setattr("distributed.Client.nthreads", lambda _: {"tcp://10.0.0.2:1": 4})
-        with pytest.raises(NoCrew, match="has 4 threads"):
-            crew.abreast()
+        with pytest.raises(PoolUnavailable, match="has 4 threads"):
+            pool.max_in_flight()
 
 
 def test_workers_of_other_code_are_refused_at_once_and_when_they_join(address: str,
                                                                       monkeypatch: pytest.MonkeyPatch) -> None:
-    with cluster(address) as crew:
+    with cluster(address) as pool:
         monkeypatch.setattr("touchcal.parallel.dask_cluster.key_of", lambda _: "0" * 64)
-        with pytest.raises(NoCrew, match=r"a dask worker that joined runs other code.*wanted 0000.*restart it"):
-            list(answers(crew, abs, [-1]))
-    with pytest.raises(NoCrew, match=r"tcp://.* runs other code or libraries"), cluster(address):
+        with pytest.raises(PoolUnavailable, match=r"worker that joined runs other code.*wanted 0000.*restart it"):
+            list(answers(pool, abs, [-1]))
+    with pytest.raises(PoolUnavailable, match=r"tcp://.* runs other code or libraries"), cluster(address):
         pass
 
 
@@ -124,10 +124,10 @@ def test_a_cluster_without_workers_is_waited_for_a_while(monkeypatch: pytest.Mon
     monkeypatch.setattr("touchcal.parallel.pool._LOOK_S", 0.2)
     monkeypatch.setattr("touchcal.parallel.dask_cluster._WITHOUT_S", 1.0)
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as made:
-        with cluster(made.scheduler_address) as crew:
+        with cluster(made.scheduler_address) as pool:
             made.scale(0)
-            with pytest.raises(NoCrew, match="has had no workers"):
-                list(answers(crew, abs, [-1]))
+            with pytest.raises(PoolUnavailable, match="has had no workers"):
+                list(answers(pool, abs, [-1]))
         assert "lost all its workers" in caplog.text
 
 
@@ -140,18 +140,19 @@ def test_a_scheduler_that_goes_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
-        with cluster(process.stdout.readline().strip()) as crew:
+        with cluster(process.stdout.readline().strip()) as pool:
             threading.Timer(1.0, process.kill).start()
-            with pytest.raises(NoCrew, match="the dask scheduler is gone"):
-                list(answers(crew, time.sleep, [60.0]))
+            with pytest.raises(PoolUnavailable, match="the dask scheduler is gone"):
+                list(answers(pool, time.sleep, [60.0]))
     finally:
         process.kill()
         process.communicate()
 
 
 @pytest.mark.parametrize(("client", "task", "error", "told"), [
-    ("running", "finished", TimeoutError(), CancelledError), ("closed", "finished", TimeoutError(), NoCrew),
-    ("running", "error", TimeoutError("of the row"), TimeoutError), ("closed", "cancelled", CancelledError(), NoCrew)])
+    ("running", "finished", TimeoutError(), CancelledError), ("closed", "finished", TimeoutError(), PoolUnavailable),
+    ("running", "error", TimeoutError("of the row"), TimeoutError),
+    ("closed", "cancelled", CancelledError(), PoolUnavailable)])
 def test_a_result_that_does_not_come_is_lost_or_its_scheduler_is(client: str, task: str, error: BaseException,
                                                                 told: type[BaseException]) -> None:
     """A task's own error stays its own."""

@@ -163,8 +163,8 @@ def test_a_sweep_stops_cleanly_when_asked(place: Path, number: signal.Signals, s
                         r"from there.\n", told)
     assert not psutil.wait_procs(hands, timeout=30)[1]
     assert not list((place / "set").glob("*.tmp"))
-    tally = standing(place / "set", 100_000, sweeping.ROWS_AFRESH).tally
-    assert tally.rows == tally.outcomes["refused"] >= 3 * sweeping.ROWS_AFRESH
+    counts = standing(place / "set", 100_000, sweeping.ROWS_AFRESH).counts
+    assert counts.rows == counts.outcomes["refused"] >= 3 * sweeping.ROWS_AFRESH
 
 
 @pytest.mark.slow

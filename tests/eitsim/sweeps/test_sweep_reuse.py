@@ -17,7 +17,7 @@ from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
-from touchcal.parallel.pool import Lent, NoCrew, WorkerLost
+from touchcal.parallel.pool import ExecutorPool, PoolUnavailable, WorkerLost
 
 RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.262, 0.298]},
        "accuracy": {"signal": 0.05}}
@@ -46,7 +46,7 @@ def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp
     assert cache.clear() == 1
     account(card, tmp_path / "b", 5, reuse=True, workers=2)
     with ThreadPoolExecutor(2) as threads:
-        account(card, tmp_path / "c", 5, reuse=True, crew=Lent(threads, 3))
+        account(card, tmp_path / "c", 5, reuse=True, pool=ExecutorPool(threads, 3))
     a, *others = (read_dataset(tmp_path / name).table.drop(columns=[*COST]) for name in "abc")
     for other in others:
         pd.testing.assert_frame_equal(a, other, check_exact=True)
@@ -100,10 +100,10 @@ class _Deadly:
     def look(self) -> None:
         pass
 
-    def abreast(self) -> int:
+    def max_in_flight(self) -> int:
         return 1
 
-    def given(self, task):
+    def broadcast(self, task):
         def submit(_):
             done: Future = Future()
             done.set_exception(WorkerLost("its process was killed by signal 9"))
@@ -112,8 +112,8 @@ class _Deadly:
 
 
 def test_workers_lost_over_the_table_stop_the_sweep_before_any_row(card: Path, tmp_path: Path) -> None:
-    with pytest.raises(NoCrew, match="the same command goes on from there"):
-        account(card, tmp_path / "a", 2, reuse=True, crew=_Deadly())
+    with pytest.raises(PoolUnavailable, match="the same command goes on from there"):
+        account(card, tmp_path / "a", 2, reuse=True, pool=_Deadly())
     assert "table" not in read_manifest(tmp_path / "a")["method"]
     assert "a table of 1 load paths" in account(card, tmp_path / "a", 2, reuse=True).method
     assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"table"}

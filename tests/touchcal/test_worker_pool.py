@@ -14,31 +14,31 @@ import threadpoolctl
 
 from eitsim.mechanics.load_paths.load_path import Deviation, Node
 from touchcal.array_store import from_arrays, to_arrays
-from touchcal.parallel.checkpoint import Pieces
-from touchcal.parallel.pool import Crew, Failed, Here, Lent, NoCrew, WorkerLost, answers
+from touchcal.parallel.checkpoint import CheckpointedMap
+from touchcal.parallel.pool import ExecutorPool, Failed, InProcess, PoolUnavailable, WorkerLost, WorkerPool, answers
 from touchcal.parallel.processes import processes
 
 DIE = "__import__('os')._exit(9)"
 KILLED = "__import__('os').kill(__import__('os').getpid(), 9)"
 
 
-def by_item(crew: Crew, items: list[str], tries: int = 2) -> dict[str, object]:
-    return dict(answers(crew, eval, items, tries))
+def by_item(pool: WorkerPool, items: list[str], tries: int = 2) -> dict[str, object]:
+    return dict(answers(pool, eval, items, tries))
 
 
 def test_every_item_is_answered_by_anyone() -> None:
     items = [f"{i} * {i}" for i in range(9)]
     wanted = {item: i * i for i, item in enumerate(items)}
-    assert by_item(Here(), items) == wanted
+    assert by_item(InProcess(), items) == wanted
     with ThreadPoolExecutor(2) as threads:
-        assert by_item(Lent(threads, 4), items) == wanted
-    with processes(2) as crew:
-        assert by_item(crew, items) == wanted
+        assert by_item(ExecutorPool(threads, 4), items) == wanted
+    with processes(2) as pool:
+        assert by_item(pool, items) == wanted
 
 
 def test_what_an_item_does_costs_no_other_one() -> None:
-    with processes(2) as crew:
-        found = by_item(crew, ["1", DIE, "1 / 0", KILLED, "2", "3"])
+    with processes(2) as pool:
+        found = by_item(pool, ["1", DIE, "1 / 0", KILLED, "2", "3"])
     broken = {item: found.pop(item) for item in (DIE, "1 / 0", KILLED)}
     assert found == {"1": 1, "2": 2, "3": 3}
     assert all(isinstance(value, Failed) for value in broken.values())
@@ -49,10 +49,10 @@ def test_what_an_item_does_costs_no_other_one() -> None:
 
 def test_linear_algebra_has_one_thread_wherever_it_is() -> None:
     asked = "max(pool['num_threads'] for pool in __import__('threadpoolctl').threadpool_info())"
-    assert by_item(Here(), [f"__import__('numpy') and {asked}"]) == {f"__import__('numpy') and {asked}": 1}
+    assert by_item(InProcess(), [f"__import__('numpy') and {asked}"]) == {f"__import__('numpy') and {asked}": 1}
     variables = "[__import__('os').environ[name] for name in ('OMP_NUM_THREADS', 'NUMBA_NUM_THREADS')]"
-    with processes(2) as crew:
-        assert by_item(crew, [variables]) == {variables: ["1", "1"]}
+    with processes(2) as pool:
+        assert by_item(pool, [variables]) == {variables: ["1", "1"]}
 
 
 def test_tasks_that_overlap_in_one_process_keep_each_other_to_one_thread() -> None:
@@ -72,7 +72,7 @@ def test_tasks_that_overlap_in_one_process_keep_each_other_to_one_thread() -> No
     with threadpoolctl.threadpool_limits(2), ThreadPoolExecutor(2) as threads:
         assert most() == 2
         found = {}
-        for name, value in answers(Lent(threads, 2), work, ["short", "long"]):
+        for name, value in answers(ExecutorPool(threads, 2), work, ["short", "long"]):
             found[name] = value
             first_gone.set()
         assert found == {"short": 1, "long": 1}
@@ -87,7 +87,7 @@ def test_few_items_are_out_at_a_time() -> None:
             taken.append(i)
             yield str(i)
     with ThreadPoolExecutor(2) as threads:
-        for answered, _ in enumerate(answers(Lent(threads, 4), eval, items())):
+        for answered, _ in enumerate(answers(ExecutorPool(threads, 4), eval, items())):
             assert len(taken) <= answered + 4
     assert len(taken) == 40
 
@@ -96,8 +96,8 @@ def test_a_large_answer_cut_off_by_a_kill_does_not_block() -> None:
     half = ("[__import__('threading').Timer(0.3, __import__('os').kill, (__import__('os').getpid(), 9)).start(), "
             "b'0' * 400_000_000][1]")
     began = time.monotonic()
-    with processes(2) as crew:
-        found = by_item(crew, [half, "1"], tries=1)
+    with processes(2) as pool:
+        found = by_item(pool, [half, "1"], tries=1)
     assert found["1"] == 1
     assert time.monotonic() - began < 60
 
@@ -105,8 +105,8 @@ def test_a_large_answer_cut_off_by_a_kill_does_not_block() -> None:
 def test_nobody_left_is_said() -> None:
     with ProcessPoolExecutor(1) as pool:
         pass
-    with pytest.raises(NoCrew, match="takes no more work"):
-        by_item(Lent(pool, 2), ["1"])
+    with pytest.raises(PoolUnavailable, match="takes no more work"):
+        by_item(ExecutorPool(pool, 2), ["1"])
 
 
 class Losing:
@@ -120,10 +120,10 @@ class Losing:
     def look(self) -> None:
         pass
 
-    def abreast(self) -> int:
+    def max_in_flight(self) -> int:
         return 1
 
-    def given(self, task):
+    def broadcast(self, task):
         def submit(item):
             self.seen.append(item)
             done: Future = Future()
@@ -156,13 +156,13 @@ def test_values_are_kept_as_arrays_and_nothing_of_others_is_run(tmp_path) -> Non
 def test_pieces_of_a_stopped_computation_are_kept(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
     first = Losing("3")
-    with pytest.raises(NoCrew, match=r"killed by signal 9\. What is finished is kept, and the same command"):
-        Pieces(first)(eval, ["1", "2", "3", "4"])
+    with pytest.raises(PoolUnavailable, match=r"killed by signal 9\. What is finished is kept, and the same command"):
+        CheckpointedMap(first)(eval, ["1", "2", "3", "4"])
     second = Losing()
-    pieces = Pieces(second)
-    assert pieces(eval, ["1", "2", "3", "4"]) == [1, 2, 3, 4]
+    checkpointed = CheckpointedMap(second)
+    assert checkpointed(eval, ["1", "2", "3", "4"]) == [1, 2, 3, 4]
     assert [item for _, item in second.seen] == ["3", "4"]
-    pieces.forget()
+    checkpointed.forget()
     assert not list(tmp_path.glob("*.npz"))
 
 
@@ -171,7 +171,7 @@ def test_a_piece_whose_class_has_moved_is_solved_again(tmp_path, monkeypatch: py
     for moved in (["eitsim.gone", "Node"], ["eitsim.mechanics.load_paths.load_path", "Gone"]):
         monkeypatch.setattr("touchcal.parallel.checkpoint.to_arrays", lambda value, moved=moved: {
             "tree": numpy.array(json.dumps({"class": moved, "parts": {}}))})
-        assert Pieces(Losing())(eval, ["1"]) == [1]
+        assert CheckpointedMap(Losing())(eval, ["1"]) == [1]
         again = Losing()
-        assert Pieces(again)(eval, ["1"]) == [1]
+        assert CheckpointedMap(again)(eval, ["1"]) == [1]
         assert len(again.seen) == 1
