@@ -39,7 +39,7 @@ def compiled(function: Callable[..., Result]) -> Callable[..., Result]:
         return njit(function)
     _WITH_LOOPS.add(function.__module__)
     if hasattr(kernel, "_cache"):
-        index = kernel._cache._cache_file
+        index = kernel._cache._cache_file  # pyright: ignore[reportAttributeAccessIssue]
         index._source_stamp = (index._source_stamp, imported_sources(function.__module__))
     return kernel
 

@@ -11,7 +11,6 @@ from eitsim.mechanics.solid.hyperfoam_axisymmetric import energy_density, first_
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.deformation_modes import log_stretches, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam, energy, kirchhoff, kirchhoff_difference, kirchhoff_tangent, sinh_ratio
-from touchcal.jit import compiled
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
 LAWS = {"Table 1": TABLE_1, "nu = 0.3": Hyperfoam([8e3], [6.0], [0.3]),
@@ -254,9 +253,3 @@ def test_foam_turned_inside_out_or_beyond_numbers_has_infinite_energy(law, squee
     grid = tensor_grid(np.array([0.0, 1.0]), np.array([0.0, 1.0]), free=True)
     u = (grid.nodes @ np.diag([0.0, squeeze])).ravel()[np.argsort(grid.unknown.ravel())]
     assert axisymmetric_assembly.energy(law, grid, u) == np.inf
-
-
-def test_compilation_does_without_a_place_for_its_cache():
-    scope: dict = {}
-    exec("def twice(x):\n    return 2 * x\n", scope)  # no file, hence no cache
-    assert compiled(scope["twice"])(3.0) == 6.0
