@@ -31,7 +31,7 @@ ELECTRICS_SHARE = 0.2
 
 def simulate(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
              table: Table | Family | None = None) -> Result:
-    """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, with a message.
+    """Solve a scene with a card or its material; a refusal or a solver's failure is the result's outcome and message.
 
     exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells; table: load
     paths, or a family of them, that serve the touches they hold to the wanted error (reuse.served), never with exact.
