@@ -10,8 +10,9 @@ from eitsim.mechanics.rim.solve_near_rim import WHOLE, Fineness, corrected
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Scene
-from eitsim.simulation.plan import law_of, near_rim
-from matcal.card import MaterialCard, require
+from eitsim.simulation.material import material_of
+from eitsim.simulation.plan import near_rim
+from matcal.card import MaterialCard
 
 # meshes of the change by the rim, and the wanted error of the readings
 FINEST, FINELY = Fineness(2.0, 11, 22, np.inf), 2e-4
@@ -21,12 +22,13 @@ def finely_solved(scene: Scene, card: MaterialCard, *, rim: bool = False) -> tup
     """A touch on elements of a quarter of the default size, near the rim on half of it with the change by finer meshes
     of the whole disc, with `rim` anywhere both; its readings on a mesh of the skin. What else the plan leaves out stays
     so."""
-    (punch,), law = scene.punches, law_of(scene, card)
+    (punch,), material = scene.punches, material_of(scene, card)
+    law = material.law
     near, element_m = rim or near_rim(scene, punch), default_element_m(scene.body, punch)
     size = element_m / (2 if near and not rim else 4)
     touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=size)
     if near:
         touch = corrected(touch, law, scene.body, punch, strain=scene.skin.strain, coarse=WHOLE, fine=FINEST)
     readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((punch, touch),),
-                     require(card, "conductivity", "the skin"), signal=FINELY, method="mesh")
+                     material.skin, signal=FINELY, method="mesh")
     return touch, readings

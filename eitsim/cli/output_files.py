@@ -8,7 +8,7 @@ from pathlib import Path
 
 from eitsim.scene.results import Result
 from eitsim.scene.scene import Scene
-from matcal.card import MaterialCard, require
+from matcal.card import MaterialCard
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,9 @@ def write_output_files(scene: Scene, result: Result, card: MaterialCard,
         yield "frames", files.frames
     if files.skin is not None:
         from eitsim.electrics.forward.sheet_fields import write_skin_vtu
+        from eitsim.simulation.material import material_of
 
-        write_skin_vtu(scene, result.touches, require(card, "conductivity", "the skin"), files.skin, files.patterns)
+        write_skin_vtu(scene, result.touches, material_of(scene, card).skin, files.skin, files.patterns)
         yield "skin", files.skin
     if files.sensitivity is not None and result.outcome == "ok":
         from eitsim.simulation.derivatives.readings import scene_sensitivity, write_sensitivity

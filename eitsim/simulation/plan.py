@@ -18,8 +18,9 @@ from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import present
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
+from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.validity import beyond_numbers, positive_from
-from matcal.card import MaterialCard, require, with_moduli
+from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
@@ -58,16 +59,17 @@ def rim_effect(gap_m: float, thickness_m: float, strain: str = "normal") -> floa
     return float(effect[-1] * math.exp(-rate * (gap - _GAP[-1])))
 
 
-def make_plan(scene: Scene, card: MaterialCard, *, exact: bool = False, reused: Sequence[Decision | None] = ()) -> Plan:
-    """The plan of a scene with a card; what cannot be solved is a refusal in it, never an exception.
+def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
+              reused: Sequence[Decision | None] = ()) -> Plan:
+    """The plan of a scene with a card or its material; what cannot be solved is a refusal in it, never an exception.
 
     exact: turn off every omission that can be, and say of the others that they stay; reused: for each punch what a
     stored load path may cost, None where it is solved afresh.
     """
-    decisions = _decisions(scene, card, reused or [None] * len(scene.punches), exact)
+    material = material_of(scene, card)
+    decisions = _decisions(scene, material, reused or [None] * len(scene.punches), exact)
     return Plan(tuple(_exactly(scene, decisions) if exact else decisions),
-                beyond_numbers(scene, card, law_of(scene, card)) or _electrode_refusal(scene, card)
-                or _refusal(scene))
+                beyond_numbers(scene, material) or _electrode_refusal(scene, material.card) or _refusal(scene))
 
 
 def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:
@@ -82,17 +84,6 @@ def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:
                           "is built")
         else:
             yield made
-
-
-def law_of(scene: Scene, card: MaterialCard) -> Hyperfoam:
-    """The foam's law of a scene: with the moduli that it asks for, or instantaneous ones where there is a hold.
-
-    ValueError where the card lacks the law, or a Prony series that is needed.
-    """
-    if not scene.hold.time_s:
-        return with_moduli(card, scene.hold.moduli)
-    require(card, "prony", "a hold (time_s in [hold])")
-    return with_moduli(card, "instantaneous")
 
 
 def _refusal(scene: Scene) -> str:
@@ -214,9 +205,9 @@ def _gap_for(effect: float, thickness_m: float, strain: str) -> float:
     return float(gaps[np.argmax(effects <= effect)] * thickness_m) if effects[-1] <= effect else math.inf
 
 
-def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | None],
+def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | None],
                exact: bool) -> Iterator[Decision]:
-    law, groups = law_of(scene, card), together(scene, exact=exact)
+    card, law, groups = material.card, material.law, together(scene, exact=exact)
     for i, (punch, stored) in enumerate(zip(scene.punches, reused, strict=True)):
         yield _rim_decision(scene, punch, exact and not any(i in group for group in groups))
         if stored is not None:
@@ -227,7 +218,7 @@ def _decisions(scene: Scene, card: MaterialCard, reused: Sequence[Decision | Non
     yield from (_together_decision(scene, group) for group in groups)
     if len(scene.punches) > 2 or (len(scene.punches) == 2 and not groups):
         yield _neighbour_decision(scene, groups)
-    yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, card)]
+    yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, material)]
     yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
                    "may compress the foam further than its test; the result tells both strains, the cost is unknown "
                    "and not in the bound", 0.0, unbounded=True)
@@ -341,13 +332,13 @@ def _neighbour_decision(scene: Scene, groups: Sequence[Sequence[int]]) -> Decisi
                     "result's own error grows", expected(scene.body, scene.punches, groups))
 
 
-def _moduli_decision(scene: Scene, card: MaterialCard) -> Decision:
-    law = with_moduli(card, scene.hold.moduli)
+def _moduli_decision(scene: Scene, material: Material) -> Decision:
+    law, series = material.law, material.card.prony
     reason = f"the scene asks for no hold; {law.moduli} moduli"
     if scene.hold.moduli == "card":
         reason += " as the card labels them"
-    if law.moduli == "instantaneous" and card.prony is not None:
-        reason += f" (a touch held to equilibrium needs {card.prony.g_infinity:.2f} of the force: set moduli in [hold])"
+    if law.moduli == "instantaneous" and series is not None:
+        reason += f" (a touch held to equilibrium needs {series.g_infinity:.2f} of the force: set moduli in [hold])"
     return Decision("no viscoelasticity", reason, 0.0)
 
 

@@ -15,7 +15,8 @@ from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import RimTable, Shape, Table
 from eitsim.scene.results import Decision, Touch
 from eitsim.scene.scene import Punch, Scene, profile_of
-from eitsim.simulation.plan import law_of, near_rim
+from eitsim.simulation.material import material_of
+from eitsim.simulation.plan import near_rim
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
@@ -61,7 +62,7 @@ def _rim_arrays(rim: RimTable) -> dict[str, Any]:
 
 def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
     """The shape that serves every force on a scene's punch; ValueError where load paths are not reused."""
-    law = law_of(scene, card)
+    law = material_of(scene, card).law
     try:
         return shape_for(scene, law, sorted({punch.diameter_m for punch in scene.punches}), False)
     except ValueError as error:

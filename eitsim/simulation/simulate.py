@@ -14,11 +14,12 @@ from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch
 from eitsim.scene.scene import Body, Scene
 from eitsim.simulation.error_budget import errors, missed, numerical_errors
-from eitsim.simulation.plan import law_of, make_plan, together
+from eitsim.simulation.material import Material, material_of
+from eitsim.simulation.plan import make_plan, together
 from eitsim.simulation.reuse import decision, served
 from eitsim.simulation.touches import fine_enough, held_touch, solved_touches
 from eitsim.simulation.validity import check_positive
-from matcal.card import MaterialCard, require
+from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
@@ -28,24 +29,24 @@ from touchcal.errors import NotConverged
 ELECTRICS_SHARE = 0.2
 
 
-def simulate(scene: Scene, card: MaterialCard, *, exact: bool = False,
+def simulate(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
              table: Table | Family | None = None) -> Result:
-    """Solve a scene with a card; a refusal or a failure of a solver is the result's outcome, told in its message.
+    """Solve a scene with a card or its material; a refusal or a solver's failure is the result's outcome and message.
 
     exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells; table: load
     paths, or a family of them, that serve the touches they hold to the wanted error (reuse.served), never with exact.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu = time.perf_counter(), time.process_time()
-    law = law_of(scene, card)
-    skin_law = require(card, "conductivity", "the skin")
-    paths = None if exact else table_of(table, law)
-    stored = _stored(paths, law, scene)
-    plan = make_plan(scene, card, exact=exact, reused=[
+    material = material_of(scene, card)
+    skin_law = material.skin
+    paths = None if exact else table_of(table, material.law)
+    stored = _stored(paths, material.law, scene)
+    plan = make_plan(scene, material, exact=exact, reused=[
         decision(paths, touch, scene.body.thickness_m) if paths is not None and touch is not None else None
         for touch in stored])
     result = Result("refused", plan, message=plan.refusal) if plan.refusal else _solved(
-        plan, law, skin_law, scene, card, stored, exact)
+        plan, material, skin_law, scene, stored, exact)
     return replace(result, cost={
         "cpu_s": time.process_time() - cpu, "wall_s": time.perf_counter() - wall,
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
@@ -65,14 +66,14 @@ class _Refused(ValueError):
     """What only the solved touch tells."""
 
 
-def _solved(plan: Plan, law: Hyperfoam, skin_law: Conductivity, scene: Scene, card: MaterialCard,
-            stored: list[Touch | None], exact: bool) -> Result:
+def _solved(plan: Plan, material: Material, skin_law: Conductivity, scene: Scene, stored: list[Touch | None],
+            exact: bool) -> Result:
     """A planned scene, solved; without a cost yet."""
     try:
         if scene.hold.time_s:
-            moments = _moments(law, scene, card, skin_law, exact)
+            moments = _moments(material, skin_law, scene, exact)
             return _told(scene, plan, (moments[-1].touch,), moments[-1].readings, moments, exact)
-        touches = solved_touches(law, scene, stored, together(scene, exact=exact), exact)
+        touches = solved_touches(material.law, scene, stored, together(scene, exact=exact), exact)
         return _told(scene, plan, touches, readings_of(scene, touches, skin_law, exact), (), exact)
     except _Refused as error:
         return Result("refused", plan, message=str(error))
@@ -124,11 +125,10 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
                  method="mesh" if exact else "auto")
 
 
-def _moments(law: Hyperfoam, scene: Scene, card: MaterialCard, skin_law: Conductivity,
-             exact: bool) -> tuple[Moment, ...]:
+def _moments(material: Material, skin_law: Conductivity, scene: Scene, exact: bool) -> tuple[Moment, ...]:
     """A held touch with its readings; one solve serves all times where the strains stay as they were loaded."""
     (punch,) = scene.punches
-    held = held_touch(law, require(card, "prony", "a hold"), scene, punch, exact)
+    held = held_touch(material.law, material.series, scene, punch, exact)
     if scene.hold.keeps_deformation:
         readings = [readings_of(scene, (held[0][1],), skin_law, exact)] * len(held)
     else:

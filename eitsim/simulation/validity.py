@@ -10,6 +10,7 @@ import numpy as np
 from eitsim.electrics.sheet.sheet_conductance import driving_strain
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene
+from eitsim.simulation.material import Material
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -24,10 +25,10 @@ _LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
 _FLAT = -0.97
 
 
-def beyond_numbers(scene: Scene, card: MaterialCard, law: Hyperfoam) -> str:
+def beyond_numbers(scene: Scene, material: Material) -> str:
     """Why a touch or the card's conductivity is beyond what numbers resolve, with the mend; empty where none is."""
-    problems = (_too_light(scene.body, punch, law) for punch in scene.punches)
-    return _conductivity_problem(card) or next((problem for problem in problems if problem), "")
+    problems = (_too_light(scene.body, punch, material.law) for punch in scene.punches)
+    return _conductivity_problem(material.card) or next((problem for problem in problems if problem), "")
 
 
 def positive_from(law: Conductivity) -> float | None:

@@ -13,7 +13,7 @@ import pandas as pd
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.solid.grid import ELEMENTS, default_element_m, foam_grid
 from eitsim.scene.scene import Scene, read_scene
-from eitsim.simulation.plan import law_of
+from eitsim.simulation.material import material_of
 from matcal.card import read_card
 from matcal.laws.hyperfoam import Hyperfoam
 
@@ -39,7 +39,7 @@ def table(law: Hyperfoam, scene: Scene, sizes: tuple[float, ...] = SIZES) -> pd.
 def main(scene_file: str, card_file: str, out: str) -> None:
     """Write the table of a scene and a card as CSV."""
     scene = read_scene(scene_file)
-    table(law_of(scene, read_card(Path(card_file))), scene).to_csv(out, index=False)
+    table(material_of(scene, read_card(Path(card_file))).law, scene).to_csv(out, index=False)
 
 
 if __name__ == "__main__":

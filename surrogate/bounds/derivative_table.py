@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from eitsim.scene.scene import Punch, Scene, scene_tables
-from eitsim.simulation.plan import law_of
-from matcal.card import MaterialCard, require
+from eitsim.simulation.material import material_of
+from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from surrogate.bounds.fisher_information import Prior
@@ -63,11 +63,12 @@ def table_for(scene: Scene, card: MaterialCard, prior: Prior, nodes: Nodes | Non
     """The table of a scene's sensor, skin and kind of punch over a prior, from the cache or solved and put there; some
     1.5 CPU seconds a node. Touches do without what the rim changes of the mechanics. NotConverged as a touch."""
     nodes = nodes or Nodes()
-    law = law_of(scene, card)
+    material = material_of(scene, card)
+    law = material.law
     d_mm, pressure, scale = _axes(law, prior, nodes)
     places = list(_places(scene, nodes))
     key = {"limit": asdict(nodes), "halvings": MESH_HALVINGS, "places": places, "prior": asdict(prior),
-           "scene": scene_tables(scene), "law": _told(law), "skin": _told(require(card, "conductivity", "the limit"))}
+           "scene": scene_tables(scene), "law": _told(law), "skin": _told(material.skin)}
     touches = [_punch(scene, prior, place, d, d**2 * p) for place in places for d in d_mm for p in pressure]
 
     def make() -> dict[str, Array]:

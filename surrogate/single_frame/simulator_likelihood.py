@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.scene.scene import Scene, read_scene
+from eitsim.simulation.material import material_of
 from eitsim.simulation.simulate import simulate
-from matcal.card import MaterialCard, read_card, require
+from matcal.card import MaterialCard, read_card
 from surrogate.bounds.dataset_bound import example_of
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.bounds.material_spread import MaterialSpread, known_material, spread_of
@@ -89,7 +90,7 @@ def check_sensor(simulator: Simulator, ring: Ring) -> None:
 
 def untouched_of(simulator: Simulator) -> Array:
     """(readings,) of the untouched skin, V."""
-    skin = require(simulator.card, "conductivity", "the skin")
+    skin = material_of(simulator.scene, simulator.card).skin
     return untouched_readings(simulator.scene, untouched_conductance(skin, simulator.scene.skin))
 
 

@@ -29,8 +29,9 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene
 from eitsim.simulation.derivatives.conductance_variation import conductance_change, variations
 from eitsim.simulation.derivatives.tangent import settled
-from eitsim.simulation.plan import law_of, make_plan, near_rim, together
-from matcal.card import MaterialCard, require
+from eitsim.simulation.material import material_of
+from eitsim.simulation.plan import make_plan, near_rim, together
+from matcal.card import MaterialCard
 from touchcal.csv_numbers import cells
 
 Array = NDArray[np.float64]
@@ -67,10 +68,11 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
     ValueError where the plan refuses the scene, with friction or with a conducting punch, for touches solved together,
     and for a hold; NotConverged where the mechanics does not converge.
     """
-    if problem := make_plan(scene, card).refusal:
+    material = material_of(scene, card)
+    if problem := make_plan(scene, material).refusal:
         raise ValueError(problem)
     check_differentiable(scene)
-    law, skin_law = law_of(scene, card), require(card, "conductivity", "the skin")
+    law, skin_law = material.law, material.skin
     bases = [settled(law, scene.body, punch, scene.skin.strain, near_rim=near_rim(scene, punch))
              for punch in scene.punches]
     touches = tuple((base.punch, base.touch) for base in bases)

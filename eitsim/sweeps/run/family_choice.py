@@ -16,7 +16,7 @@ from eitsim.mechanics.load_paths.reduced_basis import Span, span_of
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law
 from eitsim.mechanics.load_paths.types import Shape, Table
 from eitsim.simulation import reuse
-from eitsim.simulation.plan import law_of
+from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import table_for
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import Design, representative_scene
@@ -42,7 +42,7 @@ def _laws(design: Design, cards: Cards) -> Iterator[Hyperfoam]:
     scene, draws = representative_scene(design), cards.draws
     for k in range(len(cards.samples)):
         try:
-            yield law_of(scene, card_of(draws, cards.card, k) if draws is not None else cards.card)
+            yield material_of(scene, card_of(draws, cards.card, k) if draws is not None else cards.card).law
         except ValueError:  # the rows of this card tell why
             continue
 

@@ -15,14 +15,13 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.drive import protocol, voltage_columns
 from eitsim.scene.results import Result, Touch
 from eitsim.scene.scene import scene_from
-from eitsim.simulation.plan import law_of
+from eitsim.simulation.material import material_of
 from eitsim.simulation.result_json import mechanical
 from eitsim.simulation.simulate import simulate
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.card_draws import Cards, card_at, columns, recorded
 from eitsim.sweeps.design.design import Design, card_number, representative_scene, tables_at
 from eitsim.sweeps.run.row_columns import blank_keys, keys_of, numbered
-from matcal.card import require
 
 
 def solve_rows(design: Design, cards: Cards, indices: list[int], *, exact: bool = False,
@@ -47,17 +46,17 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | F
     try:
         tables = tables_at(design, index)
         keys |= keys_of(design, tables)
-        scene, card = scene_from(tables), card_at(cards, number)
-        law_of(scene, card)
+        scene = scene_from(tables)
+        material = material_of(scene, card_at(cards, number))
     except np.linalg.LinAlgError:  # a ValueError, and no refusal
         raise
     except ValueError as error:
         return keys | {"outcome": "refused", "message": str(error)}
-    result = simulate(scene, card, exact=exact, table=table)
+    result = simulate(scene, material, exact=exact, table=table)
     row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
     if design.fields is not None and result.readings is not None:
         begun = time.process_time()
-        row["fields"] = values(design.fields, scene, result.touches, require(card, "conductivity", "the skin"))
+        row["fields"] = values(design.fields, scene, result.touches, material.skin)
         row["fields_cpu_s"] = time.process_time() - begun
         row["cpu_s"] += row["fields_cpu_s"]
     return row

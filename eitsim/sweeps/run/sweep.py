@@ -10,7 +10,7 @@ from typing import Any
 
 from eitsim.mechanics.load_paths.law_family import Family, central_of
 from eitsim.mechanics.load_paths.types import Table
-from eitsim.simulation.plan import law_of
+from eitsim.simulation.material import material_of
 from eitsim.sweeps.dataset import code_history, hdf5_fields, parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
 from eitsim.sweeps.design import nested_design
@@ -22,7 +22,8 @@ from eitsim.sweeps.run.omissions import omissions
 from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
 from eitsim.sweeps.run.run_log import Run, Spent, record, runs_of
-from matcal.card import MaterialCard, read_card, require
+from matcal.card import MaterialCard, read_card
+from matcal.laws.conductivity import Conductivity
 from touchcal.parallel.pool import WorkerPool
 from touchcal.parallel.processes import processes
 
@@ -208,7 +209,6 @@ def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
                       str(place)) from None
 
 
-def _check_card(card: MaterialCard, design: Design) -> None:
-    """Fail before the first row where the card lacks what every row needs."""
-    law_of(representative_scene(design), card)
-    require(card, "conductivity", "the skin")
+def _check_card(card: MaterialCard, design: Design) -> Conductivity:
+    """The skin's law; ValueError before the first row where the card lacks what every row needs."""
+    return material_of(representative_scene(design), card).skin

@@ -12,7 +12,8 @@ from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
 from eitsim.mechanics.load_paths.types import Shape, Table
 from eitsim.mechanics.rim.solve_near_rim import rim_problem
 from eitsim.scene.scene import Punch
-from eitsim.simulation.plan import law_of, near_rim
+from eitsim.simulation.material import material_of
+from eitsim.simulation.plan import near_rim
 from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, shape_for
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
@@ -43,7 +44,8 @@ def design_shape(design: Design, card: MaterialCard) -> Shape:
     if spans and diameters[0] == diameters[-1]:
         diameters, spans = diameters[:1], False
     first = representative_scene(design)
-    return shape_for(first, law_of(first, card), diameters if not spans else [diameters[0], diameters[-1]], spans)
+    ends = diameters if not spans else [diameters[0], diameters[-1]]
+    return shape_for(first, material_of(first, card).law, ends, spans)
 
 
 def diameters_of(shape: Shape) -> dict[str, Any]:
