@@ -11,7 +11,7 @@ from surrogate.data.sensor_ring import Ring
 
 Array = NDArray[np.float64]
 
-# Principal directions that familiar signals are made of, where twice as many rows tell them.
+# Principal directions that trained signals are made of, where twice as many rows tell them.
 MOST = 80
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
 LEAST = 1e-3
@@ -55,8 +55,8 @@ def _reciprocal(ring: Ring) -> Array:
 
 
 def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
-    """(n,) what the span leaves of the directions of signals (n, readings), over the worst familiar one and what noise
-    leaves; infinite for a signal of the other sign than all familiar ones."""
+    """(n,) what the span leaves of the directions of signals (n, readings), over the worst trained one and what noise
+    leaves; infinite for a signal of the other sign than all trained ones."""
     size = np.maximum(np.linalg.norm(signal_V, axis=1), np.finfo(float).tiny)
     unit = signal_V / size[:, None]
     free = max(signal_V.shape[1] - len(novelty.axes), 0)
@@ -65,7 +65,7 @@ def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
 
 
 def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> NDArray[np.bool_]:
-    """(n,) whether signals (n, readings) point away from all familiar ones, by more than noise may."""
+    """(n,) whether signals (n, readings) point away from all trained ones, by more than noise may."""
     along = signal_V @ novelty.mean
     return along < -SURE * noise_V * np.linalg.norm(novelty.mean)
 

@@ -27,7 +27,7 @@ OTHER_SIGN = "signal of the other sign than a touch's"
 WEAK = 0.5
 # How far beyond the training targets, in their ranges, a value may lie before it is flagged.
 SLACK = 0.02
-# Misfit, or strangeness of a signal, from which a frame is unlike a touch: so often the worst of the validation rows.
+# Misfit, or novelty score of a signal, from which a frame is unlike a touch: so often the worst of the validation rows.
 MISFIT_FACTOR = 3.0
 # Largest factor by which a strange signal widens the intervals.
 MOST_WIDENED = 1000.0
