@@ -41,6 +41,8 @@ class MaterialCard:
     # folder of reduced experiments and posterior, relative to the card; None when the card stands alone
     data: str | None = None
     schema: int = SCHEMA
+    # file that it was read from or written to, beside which its data lie; None for a card that has none
+    file: Path | None = field(default=None, compare=False, repr=False)
 
 
 def require(card: MaterialCard, part: str, purpose: str) -> Any:
@@ -97,7 +99,12 @@ def read_card(path: Path | str) -> MaterialCard:
     except (TypeError, ValueError) as error:
         raise TestFileError(path, str(error)) from None
     free = {key: raw[key] for key in _FREE if key in raw}
-    return MaterialCard(name=str(raw.get("name", path.stem)), data=raw.get("data"), **parts, **free)
+    return MaterialCard(name=str(raw.get("name", path.stem)), data=raw.get("data"), file=path, **parts, **free)
+
+
+def as_card(card: MaterialCard | Path | str) -> MaterialCard:
+    """The card itself, or the one that a file holds; errors as those of `read_card`."""
+    return card if isinstance(card, MaterialCard) else read_card(card)
 
 
 def as_json(card: MaterialCard) -> dict[str, Any]:
@@ -116,11 +123,13 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
     return out
 
 
-def card_identity(card: MaterialCard, path: Path) -> dict[str, Any]:
-    """Name, file and content hash (of the material's parts) of a card, and whether synthetic data made it."""
+def card_identity(card: MaterialCard) -> dict[str, Any]:
+    """Name, file (None for a card that has none) and content hash (of the material's parts) of a card, and whether
+    synthetic data made it."""
     parts = {key: value for key, value in as_json(card).items() if key in ("hyperfoam", "prony", "conductivity")}
     text = json.dumps(parts, sort_keys=True)
-    return {"name": card.name, "file": path.name, "sha256": hashlib.sha256(text.encode()).hexdigest(),
+    return {"name": card.name, "file": card.file and card.file.name,
+            "sha256": hashlib.sha256(text.encode()).hexdigest(),
             "synthetic": bool(card.provenance.get("synthetic", False))}
 
 

@@ -17,7 +17,7 @@ from eitsim.scene.results import Result, Touch
 from eitsim.scene.scene import scene_from
 from eitsim.simulation.plan import law_of
 from eitsim.simulation.result_json import mechanical
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.card_draws import Cards, card_at, columns, recorded
 from eitsim.sweeps.design.design import Design, card_number, representative_scene, tables_at
@@ -27,7 +27,7 @@ from matcal.card import require
 
 def solve_rows(design: Design, cards: Cards, indices: list[int], *, exact: bool = False,
                table: Table | Family | None = None) -> list[dict[str, Any]]:
-    """Rows of these scenes, solved as by `simulate`; one that cannot be made is "refused", what `simulate` raises is
+    """Rows of these scenes, solved as by `solve_scene`; one that cannot be made is "refused", what it raises is
     raised. Where the design asks for fields, those of a solved scene are its row's "fields"."""
     blank = blank_row(design, cards)
     return [blank | {"scene": index} | _row(design, cards, index, exact, table) for index in indices]
@@ -53,7 +53,7 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | F
         raise
     except ValueError as error:
         return keys | {"outcome": "refused", "message": str(error)}
-    result = simulate(scene, card, exact=exact, table=table)
+    result = solve_scene(scene, card, exact=exact, table=table)
     row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
     if design.fields is not None and result.readings is not None:
         begun = time.process_time()
