@@ -28,7 +28,7 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
             capsys.readouterr()
             status = 0
             try:
-                importlib.import_module(f"{program}.cli").main()
+                importlib.import_module(f"{program}.cli.main").main()
             except SystemExit as end:
                 status = int(end.code or 0)
         out, err = capsys.readouterr()

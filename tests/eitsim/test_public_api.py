@@ -46,8 +46,8 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize("module", [
-    "eitsim.simulation.simulate", "eitsim.sweeps.run.sweep", "eitsim.sweeps.run.measure", "eitsim.sweeps.dataset.parquet",
-    "eitsim.electrics.imaging.images", "eitsim.electrics.interop.solve_file"])
+    "eitsim.simulation.simulate", "eitsim.sweeps.run.sweep", "eitsim.sweeps.run.measure",
+    "eitsim.sweeps.dataset.parquet", "eitsim.electrics.imaging.images", "eitsim.electrics.interop.solve_file"])
 def test_the_examples_run(module: str) -> None:
     found = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS)
     assert found.failed == 0
@@ -113,7 +113,7 @@ def test_arrays_are_imaged_as_files_are_and_wrong_ones_named() -> None:
     found = eitsim.reconstruct(baseline.touched_V, baseline.baseline_V)
     flat = eitsim.reconstruct([baseline.touched_V.ravel()] * 2, baseline.baseline_V.ravel())
     assert found.change.shape == (1, len(found.pixels.triangles))
-    assert np.array_equal(flat.change, np.repeat(found.change, 2, axis=0))
+    np.testing.assert_allclose(flat.change, np.repeat(found.change, 2, axis=0), rtol=0, atol=1e-9)
     assert found.seen[0].clear
     with pytest.raises(ValueError, match=r"shape \(16, 12\).*208 readings"):
         eitsim.reconstruct(baseline.touched_V[:, :12], baseline.baseline_V)

@@ -108,10 +108,13 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
 
     Examples
     --------
-    >>> import tempfile, eitsim, matcal
+    >>> import tempfile, eitsim
+    >>> from matcal.card import MaterialCard
+    >>> from matcal.laws.conductivity import Conductivity
+    >>> from matcal.laws.hyperfoam import Hyperfoam
     >>> from eitsim.sweeps.design.design import design_from
-    >>> foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
-    >>> card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
     >>> design = design_from({"scenes": 2, "punch": {"force_N": [0.1, 0.2]}, "accuracy": {"signal": 0.05}})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     data = eitsim.sweep(design, card, folder)
