@@ -39,12 +39,15 @@ def memory(folder: Path) -> None:
     design = design_from({"scenes": AT[-1], "punch": {"x_mm": 99.0, "y_mm": [0.0, 1.0]}})
     rows: list[dict[str, object]] = []
     cpu, wanted = time.process_time(), list(AT)
-    for step in sweep(design, folder / "card.json", folder / "set", workers=2, reuse=False):
-        if isinstance(step, Progress) and wanted and step.done >= wanted[0]:
+
+    def note(step: Progress) -> None:
+        if wanted and step.done >= wanted[0]:
             rows.append({"scenes": wanted.pop(0), "parent_MB": resident_MB(),
                          "parent_cpu_s": time.process_time() - cpu})
             print(rows[-1], flush=True)
             written(rows, "sweep_memory")
+
+    sweep(design, folder / "card.json", folder / "set", workers=2, reuse=False, progress=note)
 
 
 def parts(folder: Path, size: int) -> dict[str, object]:

@@ -81,8 +81,13 @@ def measured(kind: str, card: Path, folder: Path) -> tuple[dict[str, Any], Accou
     """Row of results/sweeps.csv of one kind, and its account."""
     raw, reuse, rows, workers = KINDS[kind]
     design = design_from({"seed": 11, "hold": {"moduli": "instantaneous"}} | dict(raw), max(rows // FEWER, 4))
-    seen = [time.process_time() for step in sweep(design, card, folder, reuse=reuse, workers=workers)
-            if isinstance(step, Progress) and step.stage == "rows"]
+    seen = []
+
+    def note(step: Progress) -> None:
+        if step.stage == "rows":
+            seen.append(time.process_time())
+
+    sweep(design, card, folder, reuse=reuse, workers=workers, progress=note)
     account, table = account_of(folder), read_dataset(folder).table
     run, errors = account.runs[-1], account.errors
     return {"what": kind, "rows": account.rows, "ok": account.outcomes.get("ok", 0),
@@ -176,7 +181,7 @@ def measure(given: argparse.Namespace) -> None:
 def run_paper(given: argparse.Namespace) -> None:
     """The paper's sweep: its account as rows of a table."""
     design = read_design(Path(__file__).parent.parent / "examples" / "paper.toml", given.scenes)
-    *_, _ = sweep(design, given.card, given.folder, workers=given.workers)
+    sweep(design, given.card, given.folder, workers=given.workers)
     account = account_of(given.folder)
     assert account.errors is not None
     whole = {"scenes": account.rows, "ok": account.outcomes.get("ok", 0), "bytes_per_row": account.bytes_per_row,
@@ -194,7 +199,7 @@ def check(given: argparse.Namespace) -> None:
     material = None if held["material"] is None else Material(**held["material"])
     design = Design(**{**held, "material": material, "fields": None})
     card = read_card(given.card)
-    cards = cards_for(design.material, design.seed, card, given.card)
+    cards = cards_for(design.material, design.seed, card)
     ok, rng, found = read_dataset(given.folder).ok, np.random.default_rng(5), []
     for method, count in CHECKED.items():
         chosen = ok.loc[ok["mechanics_method"] == method]

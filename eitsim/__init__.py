@@ -1,1 +1,44 @@
 """Touch simulation: large-strain contact of a foam disc, its conductive skin and the electrode voltages."""
+
+# ruff: noqa: F401
+from typing import TYPE_CHECKING
+
+from touchcal.lazy import attach
+
+if TYPE_CHECKING:
+    from eitsim.electrics.imaging.images import reconstruct
+    from eitsim.electrics.interop.solve_file import solve_sheet_model
+    from eitsim.scene.drive import Drive
+    from eitsim.scene.electrodes import Electrodes
+    from eitsim.scene.results import Result
+    from eitsim.scene.scene import Accuracy, Body, Hold, Punch, Scene, Skin, read_scene
+    from eitsim.simulation.result_json import result_document
+    from eitsim.simulation.simulate import plan, simulate
+    from eitsim.sweeps.dataset.parquet import Dataset, open_dataset
+    from eitsim.sweeps.design.design import Design, read_design
+    from eitsim.sweeps.run.measure import measure
+    from eitsim.sweeps.run.sweep import sweep
+
+__getattr__, __dir__, __all__ = attach(__name__, {
+    "Accuracy": "eitsim.scene.scene",
+    "Body": "eitsim.scene.scene",
+    "Dataset": "eitsim.sweeps.dataset.parquet",
+    "Design": "eitsim.sweeps.design.design",
+    "Drive": "eitsim.scene.drive",
+    "Electrodes": "eitsim.scene.electrodes",
+    "Hold": "eitsim.scene.scene",
+    "Punch": "eitsim.scene.scene",
+    "Result": "eitsim.scene.results",
+    "Scene": "eitsim.scene.scene",
+    "Skin": "eitsim.scene.scene",
+    "measure": "eitsim.sweeps.run.measure",
+    "open_dataset": "eitsim.sweeps.dataset.parquet",
+    "plan": "eitsim.simulation.simulate",
+    "read_design": "eitsim.sweeps.design.design",
+    "read_scene": "eitsim.scene.scene",
+    "reconstruct": "eitsim.electrics.imaging.images",
+    "result_document": "eitsim.simulation.result_json",
+    "simulate": "eitsim.simulation.simulate",
+    "solve_sheet_model": "eitsim.electrics.interop.solve_file",
+    "sweep": "eitsim.sweeps.run.sweep",
+})

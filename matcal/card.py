@@ -149,11 +149,13 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
     return out
 
 
-def card_identity(card: MaterialCard, path: Path) -> dict[str, Any]:
-    """Name, file and content hash (of the material's parts) of a card, and whether synthetic data made it."""
+def card_identity(card: MaterialCard) -> dict[str, Any]:
+    """Name, file (None for a card that has none) and content hash (of the material's parts) of a card, and whether
+    synthetic data made it."""
     parts = {key: value for key, value in as_json(card).items() if key in ("hyperfoam", "prony", "conductivity")}
     text = json.dumps(parts, sort_keys=True)
-    return {"name": card.name, "file": path.name, "sha256": hashlib.sha256(text.encode()).hexdigest(),
+    return {"name": card.name, "file": card.file and card.file.name,
+            "sha256": hashlib.sha256(text.encode()).hexdigest(),
             "synthetic": bool(card.provenance.get("synthetic", False))}
 
 

@@ -12,7 +12,7 @@ import typer
 
 from eitsim.cli.report_command import check_pdf, report, report_written
 from eitsim.cli.sweep_commands import indices, measure, sweep
-from eitsim.scene.scene import Scene, read_scene, scene_tables
+from eitsim.scene.scene import Scene, read_scene
 from matcal.card import MaterialCard, read_card
 from touchcal.errors import NotConverged
 from touchcal.json_file import write_json
@@ -35,11 +35,11 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
     Example: eitsim plan scene.toml --card card.json
     """
     from eitsim.cli.display import show_plan
-    from eitsim.simulation.plan import make_plan
     from eitsim.simulation.result_json import decisions
+    from eitsim.simulation.simulate import plan as planned
 
     parsed = read_scene(scene)
-    made = make_plan(parsed, read_card(_card_path(scene, parsed, card)))
+    made = planned(parsed, _card_path(scene, parsed, card))
     if as_json:
         print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
     else:
@@ -75,6 +75,8 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     """
     from eitsim.cli.display import show_result
     from eitsim.cli.output_files import OutputFiles, check_output_files
+    from eitsim.simulation.result_json import result_document
+    from eitsim.simulation.simulate import simulate
 
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
@@ -90,9 +92,9 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     if reuse and (exact or fields is not None):
         raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
     check_output_files(parsed, files)
-    result, document, note = _solve(parsed, path, exact, reuse)
-    if note:
-        print(note, file=sys.stderr)
+    material = read_card(path)
+    result = simulate(parsed, material, exact=exact, reuse=reuse)
+    document = result_document(result, parsed, material)
     if result.outcome == "refused":
         raise ValueError(f"{scene}: {result.message}")
     if out is not None:
@@ -101,21 +103,21 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         print_json(document)
     else:
         show_result(result, document)
-    for line in _write_files(parsed, result, document, path, files, out, report):
+    for line in _write_files(parsed, result, document, material, files, out, report):
         if not as_json:
             print(line)
     if result.outcome != "ok":
         raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
 
 
-def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: Path, files: OutputFiles,
-                 out: Path | None, report: Path | None) -> Iterator[str]:
+def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: MaterialCard,
+                 files: OutputFiles, out: Path | None, report: Path | None) -> Iterator[str]:
     """Write what is requested next to a stored result, whose hash comes after the skin's file is named in it."""
     from eitsim.cli.output_files import write_output_files
     from touchcal.provenance import file_identity
 
     if result.readings is not None:
-        yield from (f"{name}: {place}" for name, place in write_output_files(scene, result, read_card(card), files))
+        yield from (f"{name}: {place}" for name, place in write_output_files(scene, result, card, files))
     if out is None:
         return
     if result.readings is not None and files.skin is not None:
@@ -131,22 +133,6 @@ def _whole(text: str, flag: str) -> list[int] | None:
     if any(value != int(value) for value in found):
         raise ValueError(f"{flag} must hold whole numbers, got {text}.")
     return [int(value) for value in found] or None
-
-
-def _solve(scene: Scene, card_path: Path, exact: bool, reuse: bool) -> tuple[Result, dict[str, Any], str]:
-    """The result, its document, and a note on the load path where one was asked for."""
-    from eitsim.simulation.result_json import as_json
-    from eitsim.simulation.reuse import scene_shape, table_for
-    from eitsim.simulation.simulate import simulate
-    from matcal.card import card_identity
-    from touchcal.provenance import versions
-
-    card: MaterialCard = read_card(card_path)
-    table, note = table_for(scene_shape(scene, card)) if reuse else (None, "")
-    result = simulate(scene, card, exact=exact, table=table)
-    document = {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card, card_path),
-                "versions": versions()} | as_json(result, scene, card)
-    return result, document, note and f"load path: {note}"
 
 
 app.command()(sweep)
@@ -172,8 +158,14 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
     Example: eitsim solve-mesh model.mat --conductance-S 1e-3 --out solved.json
     """
     from eitsim.cli.display import show_solved
+    from eitsim.electrics.interop.eidors import read_eidors
     from eitsim.electrics.interop.sheet_model import check_element
-    from eitsim.electrics.interop.solve_file import check_conductance, solve_file, unused_tables
+    from eitsim.electrics.interop.solve_file import (
+        check_conductance,
+        solve_sheet_model,
+        solved_document,
+        unused_tables,
+    )
 
     if out is not None:
         check_out(out)
@@ -184,7 +176,10 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
     if scene is not None and (unused := unused_tables(scene)):
         print(f"{scene}: of this file only [drive] is used; {', '.join(unused)} left out, since the model has its own.",
               file=sys.stderr)
-    document = solve_file(model, variable, conductance, read_scene(scene).drive if scene is not None else None, element)
+    held = read_eidors(model, variable)
+    solved = solve_sheet_model(held, conductance_S=conductance, element=element,
+                               drive=read_scene(scene).drive if scene is not None else None)
+    document = solved_document(model, held, conductance, element, solved)
     if out is not None:
         write_json(document, out)
     if as_json:
@@ -223,10 +218,10 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
         check_apart({"--out": out}, [path for path in (frames, scene, baseline) if path is not None])
         check_suffix(out)
     check_wanted(prior, noise_figure)
-    pixels, images, document = images_of(frames, read_scene(scene) if scene is not None else Scene(),
-                                         baseline=baseline, prior=prior, noise_figure=noise_figure)
+    images, document = images_of(frames, read_scene(scene) if scene is not None else Scene(), baseline=baseline,
+                                 prior=prior, noise_figure=noise_figure)
     if out is not None:
-        write_images(pixels, images, out)
+        write_images(images, out)
     if as_json:
         print_json(document)
     else:

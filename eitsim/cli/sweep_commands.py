@@ -5,20 +5,23 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from eitsim.cli.report_command import check_pdf, report_written
+from matcal.card import MaterialCard, read_card
 from touchcal.number_words import counted
 from touchcal.terminal import JsonOption, check_apart, check_out, numbers, print_json
 
 if TYPE_CHECKING:
+    from eitsim.sweeps.dataset.sweep_record import Account
     from eitsim.sweeps.design.design import Design
     from eitsim.sweeps.run.account import Accounted
-    from eitsim.sweeps.run.sweep import Account, Progress
+    from eitsim.sweeps.run.sweep import Progress
 
 
 def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design file (TOML), or a table of scenes "
@@ -63,12 +66,17 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     Example: eitsim sweep scenes.csv --scene scene.toml --card card.json --out sweep
     """
     from eitsim.sweeps.run.account import account_of
+    from eitsim.sweeps.run.scene_table import as_design
+    from eitsim.sweeps.run.sweep import sweep as solve_design
 
     _check_sweep(design, card, scene, out, report, workers, scheduler)
     count = workers if workers is not None else os.cpu_count() or 1
-    rows, begun = _rows_of(design, scene, scenes), time.perf_counter()
-    steps = _cautioned(_steps(rows, card, out, count, scheduler, reuse, exact, other_code), rows, card)
-    account = _followed(steps, rows.scenes, log_every, out)
+    rows, begun = as_design(design, scenes, scene), time.perf_counter()
+    material = read_card(card)
+    with _followed(rows, material, log_every, out) as progress:
+        account = solve_design(rows, material, out, workers=count, scheduler=scheduler, reuse=reuse, exact=exact,
+                               other_code=other_code, progress=progress).account
+    assert account is not None
     spent, found = time.perf_counter() - begun, account_of(out)
     if as_json:
         _print_document(out, spent, account, found)
@@ -94,56 +102,29 @@ def _check_sweep(design: Path, card: Path, scene: Path | None, out: Path, report
         raise ValueError(f"--scene goes with a table of scenes (.csv); {design} holds the tables of a scene itself.")
 
 
-def _rows_of(design: Path, scene: Path | None, scenes: int | None) -> Design:
-    from eitsim.sweeps.design.design import read_design
-    from eitsim.sweeps.run.scene_table import read_scene_table
-
-    return read_scene_table(design, scene, scenes) if design.suffix == ".csv" else read_design(design, scenes)
-
-
-def _steps(rows: Design, card: Path, out: Path, count: int, scheduler: str | None, reuse: bool | None, exact: bool,
-           other_code: bool) -> Iterator[Progress | Account]:
-    from eitsim.sweeps.run.sweep import sweep as steps
-    from touchcal.parallel.dask_cluster import cluster
-
-    return steps(rows, card, out, workers=count, reuse=reuse, exact=exact, other_code=other_code,
-                 pool=cluster(scheduler) if scheduler is not None else None)
-
-
-def _cautioned(steps: Iterator[Progress | Account], rows: Design, card: Path) -> Iterator[Progress | Account]:
-    """The steps; once the sweep has begun and rows are to be solved, what the design will not give is said."""
-    from eitsim.sweeps.run.omissions import cautions
-    from eitsim.sweeps.run.sweep import Progress
-    from matcal.card import read_card
-
-    for number, step in enumerate(steps):
-        if number == 0 and isinstance(step, Progress) and step.done < step.scenes:
-            for sentence in cautions(rows, read_card(card)):
-                print(f"eitsim: {sentence}", file=sys.stderr)
-        yield step
-
-
-def _followed(steps: Iterator[Progress | Account], scenes: int, log_every: float, out: Path) -> Account:
-    """The account at the end of a sweep whose steps are shown; a sweep that is asked to stop ends the command."""
+@contextmanager
+def _followed(rows: Design, card: MaterialCard, log_every: float, out: Path) -> Iterator[Callable[[Progress], None]]:
+    """A function that shows how far a sweep is, and once it has begun and rows are to be solved what the design will
+    not give; a sweep that is asked to stop ends the command."""
     from eitsim.cli.progress import shown
-    from eitsim.sweeps.run.sweep import Progress
+    from eitsim.sweeps.run.omissions import cautions
     from touchcal.signals import Stopped, stoppable
 
-    last, account = None, None
+    last: list[Progress] = []
     try:
-        with stoppable(), shown(scenes, log_every) as show:
-            for step in steps:
-                if isinstance(step, Progress):
-                    last = step
-                    show(step)
-                else:
-                    account = step
+        with stoppable(), shown(rows.scenes, log_every) as show:
+            def follow(step: Progress) -> None:
+                if not last and step.done < step.scenes:
+                    for sentence in cautions(rows, card):
+                        print(f"eitsim: {sentence}", file=sys.stderr)
+                last[:] = [step]
+                show(step)
+
+            yield follow
     except Stopped as stop:
-        print(f"eitsim: stopped by {stop}; {last.done if last else 0} of {scenes} scenes are in {out}. "
+        print(f"eitsim: stopped by {stop}; {last[0].done if last else 0} of {rows.scenes} scenes are in {out}. "
               "The same command goes on from there.", file=sys.stderr)
         raise typer.Exit(stop.status) from None
-    assert account is not None
-    return account
 
 
 def _print_document(out: Path, spent_s: float, account: Account, found: Accounted) -> None:
@@ -182,22 +163,17 @@ def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set 
     from eitsim.sweeps.dataset.parquet import read_manifest
     from eitsim.sweeps.measurement.instrument_table import read_measurement
     from eitsim.sweeps.measurement.noise_summary import Told, in_words
-    from eitsim.sweeps.run.measure import measure as steps
+    from eitsim.sweeps.run.measure import measure as measure_rows
     from touchcal.terminal import counter
 
     check_out(out, folder=True)
     asked = read_measurement(model) if model is not None else None
-    told = None
     with counter(read_manifest(clean)["design"]["scenes"], "rows") as advance:
-        for step in steps(clean, out, asked):
-            if isinstance(step, Told):
-                told = step
-            else:
-                advance(step)
-    if told is not None and as_json:
-        print_json({"out": out, **vars(told)})
-    elif told is not None:
-        print(f"{out}: measured from {clean}\n{in_words(told)}")
+        told = measure_rows(clean, out, asked, progress=advance).manifest["measured"]
+    if as_json:
+        print_json({"out": out, **told})
+    else:
+        print(f"{out}: measured from {clean}\n{in_words(Told(**told))}")
 
 
 def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set of a design with sampler = \"nested\" "

@@ -42,8 +42,8 @@ class Punch:
     y_m: float = 0.0
     # diameter, fillet included, m
     diameter_m: float = 0.014
-    # applied force, N; None where the depth is given
-    force_N: float | None = 1.0
+    # applied force, N; 1 N unless it or the depth is given, None where the depth is given
+    force_N: float | None = None
     # prescribed depth, m; None where the force is given
     depth_m: float | None = None
     # one of PROFILES
@@ -60,6 +60,10 @@ class Punch:
     conductor: bool = False
     # contact impedance of a conducting punch, Ohm m^2
     contact_impedance_Ohm_m2: float = 1e-4
+
+    def __post_init__(self) -> None:
+        if self.force_N is None and self.depth_m is None:
+            object.__setattr__(self, "force_N", 1.0)
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,9 @@ class Scene:
     accuracy: Accuracy = field(default_factory=Accuracy)
     # path of the card that the scene file names; None where it names none
     card: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "punches", tuple(self.punches))
 
 
 # table -> scene-file key -> (field, its units per SI unit); the one place where units of a scene file are converted
@@ -211,6 +218,16 @@ def read_scene(path: Path | str) -> Scene:
         raise TestFileError(path, str(error)) from None
 
 
+def as_scene(scene: Scene | Path | str) -> Scene:
+    """A scene made in Python, checked, or the one that a file (TOML) holds; errors as those of `read_scene`."""
+    if not isinstance(scene, Scene):
+        return read_scene(scene)
+    if not scene.punches:
+        raise ValueError("punches is empty; give one Punch a touch.")
+    _check(scene)
+    return scene
+
+
 def scene_from(raw: Mapping[str, Any]) -> Scene:
     """A checked scene from the tables of a scene file, units as their keys say; ValueError names the key."""
     known = (*_KEYS, "card")
@@ -224,7 +241,7 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
     touches = touches if isinstance(touches, list) else [touches]
     if not touches:
         raise ValueError("punch is an empty list; give one [[punch]] a touch, or leave it out for the default one.")
-    parts["punches"] = tuple(_punch(t) for t in touches)
+    parts["punches"] = tuple(_table("punch", t) for t in touches)
     scene = Scene(**parts, card=raw.get("card"))
     _check(scene)
     return scene
@@ -286,17 +303,6 @@ def _electrodes(raw: Any) -> Electrodes:
     return replace(given, **values, missing=tuple(sorted(open_ends.union(int(k) for k in given.missing))))
 
 
-def _punch(raw: Any) -> Punch:
-    given = dict(raw) if isinstance(raw, Mapping) else raw
-    punch: Punch = _table("punch", given)
-    if isinstance(given, dict) and "depth_mm" in given:
-        if "force_N" in given:
-            raise ValueError("[punch] has both force_N and depth_mm; give one of them.")
-        values = {**punch.__dict__, "force_N": None}
-        return Punch(**values)
-    return punch
-
-
 def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
     positive = {"radius_mm in [body]": body.radius_m * 1e3, "thickness_mm in [body]": body.thickness_m * 1e3,
@@ -327,6 +333,8 @@ def _check(scene: Scene) -> None:
 
 
 def _check_punch(punch: Punch, body: Body) -> None:
+    if punch.force_N is not None and punch.depth_m is not None:
+        raise ValueError("[punch] has both force_N and depth_mm; give one of them.")
     if punch.force_N is not None:
         _require(punch.force_N > 0, "force_N in [punch]", "must be positive (N, pressing into the foam)", punch.force_N)
     if punch.depth_m is not None:

@@ -4,14 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
-from eitsim.scene.scene import Scene
+from eitsim.scene.scene import Scene, scene_tables
 from eitsim.simulation.error_budget import errors, numerical_errors
-from matcal.card import MaterialCard
+from matcal.card import MaterialCard, as_card, card_identity
+from touchcal.provenance import versions
+
+
+def result_document(result: Result, scene: Scene, card: MaterialCard | Path | str) -> dict[str, Any]:
+    """The document that `eitsim run --out` writes of a result: plain JSON values, units in the names of the keys.
+
+    Parameters
+    ----------
+    result
+        What `simulate` returned.
+    scene, card
+        What it was made from.
+
+    Returns
+    -------
+    dict
+        Keys as in `result.json`: the scene's tables, the card's name and hash, versions, plan, outputs and errors.
+    """
+    card = as_card(card)
+    return {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card),
+            "versions": versions()} | as_json(result, scene, card)
 
 
 def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import resource
 import time
 from dataclasses import replace
+from pathlib import Path
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
@@ -12,14 +14,14 @@ from eitsim.mechanics.load_paths.law_family import Family, table_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch
-from eitsim.scene.scene import Body, Scene
+from eitsim.scene.scene import Body, Scene, as_scene
 from eitsim.simulation.error_budget import errors, missed, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, together
-from eitsim.simulation.reuse import decision, served
+from eitsim.simulation.reuse import decision, scene_shape, served, table_for
 from eitsim.simulation.touches import fine_enough, held_touch, solved_touches
 from eitsim.simulation.validity import check_positive
-from matcal.card import MaterialCard
+from matcal.card import MaterialCard, as_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
@@ -29,9 +31,95 @@ from touchcal.errors import NotConverged
 ELECTRICS_SHARE = 0.2
 
 
-def simulate(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
-             table: Table | Family | None = None) -> Result:
-    """Solve a scene with a card or its material; a refusal or a solver's failure is the result's outcome and message.
+def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
+             reuse: bool = False) -> Result:
+    """Solve one scene with one material: depth, pressure, contact and electrode voltages, each with its error estimate.
+
+    Parameters
+    ----------
+    scene
+        A `Scene` (lengths in m, forces in N), or a scene file (TOML).
+    card
+        A `MaterialCard`, or the file of one.
+    exact
+        Turn off what the plan leaves out where that is built; the plan tells what stays.
+    reuse
+        Take touches from a stored load path of their punch; the first one solves and keeps it. Not with `exact`.
+
+    Returns
+    -------
+    Result
+        Its `outcome` is "ok", or it names a refusal or a failure of a solver, which `message` tells; `touches` hold the
+        mechanics of each punch (m, N, Pa), `readings` the voltages (V; patterns x readings), `error_estimate` relative
+        errors. `result_document` makes of it what `eitsim run --out` writes.
+
+    Raises
+    ------
+    ValueError
+        Where the scene or the card lacks or contradicts something, or load paths do not serve the scene.
+    TestFileError
+        Where a file cannot be read.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> from matcal.card import MaterialCard
+    >>> from matcal.laws.conductivity import Conductivity
+    >>> from matcal.laws.hyperfoam import Hyperfoam
+    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> scene = eitsim.Scene(punches=[eitsim.Punch(diameter_m=0.014, force_N=0.2)], accuracy=eitsim.Accuracy(0.05))
+    >>> touch = eitsim.simulate(scene, card)
+    >>> touch.outcome, touch.readings.signal_V.shape
+    ('ok', (16, 13))
+    """
+    if exact and reuse:
+        raise ValueError("exact solves every touch separately; leave out reuse.")
+    scene, card, table = as_scene(scene), as_card(card), None
+    if reuse:
+        table, note = table_for(scene_shape(scene, card))
+        if note:
+            logging.getLogger(__name__).warning("load path: %s", note)
+    return solve_scene(scene, card, exact=exact, table=table)
+
+
+def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False) -> Plan:
+    """What solving a scene needs and leaves out, the reason, and the error each omission may cost; nothing is solved.
+
+    Parameters
+    ----------
+    scene, card, exact
+        As in `simulate`.
+
+    Returns
+    -------
+    Plan
+        `decisions`, their joint `error_bound` (relative, of the signal), and `refusal`: why the scene cannot be solved,
+        empty where it can.
+
+    Raises
+    ------
+    ValueError, TestFileError
+        As in `simulate`.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> from matcal.card import MaterialCard
+    >>> from matcal.laws.conductivity import Conductivity
+    >>> from matcal.laws.hyperfoam import Hyperfoam
+    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> eitsim.plan(eitsim.Scene(punches=[eitsim.Punch(depth_m=0.002)]), card).refusal
+    ''
+    """
+    return make_plan(as_scene(scene), as_card(card), exact=exact)
+
+
+def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
+                table: Table | Family | None = None) -> Result:
+    """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, which its
+    message explains.
 
     exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells; table: load
     paths, or a family of them, that serve the touches they hold to the wanted error (reuse.served), never with exact.
@@ -42,11 +130,11 @@ def simulate(scene: Scene, card: MaterialCard | Material, *, exact: bool = False
     skin_law = material.skin
     paths = None if exact else table_of(table, material.law)
     stored = _stored(paths, material.law, scene)
-    plan = make_plan(scene, material, exact=exact, reused=[
+    made = make_plan(scene, material, exact=exact, reused=[
         decision(paths, touch, scene.body.thickness_m) if paths is not None and touch is not None else None
         for touch in stored])
-    result = Result("refused", plan, message=plan.refusal) if plan.refusal else _solved(
-        plan, material, skin_law, scene, stored, exact)
+    result = Result("refused", made, message=made.refusal) if made.refusal else _solved(
+        made, material, skin_law, scene, stored, exact)
     return replace(result, cost={
         "cpu_s": time.process_time() - cpu, "wall_s": time.perf_counter() - wall,
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})

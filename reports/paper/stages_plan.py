@@ -162,7 +162,7 @@ def _differs(run: Run) -> str:
     manifest = read_manifest(run.sweep)
     found = []
     if run.card.is_file() and (manifest.get("card") or {}).get("sha256") != card_identity(
-            read_card(run.card), run.card)["sha256"]:
+            read_card(run.card))["sha256"]:
         found.append("it was made with another card")
     found += [words] if (words := other_code(manifest)) else []
     return " and ".join(found)

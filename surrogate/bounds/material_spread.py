@@ -53,7 +53,7 @@ def known_material() -> MaterialSpread:
 def spread_of(card: MaterialCard, card_path: Path) -> MaterialSpread:
     """The covariance of the hyperfoam's and the conductivity's parameters over the draws beside the card, moduli as it
     labels them; ValueError where there is no posterior of both that can be used."""
-    return spread_over(cards_for(Material(parts=_PARTS), 0, card, card_path))
+    return spread_over(cards_for(Material(parts=_PARTS), 0, card))
 
 
 def spread_over(cards: Cards) -> MaterialSpread:

@@ -1,19 +1,20 @@
-"""From files of frames to files of images: VTU for ParaView, or a CSV of one row a pixel."""
+"""From frames to images, in arrays and in files: VTU for ParaView, or a CSV of one row a pixel."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import meshio
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from eitsim.electrics.imaging.gauss_newton import NOISE_FIGURE, Pixels, check_wanted, fitted, imager, on_grid
 from eitsim.electrics.imaging.greit_figures import Blob, blob, regions
 from eitsim.scene.electrodes import unread
 from eitsim.scene.frames import read_frames
-from eitsim.scene.scene import Scene
+from eitsim.scene.scene import Scene, as_scene
 from touchcal.csv_numbers import write_numbers
 
 Array = NDArray[np.float64]
@@ -28,15 +29,121 @@ _UNEXPLAINED, _OTHER_SIGN, _FILLED = 0.75, 0.6, 0.6
 _LARGEST_CHANGE = 0.3
 
 
-def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior: str = "laplace",
-              noise_figure: float = NOISE_FIGURE) -> tuple[Pixels, Array, dict[str, Any]]:
-    """Pixels, images (frames, triangles) of the frames in a file, and what is told of them as plain JSON values.
+@dataclass(frozen=True)
+class Seen:
+    """What one image shows."""
 
-    The untouched frame is the mean of those in `baseline`, else the first row of `frames`. Of each image: its line,
-    largest value, and area and centre of the quarter-amplitude set (figures_of_merit.blob), and its separate regions
-    at half of that value (figures_of_merit.regions). Where there is no clear touch the centre is None, and a note says
-    why; so does one for frames that no touch makes. ValueError where there is no touched frame, and as
-    reconstruction.fitted and imager; TestFileError as frames.read_frames.
+    # its quarter-amplitude set, lengths in m; None where the image is 0
+    blob: Blob | None
+    # separate regions at half of its largest value, the largest peak first
+    regions: tuple[Blob, ...]
+    # whether it shows a clear touch, so that the blob's centre is a place
+    clear: bool
+    # in words, why there is no place, or that there are several regions; empty otherwise
+    note: str
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """Difference images of some frames."""
+
+    # triangles of the images: corners, centroids (m) and areas (m^2)
+    pixels: Pixels
+    # (frames, triangles) relative change of the sheet conductance
+    change: Array
+    # one a frame
+    seen: tuple[Seen, ...]
+    # of the untouched skin that fits the untouched frame best: S a square, and 2-norm of what it misses over the
+    # frame's
+    conductance_S: float
+    misfit: float
+    # as given, and as reached
+    prior: str
+    noise_figure: float
+
+
+def reconstruct(frames_V: ArrayLike, baseline_V: ArrayLike, *, scene: Scene | Path | str | None = None,
+                prior: str = "laplace", noise_figure: float = NOISE_FIGURE) -> Images:
+    """Images of the relative change of the skin's conductance: one regularised Gauss-Newton step from the untouched
+    frame.
+
+    Parameters
+    ----------
+    frames_V
+        Touched frames, V, as (frames, readings) or, one or more, as (..., patterns, readings a pattern); readings that
+        need a missing electrode may be NaN.
+    baseline_V
+        The untouched frame, V, or several, whose mean counts.
+    scene
+        `Scene`, or scene file, whose body, electrodes and drive made the frames; by default the default ones.
+    prior
+        "laplace", or "noser", which rings less and places touches worse.
+    noise_figure
+        SNR of the readings over SNR of the image; smaller is smoother.
+
+    Returns
+    -------
+    Images
+        `change` on `pixels`; `seen` tells of each image its largest value, place and separate regions.
+
+    Raises
+    ------
+    ValueError
+        Where the readings are not those of the scene's drive, no uniform skin fits the untouched frame, or the prior or
+        the noise figure cannot be had.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> from matcal.card import MaterialCard
+    >>> from matcal.laws.conductivity import Conductivity
+    >>> from matcal.laws.hyperfoam import Hyperfoam
+    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> punch = eitsim.Punch(x_m=0.04, force_N=0.2)
+    >>> touch = eitsim.simulate(eitsim.Scene(punches=[punch], accuracy=eitsim.Accuracy(0.05)), card)
+    >>> images = eitsim.reconstruct(touch.readings.touched_V, touch.readings.baseline_V)
+    >>> images.change.shape, images.seen[0].clear
+    ((1, 864), True)
+    """
+    check_wanted(prior, noise_figure)
+    scene = as_scene(Scene() if scene is None else scene)
+    lost = unread(scene.drive, scene.electrodes)
+    frames, reference = _frames(frames_V, lost, "frames_V"), _frames(baseline_V, lost, "baseline_V").mean(axis=0)
+    untouched = fitted(scene.body, scene.electrodes, scene.drive, reference)
+    made = imager(untouched, prior=prior, noise_figure=noise_figure)
+    images = made(frames - reference)
+    misfit = np.linalg.norm(np.nan_to_num(untouched.readings_V - reference)) / np.linalg.norm(reference)
+    points, area, squares = on_grid(untouched.pixels, images)
+    seen = tuple(_seen(points, area, square, _unlike(frame, reference), _unexplained(frame - reference, explained))
+                 for square, frame, explained in zip(squares, frames, images @ untouched.jacobian_V.T, strict=True))
+    return Images(untouched.pixels, images, seen, untouched.conductance_S, float(misfit), prior, made.noise_figure)
+
+
+def _frames(given: ArrayLike, lost: NDArray[np.bool_], name: str) -> Array:
+    """(frames, readings), V, 0 where a reading needs a missing electrode; ValueError for another count or a gap."""
+    volts = np.asarray(given, dtype=float)
+    if volts.size == 0 or volts.size % lost.size or volts.shape[-1] not in (lost.size, *_last(volts, lost.size)):
+        raise ValueError(f"{name} has the shape {volts.shape}, and electrodes and drive make frames of {lost.size} "
+                         "readings; check them, or give the scene that made the frames.")
+    volts = np.where(lost, 0.0, volts.reshape(-1, lost.size))
+    if len(gaps := np.argwhere(~np.isfinite(volts))):
+        raise ValueError(f"{name} is not finite at reading {gaps[0, 1]} of frame {gaps[0, 0]}, and its electrodes are "
+                         "all there; leave the frame out, or name what is missing in the scene's electrodes.")
+    return volts
+
+
+def _last(volts: Array, readings: int) -> tuple[int, ...]:
+    """The last axis where the last two are patterns and readings."""
+    return volts.shape[-1:] if volts.ndim > 1 and volts.shape[-2] * volts.shape[-1] == readings else ()
+
+
+def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior: str = "laplace",
+              noise_figure: float = NOISE_FIGURE) -> tuple[Images, dict[str, Any]]:
+    """Images of the frames in a file, and what is told of them as plain JSON values, with their lines.
+
+    The untouched frame is the mean of those in `baseline`, else the first row of `frames`. ValueError where there is no
+    touched frame, and as `reconstruct`; TestFileError as frames.read_frames.
     """
     check_wanted(prior, noise_figure)
     lost = unread(scene.drive, scene.electrodes)
@@ -44,18 +151,12 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
     if len(read.volts) == first:
         raise ValueError(f"{frames}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or a "
                          "touched frame in a row below it.")
-    reference = read_frames(baseline, lost.size, lost).volts.mean(axis=0) if baseline else read.volts[0]
-    untouched = fitted(scene.body, scene.electrodes, scene.drive, reference)
-    made = imager(untouched, prior=prior, noise_figure=noise_figure)
-    images = made(read.volts[first:] - reference)
-    misfit = np.linalg.norm(np.nan_to_num(untouched.readings_V - reference)) / np.linalg.norm(reference)
-    points, area, squares = on_grid(untouched.pixels, images)
-    return untouched.pixels, images, {
-        "conductance_S": untouched.conductance_S, "misfit": float(misfit), "prior": prior,
-        "noise_figure": made.noise_figure,
-        "frames": [_told(line, points, area, square, _unlike(frame, reference), _unexplained(frame - reference, seen))
-                   for line, square, frame, seen in zip(read.line[first:], squares, read.volts[first:],
-                                                        images @ untouched.jacobian_V.T, strict=True)]}
+    reference = read_frames(baseline, lost.size, lost).volts if baseline else read.volts[0]
+    found = reconstruct(read.volts[first:], reference, scene=scene, prior=prior, noise_figure=noise_figure)
+    return found, {"conductance_S": found.conductance_S, "misfit": found.misfit, "prior": found.prior,
+                   "noise_figure": found.noise_figure,
+                   "frames": [{"line": int(line), **_told(one)}
+                              for line, one in zip(read.line[first:], found.seen, strict=True)]}
 
 
 def _unlike(frame: Array, reference: Array) -> str:
@@ -76,19 +177,24 @@ def _unexplained(change: Array, seen: Array) -> float:
     return float(np.linalg.norm(change - seen) / size) if size > 0 else 0.0
 
 
-def _told(line: int, points: Array, area: Array, image: Array, unlike: str, unexplained: float) -> dict[str, Any]:
+def _seen(points: Array, area: Array, image: Array, unlike: str, unexplained: float) -> Seen:
     if not image.any():
-        return {"line": int(line), "x_mm": None, "y_mm": None, "area_mm2": 0.0, "peak": 0.0, "regions": [],
-                "note": "this frame equals the untouched one: its image is 0 and has no centre."}
-    found, parts = blob(points, area, image), regions(points, area, image)
-    unclear = unlike or _unclear(image, found.peak, found.area_m2 / float(area.sum()), unexplained)
-    told = {"line": int(line), **_place(None if unclear else found), "area_mm2": found.area_m2 * 1e6,
-            "peak": found.peak, "regions": [_place(part) | {"area_mm2": part.area_m2 * 1e6} for part in parts]}
-    if not unclear and len(parts) > 1:
-        places = " and ".join(f"({part.x_m * 1e3:.0f}, {part.y_m * 1e3:.0f})" for part in parts)
-        return told | {"note": f"{len(parts)} separate regions at half of the largest value, at {places} mm; x_mm and "
-                               "y_mm are of all together."}
-    return told | ({"note": f"no place is told: {unclear}"} if unclear else {})
+        return Seen(None, (), False, "this frame equals the untouched one: its image is 0 and has no centre.")
+    found, parts = blob(points, area, image), tuple(regions(points, area, image))
+    if unclear := unlike or _unclear(image, found.peak, found.area_m2 / float(area.sum()), unexplained):
+        return Seen(found, parts, False, f"no place is told: {unclear}")
+    places = " and ".join(f"({part.x_m * 1e3:.0f}, {part.y_m * 1e3:.0f})" for part in parts)
+    return Seen(found, parts, True, "" if len(parts) == 1 else (
+        f"{len(parts)} separate regions at half of the largest value, at {places} mm; x_mm and y_mm are of all "
+        "together."))
+
+
+def _told(seen: Seen) -> dict[str, Any]:
+    """What one image shows as plain JSON values, units in the names of the keys."""
+    area, peak = (seen.blob.area_m2 * 1e6, seen.blob.peak) if seen.blob else (0.0, 0.0)
+    return {**_place(seen.blob if seen.clear else None), "area_mm2": area, "peak": peak,
+            "regions": [_place(part) | {"area_mm2": part.area_m2 * 1e6} for part in seen.regions],
+            **({"note": seen.note} if seen.note else {})}
 
 
 def _place(found: Blob | None) -> dict[str, float | None]:
@@ -107,20 +213,21 @@ def _unclear(image: Array, peak: float, filled: float, unexplained: float) -> st
     return ""
 
 
-def write_images(pixels: Pixels, images: Array, path: Path) -> None:
-    """Write relative changes of sheet conductance (frames, triangles), named frame_000, frame_001, ...
+def write_images(images: Images, path: Path) -> None:
+    """Write relative changes of sheet conductance, named frame_000, frame_001, ...
 
     A CSV has the columns x_mm, y_mm of the centroid and area_mm2 before them. ValueError for another suffix.
     """
+    pixels, change = images.pixels, images.change
     check_suffix(path)
-    names = [f"frame_{i:03d}" for i in range(len(images))]
+    names = [f"frame_{i:03d}" for i in range(len(change))]
     if path.suffix == ".csv":
         place = np.column_stack([pixels.centre_m * 1e3, pixels.area_m2 * 1e6])
-        write_numbers(path, ["x_mm", "y_mm", "area_mm2", *names], np.column_stack([place, images.T]))
+        write_numbers(path, ["x_mm", "y_mm", "area_mm2", *names], np.column_stack([place, change.T]))
         return
     points = np.column_stack([pixels.nodes_m, np.zeros(len(pixels.nodes_m))])
     meshio.Mesh(points, [("triangle", pixels.triangles)],
-                cell_data={name: [image] for name, image in zip(names, images, strict=True)}).write(path)
+                cell_data={name: [image] for name, image in zip(names, change, strict=True)}).write(path)
 
 
 def check_suffix(path: Path) -> None:

@@ -33,7 +33,8 @@ Indices = NDArray[np.integer]
 class Model:
     """A forward model of a sheet."""
 
-    # name of the file's variable
+    # file that it was read from, and name of its variable
+    file: Path
     name: str
     # linear triangles, with the boundary edges under each electrode; lengths in m
     mesh: SkinMesh
@@ -57,7 +58,7 @@ def read_eidors(path: Path | str, variable: str | None = None) -> Model:
         name, found = _chosen(_variables(path), variable)
         forward = found.fwd_model if hasattr(found, "fwd_model") else found
         mesh, z = _mesh(forward)
-        return Model(name, mesh, z, _conductance(found, len(mesh.cells)), _stimulation(forward, mesh.count))
+        return Model(path, name, mesh, z, _conductance(found, len(mesh.cells)), _stimulation(forward, mesh.count))
     except TestFileError:
         raise
     except ValueError as error:

@@ -12,6 +12,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from eitsim.sweeps.dataset.sweep_record import Account
 from touchcal.errors import TestFileError
 from touchcal.json_file import write_json
 
@@ -35,14 +37,33 @@ METHODS = ("mechanics_method", "electrics_method")
 FIXED = ("scene", "outcome", *TOUCH, *OUTPUTS, "card_sample", "signal_error", "cpu_s")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Dataset:
-    """Rows of a sweep, sorted by scene."""
+    """A data set of scenes on disk, whose rows are read when they are first asked for."""
 
-    # one row a scene: FIXED, then v_000 ... (touched, V) and dv_000 ... (signal, V), pattern-major
-    table: pd.DataFrame
+    # where it lies
+    folder: Path
     # the manifest: schema, design, card, versions
     manifest: Mapping[str, Any]
+    # columns that `table` has next to FIXED; None: all that are stored
+    columns: Sequence[str] | None = None
+    # what the call of `sweep` did that returned the set; None of one that was opened
+    account: Account | None = None
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row a scene, sorted by scene: FIXED, then v_000 ... (touched, V) and dv_000 ... (signal, V),
+        pattern-major. TestFileError where a part is damaged, lacks a column, or holds a scene that stands in another.
+        """
+        names = None if self.columns is None else [*dict.fromkeys([*FIXED, *self.columns])]
+        table = pd.concat([read_part(path, names) for path in parts(self.folder)], ignore_index=True)
+        table = table.sort_values("scene", ignore_index=True)
+        _require_columns(self.folder, table, FIXED)
+        if table["scene"].duplicated().any():
+            twice = int(table.loc[table["scene"].duplicated(), "scene"].iloc[0])
+            raise TestFileError(self.folder, f"scene {twice} stands in it twice. Remove the part that does not belong "
+                                             "to it.")
+        return table
 
     @property
     def ok(self) -> pd.DataFrame:
@@ -180,22 +201,46 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def read_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Dataset:
-    """Read a data set, or of its columns FIXED and those of `columns` that it has; TestFileError where it is none, has
-    no rows, or holds a scene twice."""
+def open_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Dataset:
+    """Open a data set that `sweep` or `measure` wrote; its rows are read when they are first asked for.
+
+    Parameters
+    ----------
+    folder
+        Where it lies.
+    columns
+        Read of its columns only FIXED and those of these that it has.
+
+    Returns
+    -------
+    Dataset
+        `table` and `ok` are pandas tables of one row a scene, units in the names of the columns.
+
+    Raises
+    ------
+    TestFileError
+        Where the folder is no data set or has no rows.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> eitsim.open_dataset("nowhere")
+    Traceback (most recent call last):
+    touchcal.errors.TestFileError: nowhere: not a data set: it holds no design.json. A data set is the folder that \
+`eitsim sweep --out` writes.
+    """
     folder = Path(folder)
     manifest = read_manifest(folder)
-    files = parts(folder)
-    if not files:
+    if not parts(folder):
         raise TestFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
-    wanted = None if columns is None else [*dict.fromkeys([*FIXED, *columns])]
-    table = pd.concat([read_part(path, wanted) for path in files], ignore_index=True)
-    table = table.sort_values("scene", ignore_index=True)
-    _require_columns(folder, table, FIXED)
-    if table["scene"].duplicated().any():
-        twice = int(table.loc[table["scene"].duplicated(), "scene"].iloc[0])
-        raise TestFileError(folder, f"scene {twice} stands in it twice. Remove the part that does not belong to it.")
-    return Dataset(table, manifest)
+    return Dataset(folder, manifest, columns)
+
+
+def read_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Dataset:
+    """open_dataset, with the rows read at once, so that it tells of damage."""
+    data = open_dataset(folder, columns)
+    _ = data.table
+    return data
 
 
 def _require_columns(folder: Path, table: pd.DataFrame, names: Iterable[str]) -> None:

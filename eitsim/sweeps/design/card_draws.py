@@ -90,8 +90,7 @@ def material_from(raw: Any) -> Material | None:
                     raw.get("specimen", False))
 
 
-def cards_for(material: Material | None, seed: int, card: MaterialCard, card_path: Path, *,
-              in_pairs: bool = False) -> Cards:
+def cards_for(material: Material | None, seed: int, card: MaterialCard, *, in_pairs: bool = False) -> Cards:
     """The cards of a design, read from the posterior beside the card once.
 
     Which draws are chosen, and a specimen's factor exp(omega z) on the moduli, follow from seed and number in the file
@@ -100,6 +99,9 @@ def cards_for(material: Material | None, seed: int, card: MaterialCard, card_pat
     """
     if material is None:
         return Cards(card)
+    if (card_path := card.file) is None:
+        raise ValueError(f"[material] takes cards from a posterior, whose file lies next to that of its card, and card "
+                         f"'{card.name}' has no file. Save it and give its file, or leave out [material].")
     if card.posterior and not card.posterior.get("checks", {}).get("converged", True):
         raise ValueError(f"{card_path}: its posterior did not converge, so that its draws are not the material's. Fit "
                          "it again as the fit advises, or leave out [material].")

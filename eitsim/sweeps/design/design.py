@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -76,7 +76,7 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     count = _count(scenes if scenes is not None else raw.get("scenes"), layout)
     material = material_from(raw["material"]) if "material" in raw else None
     if sampler == nested_design.SAMPLER:
-        nested_design.check(count, material, any(v.distribution.order != "chance" for v in layout.variables))
+        _check_nested(count, material, layout)
     measurement = as_table(measurement_from(raw["measurement"])) if "measurement" in raw else {}
     stored = fields_from(raw["fields"]) if "fields" in raw else None
     design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
@@ -84,6 +84,18 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
         check_one_grid(drawn_keys(design))
     representative_scene(design)
     return design
+
+
+def with_scenes(design: Design, scenes: int) -> Design:
+    """The design with another number of scenes; ValueError where its lists, rows or sampler do not allow it."""
+    count = _count(scenes, _layout(design))
+    if design.sampler == nested_design.SAMPLER:
+        _check_nested(count, design.material, _layout(design))
+    return replace(design, scenes=count)
+
+
+def _check_nested(count: int, material: Material | None, layout: Layout) -> None:
+    nested_design.check(count, material, any(v.distribution.order != "chance" for v in layout.variables))
 
 
 def _count(scenes: Any, layout: Layout) -> int:

@@ -14,8 +14,8 @@ from eitsim.scene.scene import Accuracy
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.hdf5_fields import SUFFIX
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
+from eitsim.sweeps.dataset.sweep_record import Run, runs_of
 from eitsim.sweeps.run.omissions import Omission, omissions_of
-from eitsim.sweeps.run.run_log import Run, runs_of
 from touchcal.errors import TestFileError
 from touchcal.number_words import counted
 

@@ -65,12 +65,12 @@ def begun(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any] | None:
     return None
 
 
-def start_or_continue(folder: Path, design: Design, cards: Cards, card_path: Path, method: Mapping[str, Any],
+def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mapping[str, Any],
                       rows_per_part: int, reuse: bool | None, columns: Sequence[str],
                       other_code: bool) -> tuple[Mapping[str, Any], Standing]:
     """Write the manifest or check the one that stands there, and the rows; returns it, with how touches are solved and
     the size of parts as the folder was started, and what stands there."""
-    manifest = {"design": _plain(design), "card": card_identity(cards.card, card_path), "versions": versions(),
+    manifest = {"design": _plain(design), "card": card_identity(cards.card), "versions": versions(),
                 "method": method, "rows_per_part": rows_per_part, "code": key_of({}), "posterior": dict(cards.source)}
     if (stands := begun(folder, manifest)) is None:
         return manifest, standing(folder, design.scenes, rows_per_part)

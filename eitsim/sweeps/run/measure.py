@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,10 +17,11 @@ from eitsim.electrics.forward.untouched import TABLES, by_contact, conductance_o
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.design.design import design_from, representative_scene
 from eitsim.sweeps.measurement.instrument import Indices, Measured, Measurement, channels_of, measured
-from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurement_from
-from eitsim.sweeps.measurement.noise_summary import Sums, Told, volts
+from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurement_from, read_measurement
+from eitsim.sweeps.measurement.noise_summary import Sums, volts
 from eitsim.sweeps.run.folder import begun, sole_writer
 from touchcal.cache import key_of
 from touchcal.errors import TestFileError
@@ -52,13 +53,45 @@ class Lab:
     skin: _Skin | None
 
 
-def measure(clean: Path, folder: Path, measurement: Measurement | None = None) -> Iterator[int | Told]:
-    """Write the data set of `clean` as measured to `folder`; yields the rows done after each part, then what it means.
+def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measurement | Path | str | None = None, *,
+            progress: Callable[[int], None] | None = None) -> Dataset:
+    """Turn clean rows into rows as an instrument gives them: noise, gain, drift, contact impedances, quantisation.
 
-    measurement: by default that of the design. Parts map one to one; those that stand in the folder are kept. A column
-    `clipped` counts samples at the full scale. TestFileError where `clean` is no data set, damaged or measured already,
-    ValueError where the folder lies in it or holds another measurement, that of another set, or one by other code.
+    Parts map one to one; those that stand in the folder are kept. A column `clipped` counts samples at the full scale.
+
+    Parameters
+    ----------
+    clean
+        A data set of clean rows, or its folder.
+    out
+        Folder of the measured set; an unfinished one is continued.
+    measurement
+        A `Measurement` (voltages in V), or a file (TOML) with one table [measurement]; by default the design's own.
+    progress
+        Called with the number of rows done after each part.
+
+    Returns
+    -------
+    Dataset
+        `manifest["measured"]` tells what the measurement means for its rows (`Told`).
+
+    Raises
+    ------
+    TestFileError
+        Where `clean` is no data set, damaged or measured already.
+    ValueError
+        Where the folder lies in it or holds another measurement, that of another set, or one by other code.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> eitsim.measure("sweep", "sweep")
+    Traceback (most recent call last):
+    ValueError: sweep is the clean data set itself; give another folder.
     """
+    clean, folder = clean.folder if isinstance(clean, Dataset) else Path(clean), Path(out)
+    if isinstance(measurement, Path | str):
+        measurement = read_measurement(measurement)
     if folder.resolve() == clean.resolve():
         raise ValueError(f"{folder} is the clean data set itself; give another folder.")
     if clean.resolve() in folder.resolve().parents:
@@ -69,18 +102,19 @@ def measure(clean: Path, folder: Path, measurement: Measurement | None = None) -
         parquet.read_part(path)  # before anything is written: a part that is mended later makes it another set
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
-        told = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}, (__name__,)), "clean": {
+        stated = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}, (__name__,)), "clean": {
             "folder": clean.resolve().name, "sha256": _content(parts)}}
-        _start_or_continue(folder, told)
+        _start_or_continue(folder, stated)
         sums = Sums()
         for path in parts:
             before = parquet.read_part(path)
             after = _part(folder / path.name, before, lab)
             sums.add(lab.measurement, before, after)
-            yield sums.all_rows
-        found = sums.told(lab.measurement)
-        parquet.write_manifest(folder, told | {"measured": vars(found)})
-    yield found
+            if progress is not None:
+                progress(sums.all_rows)
+        stated |= {"measured": vars(sums.told(lab.measurement))}
+        parquet.write_manifest(folder, stated)
+    return Dataset(folder, stated)
 
 
 def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | None) -> Lab:

@@ -17,7 +17,7 @@ from eitsim.scene.results import Result, Touch
 from eitsim.scene.scene import scene_from
 from eitsim.simulation.material import material_of
 from eitsim.simulation.result_json import mechanical
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.card_draws import Cards, card_at, columns, recorded
 from eitsim.sweeps.design.design import Design, card_number, representative_scene, tables_at
@@ -26,7 +26,7 @@ from eitsim.sweeps.run.row_columns import blank_keys, keys_of, numbered
 
 def solve_rows(design: Design, cards: Cards, indices: list[int], *, exact: bool = False,
                table: Table | Family | None = None) -> list[dict[str, Any]]:
-    """Rows of these scenes, solved as by `simulate`; one that cannot be made is "refused", what `simulate` raises is
+    """Rows of these scenes, solved as by `solve_scene`; one that cannot be made is "refused", what it raises is
     raised. Where the design asks for fields, those of a solved scene are its row's "fields"."""
     blank = blank_row(design, cards)
     return [blank | {"scene": index} | _row(design, cards, index, exact, table) for index in indices]
@@ -52,7 +52,7 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | F
         raise
     except ValueError as error:
         return keys | {"outcome": "refused", "message": str(error)}
-    result = simulate(scene, material, exact=exact, table=table)
+    result = solve_scene(scene, material, exact=exact, table=table)
     row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
     if design.fields is not None and result.readings is not None:
         begun = time.process_time()

@@ -12,42 +12,8 @@ from typing import Any
 
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.dataset.sweep_record import RUNS, Run
 from eitsim.sweeps.run.omissions import LEFT_OUT, Omission
-
-RUNS = "runs"
-
-
-@dataclass(frozen=True)
-class Run:
-    """One call of a sweep, from its first row to its last; without one that was killed."""
-
-    # how touches were solved, in words
-    method: str
-    # rows solved, and their CPU time, s
-    rows: int
-    rows_cpu_s: float
-    # wall time from the first row handed out to the last one on disk, s; the start of workers counts
-    rows_wall_s: float
-    # processes that solved them; None where others lent them
-    workers: int | None
-    # wall time until the table of load paths was there, s
-    table_wall_s: float
-    # CPU time of encoding parts, s, with the workers
-    encoding_cpu_s: float
-    # CPU and wall time of writing parts, s, alone in the parent
-    writing_cpu_s: float
-    writing_wall_s: float
-    # how many load paths, and CPU time when they were solved, s, here or earlier
-    paths: int = 0
-    paths_cpu_s: float = 0.0
-    # the same of the rim's changes
-    rim: int = 0
-    rim_cpu_s: float = 0.0
-
-    @property
-    def efficiency(self) -> float | None:
-        """CPU time of rows over the wall time of all workers; None where their number is not known."""
-        return None if not self.workers or not self.rows else self.rows_cpu_s / (self.rows_wall_s * self.workers)
 
 
 @dataclass
@@ -89,8 +55,3 @@ def record(folder: Path, manifest: Mapping[str, Any], run: Run, left_out: Sequen
     kept = {key: value for key, value in manifest.items() if key != "schema"}
     parquet.write_manifest(folder, kept | {
         RUNS: [*manifest.get(RUNS, []), asdict(run)], LEFT_OUT: [asdict(one) for one in left_out]})
-
-
-def runs_of(manifest: Mapping[str, Any]) -> list[Run]:
-    """All that are on record, the first one first."""
-    return [Run(**run) for run in manifest.get(RUNS, [])]

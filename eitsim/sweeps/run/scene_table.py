@@ -11,7 +11,7 @@ from typing import Any
 
 from eitsim.scene.drive import MATRICES, with_matrices
 from eitsim.scene.scene import check_value, scene_from, scene_keys
-from eitsim.sweeps.design.design import Design, design_from
+from eitsim.sweeps.design.design import Design, design_from, read_design, with_scenes
 from eitsim.sweeps.design.sampling import row_tables
 from eitsim.sweeps.design.variables import SENSOR, layout_of
 from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
@@ -40,6 +40,18 @@ class _Cells:
     rows: tuple[Mapping[Where, Any], ...]
     # line of each row in the file, from 1
     lines: tuple[int, ...]
+
+
+def as_design(design: Design | Path | str, scenes: int | None = None, scene: Path | str | None = None) -> Design:
+    """A design itself, or that of a file (TOML) or of a table of scenes (CSV) with its scene file, with so many scenes;
+    ValueError or TestFileError where they make none."""
+    table = not isinstance(design, Design) and Path(design).suffix == ".csv"
+    if scene is not None and not table:
+        what = "the design" if isinstance(design, Design) else design
+        raise ValueError(f"--scene goes with a table of scenes (.csv); {what} holds the tables of a scene itself.")
+    if isinstance(design, Design):
+        return design if scenes is None else with_scenes(design, scenes)
+    return read_scene_table(design, scene, scenes) if table else read_design(design, scenes)
 
 
 def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: int | None = None) -> Design:

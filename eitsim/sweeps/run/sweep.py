@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +13,8 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.simulation.material import material_of
 from eitsim.sweeps.dataset import code_history, hdf5_fields, parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
+from eitsim.sweeps.dataset.parquet import Dataset
+from eitsim.sweeps.dataset.sweep_record import Account, Run, runs_of
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
 from eitsim.sweeps.design.design import Design, representative_scene
@@ -21,9 +23,11 @@ from eitsim.sweeps.run.load_path_choice import method_for, table_of, told
 from eitsim.sweeps.run.omissions import omissions
 from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
-from eitsim.sweeps.run.run_log import Run, Spent, record, runs_of
-from matcal.card import MaterialCard, read_card
+from eitsim.sweeps.run.run_log import Spent, record
+from eitsim.sweeps.run.scene_table import as_design
+from matcal.card import MaterialCard, as_card
 from matcal.laws.conductivity import Conductivity
+from touchcal.parallel.dask_cluster import cluster
 from touchcal.parallel.pool import WorkerPool
 from touchcal.parallel.processes import processes
 
@@ -31,6 +35,8 @@ from touchcal.parallel.processes import processes
 ROWS_FROM_TABLE, ROWS_AFRESH = 64, 16
 
 Loads = Table | Family | None
+# the address of a dask scheduler, workers, or a context that connects to them
+Pool = str | WorkerPool | AbstractContextManager[WorkerPool]
 
 
 @dataclass(frozen=True)
@@ -50,55 +56,90 @@ class Progress:
     signal_error: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True)
-class Account:
-    """What a sweep did."""
+def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Path | str, *,
+          scenes: int | None = None, scene: Path | str | None = None, workers: int = 1, scheduler: Pool | None = None,
+          reuse: bool | None = None, exact: bool = False, other_code: bool = False,
+          progress: Callable[[Progress], None] | None = None) -> Dataset:
+    """Solve every scene of a design that a folder lacks; one that was stopped goes on where it was.
 
-    # outcome -> number of rows, over the whole data set
-    outcomes: Mapping[str, int]
-    # outcome other than "ok" -> the message of its first row
-    reasons: Mapping[str, str]
-    # rows solved by this call
-    solved: int
-    # rows that stood there before
-    kept: int
-    # how touches were solved, in words
-    method: str
-    # what the call spent; None where all rows were there
-    run: Run | None = None
+    Rows, but for COST, depend on the design, the card, `reuse` and `exact` only, not on who works or how often the
+    sweep was stopped. A scene whose solution takes its process with it, again and again, is a row "crashed", which the
+    next call solves again.
 
+    Parameters
+    ----------
+    design
+        A `Design`, a design file (TOML), or a table of scenes (CSV, one row a scene).
+    card
+        A `MaterialCard`, or the file of one. With `[material]` draws it must have a file, next to which they lie.
+    out
+        Folder of the data set. It keeps to what it was started with.
+    scenes
+        Number of scenes, in place of the design's own.
+    scene
+        With a table of scenes: the scene file of what its columns leave out.
+    workers
+        Processes of this machine; 1 for this process itself. More of them need `if __name__ == "__main__":` around a
+        script that calls this.
+    scheduler
+        Who works instead: the address of a dask scheduler, or a pool (`touchcal.parallel.pool.ExecutorPool`).
+    reuse
+        Whether touches come from a table of load paths; by default where that repays its cost.
+    exact
+        Every row as `simulate` with `exact`, without a table.
+    other_code
+        Go on where other code or libraries made the rows; the manifest tells which scenes are whose.
+    progress
+        Called at the start and after each part.
 
-def sweep(design: Design, card_path: Path, folder: Path, *, workers: int = 1,
-          pool: AbstractContextManager[WorkerPool] | WorkerPool | None = None, reuse: bool | None = None,
-          exact: bool = False, other_code: bool = False) -> Iterator[Progress | Account]:
-    """Solve every scene of `design` that `folder` lacks; yields Progress at the start and after each part, then the
-    Account.
+    Returns
+    -------
+    Dataset
+        Its rows, and `account`: what this call did.
 
-    workers: processes of this machine, 1 for this process itself; pool: who works instead, as cluster.cluster(address)
-    or pool.ExecutorPool(executor, count). reuse: whether touches come from a table of load paths, by default where
-    that repays
-    its cost; exact: every row as simulate(exact=True), without a table. A folder keeps to what it was started with.
-    other_code: go on where other code or libraries made the rows; the manifest tells which scenes are whose.
-    Rows, but for COST, depend on the design, the card and these two only, not on who works or how often the sweep was
-    stopped. A scene whose solution takes its process with it, again and again, is a row "crashed", which the next call
-    solves again.
-    ValueError where the folder belongs to another design or card, was started otherwise or by other code, where reuse
-    is asked for and the design has no use for a table, or where another sweep is writing to it; PoolUnavailable where
-    nobody works, before anything is written where `pool` tells it; OSError where the folder cannot be written.
+    Raises
+    ------
+    ValueError
+        Where the folder belongs to another design or card, was started otherwise or by other code, where `reuse` is
+        asked for and the design has no use for a table, or where another sweep is writing to the folder.
+    PoolUnavailable
+        Where nobody works; before anything is written where the scheduler says so.
+    OSError
+        Where the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, eitsim
+    >>> from matcal.card import MaterialCard
+    >>> from matcal.laws.conductivity import Conductivity
+    >>> from matcal.laws.hyperfoam import Hyperfoam
+    >>> from eitsim.sweeps.design.design import design_from
+    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> design = design_from({"scenes": 2, "punch": {"force_N": [0.1, 0.2]}, "accuracy": {"signal": 0.05}})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     data = eitsim.sweep(design, card, folder)
+    ...     len(data.ok), data.account.solved
+    (2, 2)
     """
+    design, card = as_design(design, scenes, scene), as_card(card)
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}.")
     if exact and reuse:
         raise ValueError("exact solves every touch afresh; leave out reuse.")
-    card = read_card(card_path)
     _check_card(card, design)
-    cards = cards_for(design.material, design.seed, card, card_path, in_pairs=design.sampler == nested_design.SAMPLER)
-    with _entered(pool) as lent:
+    cards = cards_for(design.material, design.seed, card, in_pairs=design.sampler == nested_design.SAMPLER)
+    folder = Path(out)
+    with _entered(scheduler) as pool:
         folder.mkdir(parents=True, exist_ok=True)
         with sole_writer(folder):
-            work = _work(design, cards, card_path, folder, reuse, exact, other_code)
-            account = yield from _done(work, lent, workers)
-    yield account
+            work = _work(design, cards, folder, reuse, exact, other_code, progress or _silent)
+            account = _done(work, pool, workers)
+    return replace(parquet.open_dataset(folder), account=account)
+
+
+def _silent(step: Progress) -> None:
+    """Tell nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,34 +153,36 @@ class _Work:
     before: Standing
     # scenes without a row, by part
     todo: list[range]
+    # who hears how far it is
+    hears: Callable[[Progress], None]
 
     @property
     def method(self) -> Mapping[str, Any]:
         """How touches are solved, as the folder was started."""
         return self.manifest["method"]
 
-    def progress(self, counts: OutcomeCounts, stage: str = "rows") -> Progress:
-        """How far the rows of these counts are."""
+    def tell(self, counts: OutcomeCounts, stage: str = "rows") -> None:
+        """Tell how far the rows of these counts are."""
         median, most = counts.error_below(0.5), counts.error_below(0.95)
-        return Progress(counts.rows, self.design.scenes, self.before.counts.rows, counts.outcomes, stage,
-                        None if median is None or most is None else (median, most))
+        self.hears(Progress(counts.rows, self.design.scenes, self.before.counts.rows, counts.outcomes, stage,
+                            None if median is None or most is None else (median, most)))
 
 
-def _work(design: Design, cards: Cards, card_path: Path, folder: Path, reuse: bool | None, exact: bool,
-          other_code: bool) -> _Work:
+def _work(design: Design, cards: Cards, folder: Path, reuse: bool | None, exact: bool, other_code: bool,
+          hears: Callable[[Progress], None]) -> _Work:
     method = method_for(design, cards, reuse, exact)
     size = ROWS_FROM_TABLE if method["reuse"] else ROWS_AFRESH
-    manifest, before = start_or_continue(folder, design, cards, card_path, method, size, reuse,
+    manifest, before = start_or_continue(folder, design, cards, method, size, reuse,
                                          list(blank_row(design, cards)), other_code)
-    return _Work(design, cards, folder, manifest, before, missing(before.there, manifest["rows_per_part"]))
+    return _Work(design, cards, folder, manifest, before, missing(before.there, manifest["rows_per_part"]), hears)
 
 
-def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Generator[Progress, None, Account]:
+def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
     """Solve and keep what is to be done, and put on record what it cost."""
     count, spent, run = workers if work.method["reuse"] or len(work.todo) > 1 else 1, Spent(), None
-    with processes(count) if lent is None else nullcontext(lent) as hands:
-        work, table, note = yield from _with_table(work, hands, spent)
-        counts = yield from _rows(work, hands, table, spent)
+    with processes(count) if lent is None else nullcontext(lent) as pool:
+        work, table, note = _with_table(work, pool, spent)
+        counts = _rows(work, pool, table, spent)
     if work.todo:
         kept = work.before.counts
         run = spent.run(_how(work, table, note), counts.rows - kept.rows, counts.cpu_s - kept.cpu_s,
@@ -150,26 +193,26 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Generator[Progr
     return _account(work, counts, run)
 
 
-def _with_table(work: _Work, hands: WorkerPool, spent: Spent) -> Generator[Progress, None, tuple[_Work, Loads, str]]:
+def _with_table(work: _Work, pool: WorkerPool, spent: Spent) -> tuple[_Work, Loads, str]:
     """The load paths where touches are taken from them, which the manifest then tells, and a note on them."""
     if not work.method["reuse"] or not work.todo:
         return work, None, ""
-    yield work.progress(work.before.counts, "table")
+    work.tell(work.before.counts, "table")
     with spent.on("table"):
-        table, note = table_of(work.design, work.cards, hands, work.method)
+        table, note = table_of(work.design, work.cards, pool, work.method)
     return replace(work, manifest=keep_to_table(work.folder, work.manifest, table, note)), table, note
 
 
-def _rows(work: _Work, hands: WorkerPool, table: Loads, spent: Spent) -> Generator[Progress, None, OutcomeCounts]:
+def _rows(work: _Work, pool: WorkerPool, table: Loads, spent: Spent) -> OutcomeCounts:
     """Solve and keep the parts that are missing; the counts of all rows."""
     counts = work.before.counts
-    yield work.progress(counts)
+    work.tell(counts)
     with spent.on("rows"):
-        for part in solved_parts(hands, work.design, work.cards, work.todo, exact=work.method["exact"], table=table):
+        for part in solved_parts(pool, work.design, work.cards, work.todo, exact=work.method["exact"], table=table):
             with spent.on("writing"):
                 _keep(work.folder, work.design, part, work.manifest["rows_per_part"])
             counts, spent.encoding_cpu_s = counts + part.counts, spent.encoding_cpu_s + part.encoding_cpu_s
-            yield work.progress(counts)
+            work.tell(counts)
     return counts
 
 
@@ -187,9 +230,10 @@ def _account(work: _Work, counts: OutcomeCounts, run: Run | None) -> Account:
                    kept, told(work.method, None, "") if how is None else how.method, run)
 
 
-def _entered(pool: AbstractContextManager[WorkerPool] | WorkerPool | None) -> AbstractContextManager[WorkerPool | None]:
+def _entered(scheduler: Pool | None) -> AbstractContextManager[WorkerPool | None]:
     """Who works instead of processes of this machine, connected to where that is still to be done."""
-    return pool if isinstance(pool, AbstractContextManager) else nullcontext(pool)
+    found = cluster(scheduler) if isinstance(scheduler, str) else scheduler
+    return found if isinstance(found, AbstractContextManager) else nullcontext(found)
 
 
 def _keep(folder: Path, design: Design, part: Part, size: int) -> None:

@@ -187,7 +187,7 @@ def test_frames_that_no_touch_makes_have_no_place_and_a_note(tmp_path: Path):
     odd = [-baseline(), 1e6 * baseline(), 1.01 * baseline(), baseline() + noise]
     write_numbers(tmp_path / "frames.csv", [f"v_{i:03d}" for i in range(baseline().size)],
                   np.array([baseline(), *odd]))
-    told = images_of(tmp_path / "frames.csv", Scene())[2]["frames"]
+    told = images_of(tmp_path / "frames.csv", Scene())[1]["frames"]
     for image, named in zip(told, ("sign is flipped", "no touch does", "fills 100%", "as noise does"), strict=True):
         assert named in image["note"]
         assert image["x_mm"] is image["y_mm"] is None
@@ -199,7 +199,7 @@ def test_two_discs_far_apart_are_two_regions_and_said_to_be(tmp_path: Path):
     change = sum(0.3 * (np.hypot(*(pixel.centre_m - [x, 0.0]).T) < 0.012) for x in (-0.055, 0.055))
     write_numbers(tmp_path / "frames.csv", [f"v_{i:03d}" for i in range(baseline().size)],
                   np.array([baseline(), baseline() + untouched().jacobian_V @ change]))
-    (image,) = images_of(tmp_path / "frames.csv", Scene(), noise_figure=1.0)[2]["frames"]
+    (image,) = images_of(tmp_path / "frames.csv", Scene(), noise_figure=1.0)[1]["frames"]
     assert "2 separate regions" in image["note"]
     assert sorted(round(part["x_mm"] / 55) for part in image["regions"]) == [-1, 1]
 

@@ -22,13 +22,14 @@ from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation import reuse
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.dataset.parquet import COST, read_dataset
+from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.card_draws import Material, cards_for
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run import family_choice
 from eitsim.sweeps.run.family_choice import family_repays, span_for
-from eitsim.sweeps.run.sweep import Account, sweep
+from eitsim.sweeps.run.sweep import sweep
 from eitsim.sweeps.run.table_choice import REPAYS, fine_enough_for
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
@@ -102,7 +103,7 @@ def test_a_law_of_the_span_keeps_the_pressures_that_were_solved(family) -> None:
 
 def test_a_scene_says_that_its_law_is_a_mean_and_a_law_beyond_is_solved_afresh(family) -> None:
     scene = scene_from({"punch": {"x_mm": 20, "force_N": 0.25}, "accuracy": {"signal": 0.05}})
-    near, far = (simulate(scene, MaterialCard("drawn", law, None, SKIN), table=family)
+    near, far = (solve_scene(scene, MaterialCard("drawn", law, None, SKIN), table=family)
                  for law in (LAWS[0], replace(FOAM, alpha=1.01 * FOAM.alpha)))
     (said,) = [d for d in near.plan.decisions if d.decision == "load path reused"]
     assert "weighted mean of those of 3 drawn laws" in said.reason
@@ -156,8 +157,8 @@ def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def account(card: Path, folder: Path, scenes: int, **options) -> Account:
-    *_, last = sweep(design_from(RAW, scenes), card, folder, **options)
-    assert isinstance(last, Account)
+    last = sweep(design_from(RAW, scenes), card, folder, **options).account
+    assert last is not None
     return last
 
 
@@ -181,9 +182,9 @@ def test_rows_of_drawn_laws_do_not_depend_on_workers_or_the_cache(card: Path, tm
 def test_families_are_made_where_they_repay_their_cost(card: Path) -> None:
     def repaid(scenes: int) -> bool:
         design = design_from(RAW, scenes)
-        return family_repays(design, *span_for(design, cards_for(Material(4), 7, read_card(card), card)))
+        return family_repays(design, *span_for(design, cards_for(Material(4), 7, read_card(card))))
 
-    span = span_for(design_from(RAW, 1), cards_for(Material(4), 7, read_card(card), card))[1]
+    span = span_for(design_from(RAW, 1), cards_for(Material(4), 7, read_card(card)))[1]
     least = REPAYS + len(span.chosen) * family_choice.LAW_REPAYS + len(span.held_out) * family_choice.CHECK_REPAYS
     assert not repaid(least - 1)
     assert repaid(least)

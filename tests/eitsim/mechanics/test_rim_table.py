@@ -31,7 +31,7 @@ from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation.reuse import decision, scene_shape, served
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.table_choice import fine_enough_for, rim_repays
 from matcal.card import MaterialCard
@@ -104,7 +104,7 @@ def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
     assert touch is not None
     assert "what the rim changes" in decision(table, touch, 0.01).reason
     assert served(replace(table, rim=None), FOAM, scene) == (None,)
-    result = simulate(scene, CARD, table=table)
+    result = solve_scene(scene, CARD, table=table)
     assert result.outcome == "ok"
     (said,) = [d for d in result.plan.decisions if d.decision == "load path reused"]
     assert said.error_bound > max(table.error.depth, table.error.signal)

@@ -14,7 +14,7 @@ from eitsim.mechanics.load_paths.table import carried_over, parts_of, shape_of, 
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.reuse import decision, scene_shape, served
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.table_choice import REPAYS, design_shape, repays
 from matcal.card import MaterialCard
@@ -115,13 +115,13 @@ def test_what_a_table_does_not_hold_is_none(table, change: dict) -> None:
 
 
 def test_a_scene_from_a_table_says_so(table, scene) -> None:
-    quick, fresh = simulate(scene, CARD, table=table), simulate(scene, CARD)
+    quick, fresh = solve_scene(scene, CARD, table=table), solve_scene(scene, CARD)
     (said,) = [d for d in quick.plan.decisions if d.decision == "load path reused"]
     assert said.error_bound == 2 * max(table.error.depth, table.error.signal)
     assert "solved from rest" not in " ".join(d.decision for d in quick.plan.decisions)
     missed = np.linalg.norm(quick.readings.signal_V - fresh.readings.signal_V)
     assert 0 < missed < (said.error_bound + fresh.readings.signal_error) * np.linalg.norm(fresh.readings.signal_V)
-    exact = simulate(scene, CARD, exact=True, table=table)
+    exact = solve_scene(scene, CARD, exact=True, table=table)
     assert "load path reused" not in [d.decision for d in exact.plan.decisions]
 
 

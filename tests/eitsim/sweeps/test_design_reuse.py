@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from eitsim.electrics.forward.gridded_fields import fields_from
-from eitsim.sweeps.design.design import design_from, read_design, valid_scenes
+from eitsim.sweeps.design.design import Design, design_from, read_design, valid_scenes
 from eitsim.sweeps.run.scene_table import read_scene_table
-from eitsim.sweeps.run.sweep import sweep
+from eitsim.sweeps.run.sweep import Progress, sweep
 from eitsim.sweeps.run.table_choice import design_shape, repays
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
@@ -21,6 +21,23 @@ from touchcal.errors import NotConverged
 CARD = MaterialCard("Table 1", Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm"),
                     None, Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
 EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+class _Ended(Exception):
+    """Ends a sweep from its progress."""
+
+
+def begun(design: Design, place: Path, steps: int = 1, **options: Any) -> None:
+    """Sweep as far as this number of steps."""
+    seen = []
+
+    def end(step: Progress) -> None:
+        seen.append(step)
+        if len(seen) == steps:
+            raise _Ended
+
+    with pytest.raises(_Ended):
+        sweep(design, place / "card.json", place / "out", progress=end, **options)
 
 
 @pytest.mark.parametrize(("diameter", "diameters", "spans"), [
@@ -48,9 +65,7 @@ def test_rows_added_to_a_table_of_scenes_change_no_load_path(tmp_path: Path, mon
     (tmp_path / "scenes.csv").write_text("\n".join(["d_mm,F_N", *cells]) + "\n")
     write_card(CARD, tmp_path / "card.json")
     few = read_scene_table(tmp_path / "scenes.csv")
-    step = sweep(few, tmp_path / "card.json", tmp_path / "out", reuse=True)
-    next(step)
-    step.close()
+    begun(few, tmp_path, reuse=True)
     (tmp_path / "scenes.csv").write_text("\n".join(["d_mm,F_N", *cells, "30,0.3"]) + "\n")
     more, asked = read_scene_table(tmp_path / "scenes.csv"), []
 
@@ -59,10 +74,7 @@ def test_rows_added_to_a_table_of_scenes_change_no_load_path(tmp_path: Path, mon
         raise NotConverged("none is made here")
 
     monkeypatch.setattr("eitsim.sweeps.run.load_path_choice.table_for", recorded)
-    step = sweep(more, tmp_path / "card.json", tmp_path / "out")
-    for _ in range(2):
-        next(step)
-    step.close()
+    begun(more, tmp_path, steps=2)
     assert design_shape(more, CARD).spans
     assert asked == [design_shape(few, CARD)]
 
@@ -75,11 +87,9 @@ def test_what_differs_of_a_table_of_scenes_is_named(change: dict[str, Any], name
     (tmp_path / "scenes.csv").write_text("d_mm,F_N\n12,0.2\n14,0.3\n")
     write_card(CARD, tmp_path / "card.json")
     design = read_scene_table(tmp_path / "scenes.csv")
-    step = sweep(design, tmp_path / "card.json", tmp_path / "out")
-    next(step)
-    step.close()
+    begun(design, tmp_path)
     with pytest.raises(ValueError, match=named):
-        next(sweep(replace(design, **change), tmp_path / "card.json", tmp_path / "out"))
+        sweep(replace(design, **change), tmp_path / "card.json", tmp_path / "out")
 
 
 def test_drawn_profiles_are_solved_afresh() -> None:

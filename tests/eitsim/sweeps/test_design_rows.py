@@ -26,7 +26,7 @@ QUICK = {"accuracy": {"signal": 0.2}}
 
 
 def solved(design: Design) -> list[dict[str, Any]]:
-    return solve_rows(design, cards_for(None, 0, CARD, Path()), list(range(design.scenes)))
+    return solve_rows(design, cards_for(None, 0, CARD), list(range(design.scenes)))
 
 
 def test_columns_of_further_touches_carry_their_number() -> None:

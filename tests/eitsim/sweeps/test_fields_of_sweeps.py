@@ -36,7 +36,7 @@ def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def swept(card: Path, folder: Path, scenes: int, **changed: Any) -> None:
-    list(sweeps.sweep(design_from(RAW | changed, scenes), card, folder))
+    sweeps.sweep(design_from(RAW | changed, scenes), card, folder)
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -98,7 +98,7 @@ def test_fields_are_fixed_by_the_design(card: Path, tmp_path: Path) -> None:
 
 def test_without_the_table_nothing_is_stored(card: Path, tmp_path: Path) -> None:
     plain = {key: value for key, value in RAW.items() if key != "fields"}
-    list(sweeps.sweep(design_from(plain, 2), card, tmp_path / "a"))
+    sweeps.sweep(design_from(plain, 2), card, tmp_path / "a")
     assert files(tmp_path / "a") == {}
     with pytest.raises(TestFileError, match=r"has no \[fields\]"):
         read_fields(tmp_path / "a")
@@ -126,6 +126,6 @@ def test_damage_is_named_with_the_mend(card: Path, tmp_path: Path) -> None:
 
 def test_measured_rows_point_to_the_clean_set(card: Path, tmp_path: Path) -> None:
     swept(card, tmp_path / "a", 2)
-    list(measure(tmp_path / "a", tmp_path / "b", Measurement(noise_V=1e-3)))
+    measure(tmp_path / "a", tmp_path / "b", Measurement(noise_V=1e-3))
     with pytest.raises(TestFileError, match="stand in the clean set"):
         read_fields(tmp_path / "b")

@@ -16,7 +16,7 @@ from eitsim.sweeps.dataset.parquet import FIXED, read_dataset, write_manifest, w
 from eitsim.sweeps.design.card_draws import Cards, Material, cards_for, count_in_use, draw_of
 from eitsim.sweeps.design.design import card_number, design_from, scene_at
 from eitsim.sweeps.measurement.instrument import Measurement
-from eitsim.sweeps.run.sweep import Account, sweep
+from eitsim.sweeps.run.sweep import sweep
 from eitsim.sweeps.sobol.sobol_indices import indices_of, read_blocks
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
@@ -86,7 +86,7 @@ def test_rows_of_a_block_share_touches_and_cards() -> None:
 
 
 def test_the_cards_of_a_block_differ(card: Path) -> None:
-    made_of = cards_for(design_from(RAW, 4).material, 7, read_card(card), card)
+    made_of = cards_for(design_from(RAW, 4).material, 7, read_card(card))
     pairs = [{draw_of(made_of, 2 * b), draw_of(made_of, 2 * b + 1)} for b in range(60)]
     assert {len(pair) for pair in pairs} == {2}
     assert len({tuple(sorted(pair)) for pair in pairs}) == 15
@@ -95,7 +95,7 @@ def test_the_cards_of_a_block_differ(card: Path) -> None:
 @pytest.mark.parametrize("draws", [2, 3, 5, 6])
 def test_the_cards_of_a_block_differ_whatever_their_number(card: Path, draws: int) -> None:
     """Of an odd number one sits out of each cycle, so that no pair is parted by its end; all serve in the long run."""
-    alone, paired = (cards_for(Material(draws), 7, read_card(card), card, in_pairs=pairs) for pairs in (False, True))
+    alone, paired = (cards_for(Material(draws), 7, read_card(card), in_pairs=pairs) for pairs in (False, True))
     met = np.array([draw_of(paired, number) for number in range(400)]).reshape(-1, 2)
     assert (met[:, 0] != met[:, 1]).all()
     assert set(met.ravel().tolist()) == set(range(draws))
@@ -192,8 +192,8 @@ def test_other_data_sets_are_refused(tmp_path: Path) -> None:
 def test_a_nested_sweep_grows_and_its_command_tells_all_readings(card: Path, tmp_path: Path) -> None:
     """Only the skin is drawn: the mechanics of a touch are the same with both cards, bit for bit."""
     for scenes in (4, 8):
-        *_, last = sweep(design_from(RAW, scenes), card, tmp_path / "a")
-        assert isinstance(last, Account)
+        last = sweep(design_from(RAW, scenes), card, tmp_path / "a").account
+        assert last is not None
         assert (last.solved, last.kept) == (4, scenes - 4)
     table = read_dataset(tmp_path / "a").table
     assert table["delta_max_mm"].to_numpy()[::2].tolist() == table["delta_max_mm"].to_numpy()[1::2].tolist()

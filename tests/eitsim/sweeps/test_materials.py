@@ -20,6 +20,7 @@ from eitsim.simulation import reuse
 from eitsim.simulation.plan import ONE_CARD
 from eitsim.simulation.simulate import simulate
 from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
+from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.card_draws import (
     Cards,
     Material,
@@ -34,7 +35,7 @@ from eitsim.sweeps.design.design import card_number, design_from, scene_at
 from eitsim.sweeps.run.account import account_of
 from eitsim.sweeps.run.omissions import omissions
 from eitsim.sweeps.run.rows import solve_rows
-from eitsim.sweeps.run.sweep import Account, sweep
+from eitsim.sweeps.run.sweep import sweep
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -74,12 +75,12 @@ def written(folder: Path, draws: Draws, **changes) -> Path:
 
 
 def cards(card: Path, seed: int = 7, **table) -> Cards:
-    return cards_for(material_from(table), seed, read_card(card), card)
+    return cards_for(material_from(table), seed, read_card(card))
 
 
 def account(card: Path, folder: Path, scenes: int, raw: dict = RAW, workers: int = 1) -> Account:
-    *_, last = sweep(design_from(raw, scenes), card, folder, workers=workers)
-    assert isinstance(last, Account)
+    last = sweep(design_from(raw, scenes), card, folder, workers=workers).account
+    assert last is not None
     return last
 
 
@@ -131,13 +132,13 @@ def test_specimens_scatter_as_replicates_do_and_keep_their_shape(tmp_path: Path)
     rng = np.random.default_rng(0)
     n = 1000
     base = Draws(np.tile(MU, (n, 1)), np.tile(ALPHA, (n, 1)), np.zeros((n, 3)), omega=np.full(n, 0.15))
-    made = cards_for(Material(specimen=True), int(rng.integers(99)), read_card(p := written(tmp_path, base)), p)
+    made = cards_for(Material(specimen=True), int(rng.integers(99)), read_card(p := written(tmp_path, base)))
     assert made.draws is not None
     factor = made.draws.mu_Pa / MU
     assert np.allclose(factor, factor[:, :1], rtol=1e-12)
     assert np.log(factor[:, 0]).std() == pytest.approx(0.15, rel=4 / np.sqrt(2 * n))
     assert np.log(factor[:, 0]).mean() == pytest.approx(0.0, abs=4 * 0.15 / np.sqrt(n))
-    again = cards_for(Material(draws=10, specimen=True), made.seed, read_card(p), p)
+    again = cards_for(Material(draws=10, specimen=True), made.seed, read_card(p))
     assert again.draws is not None
     assert again.draws.mu_Pa.tolist() == made.draws.mu_Pa[:10].tolist()
 
@@ -203,12 +204,12 @@ def test_skins_drawn_for_one_foam_share_its_load_paths_and_so_do_foams_that_diff
     monkeypatch.setattr(reuse, "DEPTHS", (0.035, 0.05, 0.065))
     monkeypatch.setattr(build_table, "_CHECKS", 3)
     raw = RAW | {"material": {"draws": 5, "parts": ["conductivity"]}}
-    *_, last = sweep(design_from(raw, 3), card, tmp_path / "a", reuse=True)
-    assert isinstance(last, Account)
+    last = sweep(design_from(raw, 3), card, tmp_path / "a", reuse=True).account
+    assert last is not None
     assert "a table of 1 load paths" in last.method
     assert read_dataset(tmp_path / "a").table["card_sample"].nunique() == 3
-    *_, last = sweep(design_from(RAW, 3), card, tmp_path / "b", reuse=True)
-    assert isinstance(last, Account)
+    last = sweep(design_from(RAW, 3), card, tmp_path / "b", reuse=True).account
+    assert last is not None
     assert "a table of 1 load paths (" in last.method
     assert read_dataset(tmp_path / "b").table["mu_1_Pa"].nunique() == 3
 
@@ -256,7 +257,7 @@ def test_what_a_posterior_lacks_is_named(tmp_path: Path) -> None:
         cards(path, specimen=True)
     itself = read_card(path)
     with pytest.raises(ValueError, match="did not converge"):
-        cards_for(Material(), 0, replace(itself, posterior={**itself.posterior, "checks": {"converged": False}}), path)
+        cards_for(Material(), 0, replace(itself, posterior={**itself.posterior, "checks": {"converged": False}}))
     write_card(replace(itself, posterior={}), path)
     with pytest.raises(ValueError, match="--posterior"):
         cards(path)

@@ -48,9 +48,11 @@ def clean(tmp_path: Path) -> Path:
 
 
 def done(clean: Path, folder: Path, **terms) -> Told:
-    *_, last = measure(clean, folder, measurement_from(terms))
-    assert isinstance(last, Told)
-    return last
+    return Told(**measure(clean, folder, measurement_from(terms)).manifest["measured"])
+
+
+class _Ended(Exception):
+    """Ends a measurement from its progress."""
 
 
 def volts(folder: Path, prefix: str) -> np.ndarray:
@@ -97,9 +99,13 @@ def test_the_noise_is_told_of_every_voltage(clean: Path, tmp_path: Path) -> None
 def test_a_stopped_measurement_goes_on_and_keeps_its_parts(clean: Path, tmp_path: Path) -> None:
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
     told = done(clean, whole, **NOISY)
-    steps = measure(clean, stopped, measurement_from(NOISY))
-    assert next(steps) == 8
-    steps.close()
+
+    def end(rows: int) -> None:
+        assert rows == 8
+        raise _Ended
+
+    with pytest.raises(_Ended):
+        measure(clean, stopped, measurement_from(NOISY), progress=end)
     (first,) = parquet.parts(stopped)
     stood = first.stat().st_mtime_ns
     assert done(clean, stopped, **NOISY) == told
@@ -145,12 +151,12 @@ def test_other_frames_than_the_sensors_are_refused(clean: Path, tmp_path: Path) 
 
 
 def test_a_measurement_is_of_the_parts_that_it_began_with_and_of_one_code(clean: Path, tmp_path: Path) -> None:
-    steps = measure(clean, tmp_path / "noisy", measurement_from(NOISY))
-    next(steps)
-    last = parquet.read_part(parquet.parts(clean)[-1])
-    parquet.write_table(parquet.part_path(clean, 24), last.assign(scene=last["scene"] + 8))
-    *_, told = steps
-    assert isinstance(told, Told)
+    def add(rows: int) -> None:
+        if rows == 8:
+            last = parquet.read_part(parquet.parts(clean)[-1])
+            parquet.write_table(parquet.part_path(clean, 24), last.assign(scene=last["scene"] + 8))
+
+    measure(clean, tmp_path / "noisy", measurement_from(NOISY), progress=add)
     assert len(parquet.parts(tmp_path / "noisy")) == len(parquet.parts(clean)) - 1
     parquet.parts(clean)[-1].unlink()
     manifest = parquet.read_manifest(tmp_path / "noisy")
@@ -222,7 +228,7 @@ def test_a_design_without_a_measurement_asks_for_one(clean: Path, tmp_path: Path
 def test_the_designs_own_measurement_is_the_default(clean: Path, tmp_path: Path) -> None:
     design = design_from({"scenes": ROWS, "measurement": NOISY})
     parquet.write_manifest(clean, parquet.read_manifest(clean) | {"design": asdict(design)})
-    *_, told = measure(clean, tmp_path / "own")
+    told = Told(**measure(clean, tmp_path / "own").manifest["measured"])
     assert told == done(clean, tmp_path / "asked", **NOISY)
     with pytest.raises(ValueError, match=r"snr_db in \[measurement\] says nothing"):
         design_from({"scenes": ROWS, "measurement": {"snr_db": 60}})

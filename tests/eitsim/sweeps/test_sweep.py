@@ -25,13 +25,14 @@ from eitsim.sweeps.dataset.parquet import (
     read_manifest,
     with_rows,
 )
+from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import Design, design_from
 from eitsim.sweeps.run import sweep as sweeping
 from eitsim.sweeps.run.parts import solved_parts
 from eitsim.sweeps.run.rows import crashed_row
 from eitsim.sweeps.run.scene_table import read_scene_table
-from eitsim.sweeps.run.sweep import Account, Progress, sweep
+from eitsim.sweeps.run.sweep import Progress, sweep
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -50,8 +51,8 @@ def card(tmp_path: Path) -> Path:
 
 
 def account(design: Design, card: Path, folder: Path, workers: int = 1) -> Account:
-    *_, last = sweep(design, card, folder, workers=workers)
-    assert isinstance(last, Account)
+    last = sweep(design, card, folder, workers=workers).account
+    assert last is not None
     return last
 
 
@@ -115,14 +116,15 @@ def test_what_takes_its_worker_with_it_is_a_row(card: Path) -> None:
 def test_a_part_that_cannot_be_written_leaves_the_others(card: Path, tmp_path: Path,
                                                          monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweeping, "ROWS_AFRESH", 2)
-    steps = sweep(design_from(RAW, 4), card, tmp_path / "a")
-    while (done := next(steps)).done < 2:
-        assert isinstance(done, Progress)
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limit[1]))
+
+    def fill(step: Progress) -> None:
+        if step.done >= 2:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limit[1]))
+
     try:
         with pytest.raises(OSError, match="What is finished is kept"):
-            next(steps)
+            sweep(design_from(RAW, 4), card, tmp_path / "a", progress=fill)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == [".lock", MANIFEST, "part-000000000.parquet"]
@@ -160,14 +162,14 @@ def test_other_code_is_refused_or_its_scenes_are_told(card: Path, tmp_path: Path
     with pytest.raises(ValueError, match=r"numpy 1.0, older\) than these \(touchcal.*--other-code"):
         account(design_from(RAW, 3), card, folder)
     assert (folder / MANIFEST).read_bytes() == stood
-    *_, last = sweep(design_from(RAW, 3), card, folder, other_code=True)
-    assert isinstance(last, Account)
+    last = sweep(design_from(RAW, 3), card, folder, other_code=True).account
+    assert last is not None
     assert "2 rows are of other code" in last.method
     found = read_manifest(folder)
     assert (found["code"], found["versions"]) == (mine["code"], mine["versions"])
     assert found["earlier_code"] == [{"code": "older", "versions": {"numpy": "1.0"}, "scenes": [[0, 1]]}]
     altered(folder, code="newer")
-    list(sweep(design_from(RAW, 4), card, folder, other_code=True))
+    sweep(design_from(RAW, 4), card, folder, other_code=True)
     assert [(one["code"], one["scenes"]) for one in read_manifest(folder)["earlier_code"]] == [
         ("older", [[0, 1]]), ("newer", [[2, 2]])]
 
@@ -177,7 +179,7 @@ def test_rows_of_other_columns_are_not_continued(card: Path, tmp_path: Path) -> 
     (part,) = parts(tmp_path / "a")
     part.write_bytes(encoded(decoded(part).drop(columns="fraction_non_elliptic")))
     with pytest.raises(ValueError, match=r"other columns \(fraction_non_elliptic\)"):
-        list(sweep(design_from(RAW, 2), card, tmp_path / "a", other_code=True))
+        sweep(design_from(RAW, 2), card, tmp_path / "a", other_code=True)
 
 
 def test_a_file_system_without_locks_is_no_obstacle(card: Path, tmp_path: Path,
@@ -198,13 +200,16 @@ def test_two_writers_without_locks_double_no_row_of_a_growing_sweep(card: Path, 
         raise OSError(errno.ENOLCK, "No locks available")
     monkeypatch.setattr("fcntl.flock", unsupported)
     account(design_from(RAW, 1), card, tmp_path / "a")
-    one, other = (sweep(design_from(RAW, 3), card, tmp_path / "a") for _ in range(2))
-    next(one)
-    next(other)
-    for steps in (one, other):
-        *_, last = steps
-        assert isinstance(last, Account)
-        assert last.solved == 2
+    solved = []
+
+    def another(step: Progress) -> None:
+        """Once this sweep has seen what is there, another one writes the same rows."""
+        if step.done == 1:
+            solved.append(account(design_from(RAW, 3), card, tmp_path / "a").solved)
+
+    found = sweep(design_from(RAW, 3), card, tmp_path / "a", progress=another).account
+    assert found is not None
+    assert [*solved, found.solved] == [2, 2]
     assert read_dataset(tmp_path / "a").table["scene"].tolist() == [0, 1, 2]
 
 
@@ -223,11 +228,11 @@ def test_crashed_rows_are_solved_again_by_the_same_command(card: Path, tmp_path:
 
 
 def test_two_sweeps_do_not_share_a_folder(card: Path, tmp_path: Path) -> None:
-    one = sweep(design_from(RAW, 1), card, tmp_path / "a")
-    next(one)
-    with pytest.raises(ValueError, match="another sweep is writing"):
+    def another(_: Progress) -> None:
         account(design_from(RAW, 1), card, tmp_path / "a")
-    one.close()
+
+    with pytest.raises(ValueError, match="another sweep is writing"):
+        sweep(design_from(RAW, 1), card, tmp_path / "a", progress=another)
     assert account(design_from(RAW, 1), card, tmp_path / "a").solved == 1
 
 
@@ -257,7 +262,7 @@ def test_what_a_solver_raises_is_a_crash_and_no_refusal(card: Path, tmp_path: Pa
                                                         monkeypatch: pytest.MonkeyPatch) -> None:
     def singular(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("Singular matrix")
-    monkeypatch.setattr("eitsim.sweeps.run.rows.simulate", singular)
+    monkeypatch.setattr("eitsim.sweeps.run.rows.solve_scene", singular)
     found = account(design_from(RAW, 2), card, tmp_path / "a")
     assert dict(found.outcomes) == {"crashed": 2}
     assert found.reasons["crashed"] == "LinAlgError: Singular matrix"

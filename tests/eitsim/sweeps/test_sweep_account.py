@@ -18,11 +18,11 @@ from eitsim.mechanics.load_paths import build_table
 from eitsim.simulation import reuse
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
+from eitsim.sweeps.dataset.sweep_record import Account, Run
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.account import Accounted, Errors, account_of, document, in_words, lines
 from eitsim.sweeps.run.omissions import Omission
-from eitsim.sweeps.run.run_log import Run
-from eitsim.sweeps.run.sweep import Account, Progress, sweep
+from eitsim.sweeps.run.sweep import Progress, sweep
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -93,8 +93,8 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Account]
         patch.setattr(reuse, "DEPTHS", (0.065, 0.07, 0.075))
         patch.setattr(build_table, "_CHECKS", 3)
         for scenes in (3, 5):
-            *_, last = sweep(design_from(RAW, scenes), place / "card.json", place / "set", reuse=True)
-            assert isinstance(last, Account)
+            last = sweep(design_from(RAW, scenes), place / "card.json", place / "set", reuse=True).account
+            assert last is not None
             accounts.append(last)
     return place / "set", accounts
 

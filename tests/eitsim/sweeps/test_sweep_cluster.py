@@ -18,7 +18,7 @@ from eitsim.simulation import reuse
 from eitsim.sweeps.dataset.parquet import COST, read_dataset
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run import sweep as sweeping
-from eitsim.sweeps.run.sweep import Account, Progress, sweep
+from eitsim.sweeps.run.sweep import Progress, sweep
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -55,18 +55,21 @@ def rows(folder: Path) -> pd.DataFrame:
 
 @pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_makes_the_rows_of_one_process(card: Path, tmp_path: Path, address: str) -> None:
-    steps, killed = sweep(design_from(RAW, SCENES), card, tmp_path / "a", pool=cluster(address), reuse=True), False
-    for step in steps:
-        if isinstance(step, Progress) and step.done and not killed:
+    killed = []
+
+    def kill(step: Progress) -> None:
+        if step.done and not killed:
             with distributed.Client(address, set_as_default=False) as client:
                 pid = next(iter(client.run(lambda: __import__("os").getpid()).values()))
             psutil.Process(pid).kill()
-            killed = True
+            killed.append(pid)
+
+    account = sweep(design_from(RAW, SCENES), card, tmp_path / "a", scheduler=address, reuse=True,
+                    progress=kill).account
     assert killed
-    assert isinstance(step, Account)
-    assert dict(step.outcomes) == {"ok": SCENES}
-    for _ in sweep(design_from(RAW, SCENES), card, tmp_path / "b", reuse=True):
-        pass
+    assert account is not None
+    assert dict(account.outcomes) == {"ok": SCENES}
+    sweep(design_from(RAW, SCENES), card, tmp_path / "b", reuse=True)
     pd.testing.assert_frame_equal(rows(tmp_path / "a"), rows(tmp_path / "b"), check_exact=True)
 
 
@@ -82,7 +85,7 @@ def test_no_scheduler_or_no_workers_is_said(card: Path, tmp_path: Path, monkeypa
 def test_without_a_scheduler_nothing_is_written(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("touchcal.parallel.dask_cluster._ANSWER_S", 0.2)
     with pytest.raises(PoolUnavailable, match="no dask scheduler answers"):
-        next(sweep(design_from(RAW, SCENES), card, tmp_path / "set", pool=cluster("tcp://127.0.0.1:9"), reuse=True))
+        sweep(design_from(RAW, SCENES), card, tmp_path / "set", scheduler="tcp://127.0.0.1:9", reuse=True)
     assert not (tmp_path / "set").exists()
 
 

@@ -19,7 +19,7 @@ from eitsim.sweeps.dataset.parquet import COST, read_dataset
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run import sweep as sweeping
 from eitsim.sweeps.run.folder import standing
-from eitsim.sweeps.run.sweep import Account, sweep
+from eitsim.sweeps.run.sweep import sweep
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -33,13 +33,13 @@ DEPTHS, PART = (0.065, 0.07, 0.075), 4
 SWEEP = f"""
 import sys
 from pathlib import Path
-from eitsim import reuse, sweep
+from eitsim.simulation import reuse
 from eitsim.sweeps.design.design import design_from
+from eitsim.sweeps.run import sweep
 if __name__ == "__main__":
     reuse.DEPTHS, sweep.ROWS_FROM_TABLE = {DEPTHS}, {PART}
-    for step in sweep.sweep(design_from({RAW}, int(sys.argv[3])), Path(sys.argv[1]), Path(sys.argv[2]), workers=2,
-                            reuse=True):
-        print(step, flush=True)
+    sweep.sweep(design_from({RAW}, int(sys.argv[3])), Path(sys.argv[1]), Path(sys.argv[2]), workers=2, reuse=True,
+                progress=lambda step: print(step, flush=True))
 """
 
 
@@ -55,8 +55,8 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def left_alone(place: Path, scenes: int) -> pd.DataFrame:
-    *_, account = sweep(design_from(RAW, scenes), place / "card.json", place / "whole", reuse=True)
-    assert isinstance(account, Account)
+    account = sweep(design_from(RAW, scenes), place / "card.json", place / "whole", reuse=True).account
+    assert account is not None
     return rows(place / "whole")
 
 

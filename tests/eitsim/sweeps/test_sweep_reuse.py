@@ -10,9 +10,10 @@ import pytest
 
 from eitsim.simulation import reuse
 from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
+from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run import sweep as sweeping
-from eitsim.sweeps.run.sweep import Account, sweep
+from eitsim.sweeps.run.sweep import sweep
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -33,8 +34,8 @@ def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def account(card: Path, folder: Path, scenes: int, **options) -> Account:
-    *_, last = sweep(design_from(RAW, scenes), card, folder, **options)
-    assert isinstance(last, Account)
+    last = sweep(design_from(RAW, scenes), card, folder, **options).account
+    assert last is not None
     return last
 
 
@@ -46,7 +47,7 @@ def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp
     assert cache.clear() == 1
     account(card, tmp_path / "b", 5, reuse=True, workers=2)
     with ThreadPoolExecutor(2) as threads:
-        account(card, tmp_path / "c", 5, reuse=True, pool=ExecutorPool(threads, 3))
+        account(card, tmp_path / "c", 5, reuse=True, scheduler=ExecutorPool(threads, 3))
     a, *others = (read_dataset(tmp_path / name).table.drop(columns=[*COST]) for name in "abc")
     for other in others:
         pd.testing.assert_frame_equal(a, other, check_exact=True)
@@ -113,7 +114,7 @@ class _Deadly:
 
 def test_workers_lost_over_the_table_stop_the_sweep_before_any_row(card: Path, tmp_path: Path) -> None:
     with pytest.raises(PoolUnavailable, match="the same command goes on from there"):
-        account(card, tmp_path / "a", 2, reuse=True, pool=_Deadly())
+        account(card, tmp_path / "a", 2, reuse=True, scheduler=_Deadly())
     assert "table" not in read_manifest(tmp_path / "a")["method"]
     assert "a table of 1 load paths" in account(card, tmp_path / "a", 2, reuse=True).method
     assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"table"}

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.dataset.sweep_record import RUNS, Run
 from eitsim.sweeps.run.omissions import LEFT_OUT, Omission
-from eitsim.sweeps.run.run_log import RUNS, Run
 from reports.sweep import dispatch
 from reports.sweep.sweep_report import report
 

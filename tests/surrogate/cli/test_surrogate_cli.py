@@ -286,7 +286,7 @@ def test_help_needs_no_torch() -> None:
 
 def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Call, forward: Path, few: Path,
                                                                        tmp_path: Path) -> None:
-    list(measure(few, tmp_path / "measured", Measurement(snr_db=70, relative_to="rms")))
+    measure(few, tmp_path / "measured", Measurement(snr_db=70, relative_to="rms"))
     scores = {}
     for name, folder in (("clean", few), ("measured", tmp_path / "measured")):
         status, out, _ = call("evaluate", forward, folder, "--json")
@@ -303,7 +303,7 @@ def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Cal
 def test_intervals_of_rows_measured_otherwise_are_cautioned(call: Call, few: Path, tmp_path: Path) -> None:
     """Another seed is the same measurement; a model that does not tell is not doubted."""
     for name, model in (("a", Measurement(snr_db=70)), ("b", Measurement(snr_db=70, seed=5))):
-        list(measure(few, tmp_path / name, model))
+        measure(few, tmp_path / name, model)
     assert call("train", tmp_path / "a", "--out", tmp_path / "m", "--method", "ridge")[0] == 0
     told = [call("evaluate", tmp_path / "m", folder)[1] for folder in (tmp_path / "a", tmp_path / "b", few)]
     assert ["caution: intervals" in text for text in told] == [False, False, True]

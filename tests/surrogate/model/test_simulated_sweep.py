@@ -22,8 +22,7 @@ def test_a_hundred_simulated_scenes_teach_the_forward_map(tmp_path: Path) -> Non
     write_json(TABLE_1, tmp_path / "card.json")
     design = design_from({"scenes": 100, "seed": 5, "punch": {"x_mm": [-40, 40], "y_mm": [-40, 40],
                                                               "diameter_mm": [10, 18], "force_N": [0.1, 2.0]}})
-    for _ in sweep(design, tmp_path / "card.json", tmp_path / "sweep"):
-        pass
+    sweep(design, tmp_path / "card.json", tmp_path / "sweep")
     samples = read_samples(tmp_path / "sweep")
     scores = evaluate(train(samples, "forward", seed=1), samples).scores["outputs"]
     rmse = {name: parts["test"]["rmse"] for name, parts in scores.items()}

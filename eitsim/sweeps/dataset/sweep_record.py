@@ -1,0 +1,66 @@
+"""What a call of a sweep did and spent: what it returns, and what the manifest of its folder keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+# Key of the manifest: what each call spent.
+RUNS = "runs"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One call of a sweep, from its first row to its last; without one that was killed."""
+
+    # how touches were solved, in words
+    method: str
+    # rows solved, and their CPU time, s
+    rows: int
+    rows_cpu_s: float
+    # wall time from the first row handed out to the last one on disk, s; the start of workers counts
+    rows_wall_s: float
+    # processes that solved them; None where others lent them
+    workers: int | None
+    # wall time until the table of load paths was there, s
+    table_wall_s: float
+    # CPU time of encoding parts, s, with the workers
+    encoding_cpu_s: float
+    # CPU and wall time of writing parts, s, alone in the parent
+    writing_cpu_s: float
+    writing_wall_s: float
+    # how many load paths, and CPU time when they were solved, s, here or earlier
+    paths: int = 0
+    paths_cpu_s: float = 0.0
+    # the same of the rim's changes
+    rim: int = 0
+    rim_cpu_s: float = 0.0
+
+    @property
+    def efficiency(self) -> float | None:
+        """CPU time of rows over the wall time of all workers; None where their number is not known."""
+        return None if not self.workers or not self.rows else self.rows_cpu_s / (self.rows_wall_s * self.workers)
+
+
+@dataclass(frozen=True)
+class Account:
+    """What a sweep did."""
+
+    # outcome -> number of rows, over the whole data set
+    outcomes: Mapping[str, int]
+    # outcome other than "ok" -> the message of its first row
+    reasons: Mapping[str, str]
+    # rows solved by this call
+    solved: int
+    # rows that stood there before
+    kept: int
+    # how touches were solved, in words
+    method: str
+    # what the call spent; None where all rows were there
+    run: Run | None = None
+
+
+def runs_of(manifest: Mapping[str, Any]) -> list[Run]:
+    """All that are on record, the first one first."""
+    return [Run(**run) for run in manifest.get(RUNS, [])]
