@@ -236,7 +236,7 @@ def test_draws_come_back_from_the_file_as_cards(tmp_path) -> None:
     write_card(card, tmp_path / "c.json")
     with pytest.raises(TestFileError, match="is not there"):
         read_draws(tmp_path / "c.json")
-    write_draws(draws, tmp_path / "c.d" / "posterior.nc", {})
+    write_draws(draws, tmp_path / "c.d" / "posterior.nc", derived_of(draws))
     stored = arviz.from_netcdf(str(tmp_path / "c.d" / "posterior.nc"))
     assert stored.posterior["mu_Pa"].shape == (1, 8, 3)
     np.testing.assert_allclose(stored.posterior["mu_0_instantaneous_Pa"][0],
