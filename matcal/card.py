@@ -41,7 +41,7 @@ class MaterialCard:
     # folder of reduced experiments and posterior, relative to the card; None when the card stands alone
     data: str | None = None
     schema: int = SCHEMA
-    # file that it was read from or written to, beside which its data lie; None for a card that has none
+    # file that it was read from or written to, next to which its data lie; None for a card that has none
     file: Path | None = field(default=None, compare=False, repr=False)
 
 

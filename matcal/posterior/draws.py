@@ -48,7 +48,7 @@ class Draws:
 
 
 def read_draws(card: MaterialCard | Path | str) -> Draws:
-    """The draws beside a card's file; ValueError where it has none, TestFileError where their file is missing or
+    """The draws next to a card's file; ValueError where it has none, TestFileError where their file is missing or
     broken."""
     import h5netcdf
 
@@ -56,7 +56,7 @@ def read_draws(card: MaterialCard | Path | str) -> Draws:
     if not card.posterior:
         raise ValueError(f"{card.file or card.name}: the card has no posterior. Fit it again with --posterior.")
     if (path := card.file) is None:
-        raise ValueError(f"card '{card.name}' was not saved, and its draws lie beside its file. Save the calibration "
+        raise ValueError(f"card '{card.name}' was not saved, and its draws lie next to its file. Save the calibration "
                          "first.")
     file = path.parent / str(card.posterior["file"])
     if not file.exists():

@@ -31,7 +31,7 @@ class Calibration:
     posterior: Posterior | None = None
 
     def save(self, path: Path | str) -> Calibration:
-        """Write the card and, beside it, the folder of its data, as the command `matcal fit` does.
+        """Write the card and, next to it, the folder of its data, as the command `matcal fit` does.
 
         Parameters
         ----------

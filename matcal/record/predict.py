@@ -29,7 +29,7 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     Parameters
     ----------
     card
-        A card or its file, beside which the draws of its posterior lie.
+        A card or its file, next to which the draws of its posterior lie.
     mode
         One of `PREDICTED`: uniaxial, biaxial, planar, shear, volumetric, relaxation, conductivity.
     at

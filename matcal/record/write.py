@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 # bytes of a file in which it may call itself synthetic
 _HEAD = 4096
-# endings of the files in the folder beside a card
+# endings of the files in the folder next to a card
 WRITTEN = (".parquet", ".json", ".nc")
 _PACKAGES = ("touchcal", "numpy", "scipy", "lmfit", "emcee", "arviz")
 
@@ -82,7 +82,7 @@ def said(found: FittedLaws) -> dict[str, tuple[str, ...]]:
 
 
 def check_folder(out: Path) -> None:
-    """ValueError where the folder beside the card `out` holds what no earlier fit wrote, or cannot be called so."""
+    """ValueError where the folder next to the card `out` holds what no earlier fit wrote, or cannot be called so."""
     folder = folder_of(out)
     if folder.is_dir() and (strange := sorted(p.name for p in folder.iterdir() if p.suffix not in WRITTEN)):
         raise ValueError(f"--out {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
@@ -90,7 +90,7 @@ def check_folder(out: Path) -> None:
 
 
 def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Posterior | None = None) -> MaterialCard:
-    """The card, named after its file `out` and written there with its folder beside it; what stood there before stays
+    """The card, named after its file `out` and written there with its folder next to it; what stood there before stays
     whole until both are ready. ValueError as that of `check_folder`."""
     check_folder(out)
     folder = folder_of(out)

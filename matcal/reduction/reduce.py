@@ -64,7 +64,7 @@ def read_test(test: Given, specimen: Path | str | None = None, *, columns: Seque
     -------
     Experiment
         With `strain` (compression negative), `value` (Pa or S/m), perhaps `time_s`, and every decision as a sentence
-        in `decisions`. What the file itself holds is told by `matcal.inspect`.
+        in `decisions`. `matcal.inspect` says what the file itself holds.
 
     Raises
     ------
