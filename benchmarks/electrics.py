@@ -28,7 +28,7 @@ from timing import least_cpu_s
 from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.electrics.mesh.p2_triangles import halved
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh, template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, untouched_conductance
@@ -124,7 +124,7 @@ def lean(punch: Punch, touch: Touch, halvings: int) -> SkinMesh:
     """The default near the rim: curved triangles that follow the touch, halved."""
     mesh = alike_mesh(BODY, ELECTRODES, ((punch, touch),))
     for _ in range(halvings):
-        mesh = halved(mesh)
+        mesh = uniform_refinement(mesh)
     return mesh
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.solve_near_rim import WHOLE, Fineness, corrected
+from eitsim.mechanics.rim.solve_near_rim import FULL_DISC, Resolution, corrected
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Scene
@@ -15,7 +15,7 @@ from eitsim.simulation.plan import near_rim
 from matcal.card import MaterialCard
 
 # meshes of the change by the rim, and the wanted error of the readings
-FINEST, FINELY = Fineness(2.0, 11, 22, np.inf), 2e-4
+FINEST, FINELY = Resolution(2.0, 11, 22, np.inf), 2e-4
 
 
 def finely_solved(scene: Scene, card: MaterialCard, *, rim: bool = False) -> tuple[Touch, Readings]:
@@ -28,7 +28,7 @@ def finely_solved(scene: Scene, card: MaterialCard, *, rim: bool = False) -> tup
     size = element_m / (2 if near and not rim else 4)
     touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=size)
     if near:
-        touch = corrected(touch, law, scene.body, punch, strain=scene.skin.strain, coarse=WHOLE, fine=FINEST)
+        touch = corrected(touch, law, scene.body, punch, strain=scene.skin.strain, coarse=FULL_DISC, fine=FINEST)
     readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((punch, touch),),
                      material.skin, signal=FINELY, method="mesh")
     return touch, readings

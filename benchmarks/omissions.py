@@ -24,7 +24,7 @@ from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.sheet.sheet_conductance import changes
-from eitsim.mechanics.axisymmetric.hold import Course, kept, states_over
+from eitsim.mechanics.axisymmetric.hold import HoldHistory, kept, states_over
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     force_unit,
     mesh_hierarchy,
@@ -34,7 +34,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
 )
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import Table
-from eitsim.mechanics.rim.correction import unchanged
+from eitsim.mechanics.rim.correction import no_correction
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected, gap_for, interaction
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.mechanics.rim.two_punches import LEAST_GAP, solved_together
@@ -102,7 +102,7 @@ def rim_left_out(rng: np.random.Generator) -> Pair:
     gap = BODY.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
     bound = rim_effect(gap, BODY.thickness_m)
     assert full.rim is not None
-    left_out = replace(left_out, rim=unchanged(full.rim))
+    left_out = replace(left_out, rim=no_correction(full.rim))
     return Pair(punch, left_out, full, (first, second), bound, bound, bound, ("mesh", "mesh"))
 
 
@@ -127,7 +127,7 @@ def steps_in_time_left_out(rng: np.random.Generator) -> Pair:
     loaded = under_force(levels, punch.force_N / force_unit(law, BODY))
 
     def stepped_through() -> Touch:
-        states = [states_over(model, Course(SERIES, None, state.depth, hold), PER_DECADE, state)[-1]
+        states = [states_over(model, HoldHistory(SERIES, None, state.depth, hold), PER_DECADE, state)[-1]
                   for model, state in zip(levels, loaded, strict=True)]
         return touch_of(law, BODY, levels, states, "normal", time.process_time())
 

@@ -20,7 +20,7 @@ from materials import TABLE_1
 from timing import least_cpu_s
 
 from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
-from eitsim.electrics.mesh.p2_triangles import halved
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
@@ -54,7 +54,7 @@ def following(place: Punch, touch: Touch, halvings: int) -> SkinMesh:
     """The program's own curved quadratic triangles that follow a touch, halved."""
     mesh = alike_mesh(BODY, ON_RIM, ((place, touch),))
     for _ in range(halvings):
-        mesh = halved(mesh)
+        mesh = uniform_refinement(mesh)
     return mesh
 
 

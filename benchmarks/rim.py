@@ -23,9 +23,9 @@ from scipy.interpolate import RegularGridInterpolator
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.sheet.sheet_conductance import changes, driving_strain, stretches
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.harmonics.arcs import Outline
-from eitsim.mechanics.rim.correction import changed, unchanged
-from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Fineness, corrected, rim_change
+from eitsim.mechanics.harmonics.arcs import OffsetDisc
+from eitsim.mechanics.rim.correction import apply_correction, no_correction
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, corrected, rim_change
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
@@ -36,7 +36,7 @@ HANDED_OVER = quick(((0.014, 1.0), (0.014, 3.0)), ((0.014, 1.0),))
 GAPS_M = quick((0.0005, 0.002, 0.005, 0.01, 0.02, 0.03, 0.04), (0.005, 0.02))
 # touches whose solution is compared with a finer one: diameter, force, gap; m, N, m
 COMPARED = quick(((0.014, 1.0, 0.005), (0.018, 0.5, 0.002)), ((0.014, 1.0, 0.005),))
-FINER = Fineness(2.0, 9, 18)
+FINER = Resolution(2.0, 9, 18)
 # 14 mm, 1 N: distances of the punch's centre from the rim, m, and the solution on the whole disc
 SERIES_M = quick((0.04, 0.025, 0.015, 0.01), (0.04,))
 WHOLE_DISC = replace(FINER, beyond=np.inf)
@@ -70,7 +70,7 @@ def strains(touch: Touch, field: RimField, points: np.ndarray) -> np.ndarray:
 def moved_outwards(touch: Touch, field: RimField, points: np.ndarray) -> np.ndarray:
     """Radial displacement (n,), m."""
     radius, angle = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
-    start = Outline(field.disc_m, field.offset_m).start(radius)
+    start = OffsetDisc(field.disc_m, field.offset_m).start(radius)
     at = np.column_stack([np.clip(radius, *field.radius_m[[0, -1]]), (angle - start) / (np.pi - start)])
     added = RegularGridInterpolator((field.radius_m, field.share), field.displacement_m[..., :2])(at)
     added = np.sum(added * points, axis=1) / radius * (radius <= field.radius_m[-1])
@@ -116,8 +116,8 @@ def effect(diameter_m: float, force_N: float, gaps_m: Sequence[float] = GAPS_M,
     for gap in gaps_m:
         punch, begun = at(diameter_m, force_N, gap), time.process_time()
         change = rim_change(TABLE_1, Body(), punch)
-        seconds, near = time.process_time() - begun, changed(far, change)
-        plain = replace(far, rim=unchanged(change.field))
+        seconds, near = time.process_time() - begun, apply_correction(far, change)
+        plain = replace(far, rim=no_correction(change.field))
         out.append({"what": what, "d_mm": diameter_m * 1e3, "force_N": force_N, "gap_mm": gap * 1e3,
                     **apart(punch, plain, near), "depth": change.depth_m / far.depth_m, "cpu_s": seconds})
         print(pd.DataFrame(out[-1:]).to_string(index=False, header=len(out) == 1), flush=True)
@@ -127,14 +127,14 @@ def effect(diameter_m: float, force_N: float, gaps_m: Sequence[float] = GAPS_M,
 def error(diameter_m: float, force_N: float, gap_m: float) -> list[dict[str, object]]:
     punch = at(diameter_m, force_N, gap_m)
     far = solve_touch(TABLE_1, Body(), punch)
-    return compared("error", punch, far, changed(far, rim_change(TABLE_1, Body(), punch, FINER)))
+    return compared("error", punch, far, apply_correction(far, rim_change(TABLE_1, Body(), punch, FINER)))
 
 
 def series(centre_m: float) -> list[dict[str, object]]:
     punch = at(0.014, 1.0, centre_m - 0.007)
     far = solve_touch(TABLE_1, Body(), punch)
     fine = solve_touch(TABLE_1, Body(), punch, element_m=default_element_m(Body(), punch) / 2)
-    return compared("series", punch, far, changed(fine, rim_change(TABLE_1, Body(), punch, WHOLE_DISC)))
+    return compared("series", punch, far, apply_correction(fine, rim_change(TABLE_1, Body(), punch, WHOLE_DISC)))
 
 
 def compared(what: str, punch: Punch, far: Touch, reference: Touch) -> list[dict[str, object]]:

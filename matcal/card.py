@@ -12,7 +12,7 @@ from typing import Any
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
 SCHEMA = 1
@@ -100,15 +100,15 @@ def read_card(path: Path | str) -> MaterialCard:
     try:
         raw = json.loads(text)
     except json.JSONDecodeError as error:
-        raise TestFileError(path, f"not a card: {error.msg}. A card is the JSON that `matcal fit` writes.",
-                            line=error.lineno) from None
+        raise InputFileError(path, f"not a card: {error.msg}. A card is the JSON that `matcal fit` writes.",
+                             line=error.lineno) from None
     if not isinstance(raw, dict) or "schema" not in raw:
-        raise TestFileError(path, "not a card: no key 'schema'. A card is the JSON that `matcal fit` writes.")
+        raise InputFileError(path, "not a card: no key 'schema'. A card is the JSON that `matcal fit` writes.")
     if raw["schema"] != SCHEMA:
-        raise TestFileError(path, f"card schema {raw['schema']!r} is not {SCHEMA}. Fit it again with this version.")
+        raise InputFileError(path, f"card schema {raw['schema']!r} is not {SCHEMA}. Fit it again with this version.")
     known = {"schema", "name", "hyperfoam", "prony", "conductivity", "data", *_FREE}
     if unknown := sorted(set(raw) - known):
-        raise TestFileError(path, f"unknown key '{unknown[0]}'; known: {', '.join(sorted(known))}.")
+        raise InputFileError(path, f"unknown key '{unknown[0]}'; known: {', '.join(sorted(known))}.")
     try:
         parts: dict[str, Any] = {}
         if "hyperfoam" in raw:
@@ -121,9 +121,9 @@ def read_card(path: Path | str) -> MaterialCard:
             c = raw["conductivity"]
             parts["conductivity"] = Conductivity(float(c["c0_S_per_m"]), c["a"], tuple(c["strain_range"]))
     except KeyError as error:
-        raise TestFileError(path, f"the key {error} is missing.") from None
+        raise InputFileError(path, f"the key {error} is missing.") from None
     except (TypeError, ValueError) as error:
-        raise TestFileError(path, str(error)) from None
+        raise InputFileError(path, str(error)) from None
     free = {key: raw[key] for key in _FREE if key in raw}
     return MaterialCard(name=str(raw.get("name", path.stem)), data=raw.get("data"), file=path, **parts, **free)
 

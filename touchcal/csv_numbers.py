@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -39,16 +39,16 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
             rows = [(number, [cell.strip() for cell in cells]) for number, cells in enumerate(csv.reader(file), start=1)
                     if any(cell.strip() for cell in cells)]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise TestFileError(path, f"not a text file ({error}). Expected a CSV of {what}.") from None
+        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of {what}.") from None
     width = columns or (len(rows[0][1]) if rows else 0)
     for number, cells in rows:
         if len(cells) != width:
-            raise TestFileError(path, f"{len(cells)} columns, expected {width} {what} a row.", line=number)
+            raise InputFileError(path, f"{len(cells)} columns, expected {width} {what} a row.", line=number)
     names: tuple[str, ...] = ()
     if rows and _number(rows[0][1][0]) is None:
         names, rows = tuple(rows[0][1]), rows[1:]
     if not rows:
-        raise TestFileError(path, f"it holds no rows of {what}.")
+        raise InputFileError(path, f"it holds no rows of {what}.")
     values = np.array([[math.nan if blanks and not cell else _value(path, number, column, cell, what)
                         for column, cell in enumerate(cells, start=1)] for number, cells in rows])
     return NumberTable(names, values, np.array([number for number, _ in rows], np.int64))
@@ -77,6 +77,6 @@ def _number(cell: str) -> float | None:
 def _value(path: Path, line: int, column: int, cell: str, what: str) -> float:
     value = _number(cell)
     if value is None or not math.isfinite(value):
-        raise TestFileError(path, f"column {column} holds '{cell}', not one of the {what}. Mend it or leave the row "
-                                  "out.", line=line)
+        raise InputFileError(path, f"column {column} holds '{cell}', not one of the {what}. Mend it or leave the row "
+                                   "out.", line=line)
     return value

@@ -16,7 +16,7 @@ def unknown_key(key: str, known: Iterable[str], table: str = "") -> str:
     return f"unknown key '{key}'{f' in [{table}]' if table else ''}; known: {', '.join(names)}.{meant}"
 
 
-class TestFileError(ValueError):
+class InputFileError(ValueError):
     """A measurement file cannot be used; the message names the file, the line where known, and the mend."""
 
     __test__ = False  # pytest: not a test class

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -14,6 +14,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise TestFileError(path, "no such file. Check the name and the folder.") from None
+        raise InputFileError(path, "no such file. Check the name and the folder.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise TestFileError(path, f"not TOML: {error}.") from None
+        raise InputFileError(path, f"not TOML: {error}.") from None

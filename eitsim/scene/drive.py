@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from touchcal.csv_numbers import read_numbers
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
@@ -209,9 +209,9 @@ def matrix_rows(path: Path) -> list[Any]:
     pattern, rows = table.values[:, 0], table.values[:, 1:]
     count = int(pattern.max()) + 1
     if missing := sorted(set(range(count)) - set(pattern.tolist())):
-        raise TestFileError(path, f"pattern {missing[0]} has no rows; number the patterns from 0 without gaps.")
+        raise InputFileError(path, f"pattern {missing[0]} has no rows; number the patterns from 0 without gaps.")
     odd = np.flatnonzero(~np.isin(pattern, np.arange(count)))
     if odd.size:
-        raise TestFileError(path, f"the pattern {pattern[odd[0]]:g} is no whole number from 0.",
-                            line=int(table.line[odd[0]]))
+        raise InputFileError(path, f"the pattern {pattern[odd[0]]:g} is no whole number from 0.",
+                             line=int(table.line[odd[0]]))
     return [rows[pattern == k].tolist() for k in range(count)]

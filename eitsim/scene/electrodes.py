@@ -80,7 +80,7 @@ def arcs(radius_m: float, electrodes: Electrodes) -> Array:
                      f"{-gaps[k] * radius_m * 1e3:.3g} mm; {mend}.")
 
 
-def alike(electrodes: Electrodes) -> bool:
+def identical(electrodes: Electrodes) -> bool:
     """Whether turning the ring by one electrode changes nothing."""
     sizes = widths(electrodes), contact_impedances(electrodes)
     return not electrodes.angles_rad and all(bool(np.all(size == size[0])) for size in sizes)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.results import Readings
 from touchcal.csv_numbers import read_numbers, write_numbers
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -39,12 +39,12 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
         try:
             volts = volts[:, column_order(table.names, readings)]
         except ValueError as error:
-            raise TestFileError(path, f"{error}") from None
+            raise InputFileError(path, f"{error}") from None
     if unread is not None:
         empty = np.argwhere(np.isnan(volts) & ~unread)
         if len(empty):
-            raise TestFileError(path, f"{wanted[empty[0, 1]]} is empty, and its electrodes are all there. Mend it, or "
-                                      "name what is missing in [electrodes].", line=int(table.line[empty[0, 0]]))
+            raise InputFileError(path, f"{wanted[empty[0, 1]]} is empty, and its electrodes are all there. Mend it, or "
+                                       "name what is missing in [electrodes].", line=int(table.line[empty[0, 0]]))
         volts = np.where(unread, 0.0, volts)
     return Frames(volts, table.line)
 

@@ -12,7 +12,7 @@ from eitsim.scene.drive import MATRICES, Drive, with_matrices
 from eitsim.scene.electrodes import IMPEDANCES, Electrodes, check, unread
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import PROFILES
-from touchcal.errors import TestFileError, unknown_key
+from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 
 FRICTIONS = ("none", "stick", "coulomb")
@@ -215,7 +215,7 @@ def read_scene(path: Path | str) -> Scene:
     try:
         return scene_from(with_matrices(raw, path.parent))
     except ValueError as error:
-        raise TestFileError(path, str(error)) from None
+        raise InputFileError(path, str(error)) from None
 
 
 def as_scene(scene: Scene | Path | str) -> Scene:

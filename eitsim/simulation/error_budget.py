@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from eitsim.scene.results import Plan, Readings, Touch
 
 
-def errors(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None
-           ) -> dict[str, float]:
+def error_budget(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None
+                 ) -> dict[str, float]:
     """`numerical_errors`, with what the plan left out and what neighbours may change beyond that."""
     return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
             + (unplanned or {}).get(key, 0.0) for key, value in numerical.items()}
@@ -28,7 +28,7 @@ def numerical_errors(touches: tuple[Touch, ...], readings: Readings) -> dict[str
     return out
 
 
-def missed(wanted: float, told: float, numerical: float, plan: Plan) -> str:
+def explain_excess(wanted: float, told: float, numerical: float, plan: Plan) -> str:
     """What keeps the signal's error from the wanted one; empty where nothing does."""
     if told <= wanted:
         return ""

@@ -19,7 +19,7 @@ from eitsim.scene.electrodes import present
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.material import Material, material_of
-from eitsim.simulation.validity import beyond_numbers, positive_from
+from eitsim.simulation.validity import positive_from, unresolvable
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 
@@ -69,7 +69,7 @@ def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fals
     material = material_of(scene, card)
     decisions = _decisions(scene, material, reused or [None] * len(scene.punches), exact)
     return Plan(tuple(_exactly(scene, decisions) if exact else decisions),
-                beyond_numbers(scene, material) or _electrode_refusal(scene, material.card) or _refusal(scene))
+                unresolvable(scene, material) or _electrode_refusal(scene, material.card) or _refusal(scene))
 
 
 def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:

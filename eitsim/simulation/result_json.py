@@ -11,7 +11,7 @@ import numpy as np
 
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import Scene, scene_tables
-from eitsim.simulation.error_budget import errors, numerical_errors
+from eitsim.simulation.error_budget import error_budget, numerical_errors
 from matcal.card import MaterialCard, as_card, card_identity
 from touchcal.provenance import versions
 
@@ -80,7 +80,7 @@ def decisions(plan: Plan) -> list[dict[str, Any]]:
 def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:
     """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
     return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": _rows(moment.readings.touched_V),
-            "error_estimate": errors(plan, numerical_errors((moment.touch,), moment.readings))}
+            "error_estimate": error_budget(plan, numerical_errors((moment.touch,), moment.readings))}
 
 
 def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:

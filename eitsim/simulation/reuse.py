@@ -12,7 +12,7 @@ from eitsim.mechanics.load_paths.build_table import DEPTHS, Run, build
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
-from eitsim.mechanics.load_paths.types import RimTable, Shape, Table
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.scene.results import Decision, Touch
 from eitsim.scene.scene import Punch, Scene, profile_of
 from eitsim.simulation.material import material_of
@@ -33,7 +33,7 @@ _SAFETY = 2.0
 RIM_SHARE = 1.0
 
 
-def table_for(shape: Shape, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:
+def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:
     """The table of a shape, with what the rim changes where that is asked for, from the cache or solved and put there,
     and a note where the cache cannot be used."""
     key = {"shape": asdict(shape), "depths": DEPTHS}
@@ -60,7 +60,7 @@ def _rim_arrays(rim: RimTable) -> dict[str, Any]:
     return kept | {"cpu_s": np.array(rim.cpu_s)}
 
 
-def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
+def scene_shape(scene: Scene, card: MaterialCard) -> DimensionlessProblem:
     """The shape that serves every force on a scene's punch; ValueError where load paths are not reused."""
     law = material_of(scene, card).law
     try:
@@ -69,7 +69,7 @@ def scene_shape(scene: Scene, card: MaterialCard) -> Shape:
         raise ValueError(f"{error} Leave out --reuse: the touch is then solved afresh.") from None
 
 
-def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> Shape:
+def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> DimensionlessProblem:
     """The shape of all touches of a scene, for these diameters; ValueError where no load path serves them."""
     if scene.hold.time_s:
         raise ValueError("a hold (time_s in [hold]) is solved in time, not along a load path.")

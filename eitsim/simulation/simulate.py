@@ -15,7 +15,7 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch
 from eitsim.scene.scene import Body, Scene, as_scene
-from eitsim.simulation.error_budget import errors, missed, numerical_errors
+from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, together
 from eitsim.simulation.reuse import decision, scene_shape, served, table_for
@@ -175,10 +175,10 @@ def _told(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Readin
     """What was solved, with its errors, and what is wrong with it."""
     neighbours, unplanned = _neighbours(scene, touches, exact)
     numerical = numerical_errors(touches, readings)
-    told = errors(plan, numerical, unplanned)
+    told = error_budget(plan, numerical, unplanned)
     too_deep = _too_deep(touches, scene.body)
     return Result("bottomed_out" if too_deep else "ok", plan, touches, readings, moments,
-                  too_deep or missed(scene.accuracy.signal, told["signal"], numerical["signal"], plan),
+                  too_deep or explain_excess(scene.accuracy.signal, told["signal"], numerical["signal"], plan),
                   interaction=neighbours, error_estimate=told, numerical_error=numerical)
 
 

@@ -25,7 +25,7 @@ _LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
 _FLAT = -0.97
 
 
-def beyond_numbers(scene: Scene, material: Material) -> str:
+def unresolvable(scene: Scene, material: Material) -> str:
     """Why a touch or the card's conductivity is beyond what numbers resolve, with the mend; empty where none is."""
     problems = (_too_light(scene.body, punch, material.law) for punch in scene.punches)
     return _conductivity_problem(material.card) or next((problem for problem in problems if problem), "")

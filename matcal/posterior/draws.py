@@ -14,7 +14,7 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -60,8 +60,8 @@ def read_draws(card: MaterialCard | Path | str) -> Draws:
                          "first.")
     file = path.parent / str(card.posterior["file"])
     if not file.exists():
-        raise TestFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} beside "
-                                  "the card, or fit it again with --posterior.")
+        raise InputFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} beside "
+                                   "the card, or fit it again with --posterior.")
     with h5netcdf.File(file) as stored:
         held = stored.groups["posterior"].variables
         found = {name: np.array(held[name]).reshape(-1, held[name].shape[-1]) for name in _NAMES if name in held}

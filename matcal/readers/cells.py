@@ -13,7 +13,7 @@ import numpy as np
 
 from matcal.readers.decoding import lines_of
 from matcal.readers.recording import Array
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 DELIMITERS = ("\t", ";", ",", None)
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+|\d{1,3}(?:,\d{3})+(?:\.\d*)?|\d{1,3}(?:\.\d{3})+(?:,\d*)?)"
@@ -87,8 +87,8 @@ class Grid:
             if value is None or not math.isfinite(value):
                 cell = self.cell(row, column)
                 what = f"'{shown(cell)}' is not a finite number" if cell else "the cell is missing"
-                raise TestFileError(self.path, f"column '{shown(name)}': {what}. Correct or delete the row.",
-                                    line=self.lines[row])
+                raise InputFileError(self.path, f"column '{shown(name)}': {what}. Correct or delete the row.",
+                                     line=self.lines[row])
             out[k] = value
         return out
 
@@ -121,11 +121,11 @@ def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[st
         cells = [cell.strip() for cell in line.split(delimiter)]
     else:
         if line.count('"') % 2:
-            raise TestFileError(path, "a quotation mark is opened and never closed.", line=number)
+            raise InputFileError(path, "a quotation mark is opened and never closed.", line=number)
         try:
             cells = [cell.strip().strip('"').strip() for cell in next(csv.reader((line,), delimiter=delimiter))]
         except csv.Error as error:
-            raise TestFileError(path, f"the cells cannot be told apart ({error}).", line=number) from None
+            raise InputFileError(path, f"the cells cannot be told apart ({error}).", line=number) from None
     while cells and not cells[-1]:
         cells.pop()
     return cells
@@ -149,8 +149,11 @@ def _delimiter(lines: Sequence[str], path: Path) -> str | None:
     clear = [delimiter for delimiter in ("\t", ";") if scores[delimiter][0] >= max(most / 2, 1)]
     best = max(clear or DELIMITERS, key=lambda delimiter: scores[delimiter])
     if not most:
-        raise TestFileError(path, "no table of numbers in two or more columns was found. Expected a line of names such "
-                                  "as strain,stress, a line of units such as -,kPa, then the numbers.")
+        raise InputFileError(
+            path,
+            "no table of numbers in two or more columns was found. Expected a line of names such "
+            "as strain,stress, a line of units such as -,kPa, then the numbers.",
+        )
     return best
 
 
@@ -183,8 +186,8 @@ def style_of(rows: Iterable[Sequence[str]], path: Path) -> Style:
     if commas > dots:
         return Style(",", ".")
     if doubtful and not dots:
-        raise TestFileError(path, f"numbers such as '{doubtful}' may have a decimal comma or groups of thousands, and "
-                                  "no number in the file tells which. Write them with a decimal point.")
+        raise InputFileError(path, f"numbers such as '{doubtful}' may have a decimal comma or groups of thousands, and "
+                                   "no number in the file tells which. Write them with a decimal point.")
     return Style(".", ",")
 
 

@@ -15,7 +15,7 @@ from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Array, Recording
 from matcal.readers.units import COMMON, is_common, measures, si_factor
 from matcal.readers.vocabulary import preference, quantity_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 if TYPE_CHECKING:
     from matcal.readers.columns import Header
@@ -83,9 +83,13 @@ def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Co
     for quantity, (wanted, unit) in selection.columns.items():
         index = _index(grid, header, wanted)
         if before := next((q for q, column in out.items() if column.index == index), None):
-            raise TestFileError(grid.path, f"--columns '{selection.text}': column {index + 1} "
-                                           f"'{shown(header.cells[index][0])}' is given as {before} and as {quantity}. "
-                                           f"Choose another for one of them. {_listed(header)}", line=header.line)
+            raise InputFileError(
+                grid.path,
+                f"--columns '{selection.text}': column {index + 1} "
+                f"'{shown(header.cells[index][0])}' is given as {before} and as {quantity}. "
+                f"Choose another for one of them. {_listed(header)}",
+                line=header.line,
+            )
         name, own = header.cells[index]
         if unit is None and own is None and not QUANTITIES[quantity]:
             own = "-"
@@ -101,7 +105,7 @@ def _index(grid: Grid, header: Header, wanted: str) -> int:
     if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
         return int(wanted) - 1
     problem = "is the name of several columns" if wanted.casefold() in names else "is no column"
-    raise TestFileError(grid.path, f"--columns: '{wanted}' {problem}. {_listed(header)}", line=header.line)
+    raise InputFileError(grid.path, f"--columns: '{wanted}' {problem}. {_listed(header)}", line=header.line)
 
 
 def _listed(header: Header) -> str:
@@ -118,7 +122,7 @@ def _shortened(grid: Grid, header: Header, columns: Mapping[str, _Column], said:
     if end < header.rows.stop:
         said.append(f"the last {header.rows.stop - end} rows have none of the chosen columns and were left out.")
     if end == header.rows.start:
-        raise TestFileError(grid.path, "the chosen columns are empty.", line=header.line)
+        raise InputFileError(grid.path, "the chosen columns are empty.", line=header.line)
     return Header(header.cells, header.line, range(header.rows.start, end))
 
 
@@ -129,9 +133,9 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
         if (quantity := quantity_of(name)) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
     if len(found) < 2:
-        raise TestFileError(grid.path, f"fewer than two columns are known by name. {_listed(header)} Name them strain "
-                                       "and stress, or displacement and force (and time), with a line of units below, "
-                                       f"or say which is which: {flag_for(grid, header)}", line=header.line)
+        raise InputFileError(grid.path, f"fewer than two columns are known by name. {_listed(header)} Name them strain "
+                                        "and stress, or displacement and force (and time), with a line of units below, "
+                                        f"or say which is which: {flag_for(grid, header)}", line=header.line)
     out = {quantity: _one_of(grid, header, quantity, columns, said) for quantity, columns in found.items()}
     others = [f"'{shown(name)}'" for name, _ in header.cells if name and quantity_of(name) is None]
     if others:
@@ -146,9 +150,13 @@ def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], s
     for other in others:
         how = _relation(grid, header, quantity, first, other)
         if how is None:
-            raise TestFileError(grid.path, f"columns '{shown(first.name)}' ({first.index + 1}) and "
-                                           f"'{shown(other.name)}' ({other.index + 1}) are both {quantity} and differ. "
-                                           f"Say which to use: {flag_for(grid, header)}", line=header.line)
+            raise InputFileError(
+                grid.path,
+                f"columns '{shown(first.name)}' ({first.index + 1}) and "
+                f"'{shown(other.name)}' ({other.index + 1}) are both {quantity} and differ. "
+                f"Say which to use: {flag_for(grid, header)}",
+                line=header.line,
+            )
         said.append(f"two columns of {quantity}: '{shown(first.name)}' is used, '{shown(other.name)}' left out "
                     f"({how}).")
     return first
@@ -176,8 +184,8 @@ def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
         values = values * scale
     if not np.all(np.isfinite(values)):
         row = header.rows[int(np.argmin(np.isfinite(values)))]
-        raise TestFileError(grid.path, f"column '{shown(column.name)}': '{shown(grid.cell(row, column.index))}' is "
-                                       "too large for a measurement.", line=grid.lines[row])
+        raise InputFileError(grid.path, f"column '{shown(column.name)}': '{shown(grid.cell(row, column.index))}' is "
+                                        "too large for a measurement.", line=grid.lines[row])
     return values
 
 
@@ -190,21 +198,25 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
     if unit and (column.chosen or not is_common(unit)):
         others = measures(unit)
         why = f"which measures {others[0]}, not {quantity}" if others else "which is not known"
-        raise TestFileError(grid.path, f"column '{name}' has the unit '{shown(unit)}'"
-                                       f"{' by --columns' if column.chosen else ''}, {why}. Units of {quantity}: "
-                                       f"{', '.join(COMMON[QUANTITIES[quantity]])}. Write one of them in the file, or "
-                                       f"give it with --columns, for example {flag_for(grid, header)}",
-                            line=header.line)
+        raise InputFileError(grid.path, f"column '{name}' has the unit '{shown(unit)}'"
+                                        f"{' by --columns' if column.chosen else ''}, {why}. Units of {quantity}: "
+                                        f"{', '.join(COMMON[QUANTITIES[quantity]])}. Write one of them in the file, or "
+                                        f"give it with --columns, for example {flag_for(grid, header)}",
+                             line=header.line)
     if others := measures(unit) if unit else []:
         problem = (f"has the unit '{shown(unit)}', which is no unit of {quantity} but of {others[0]}: names and units, "
                    "or columns, look exchanged. If the numbers are right, say which column is which: "
                    f"{flag_for(grid, header)}")
-        raise TestFileError(grid.path, f"column '{name}' {problem}", line=header.line)
+        raise InputFileError(grid.path, f"column '{name}' {problem}", line=header.line)
     problem = f"has the unit '{shown(unit)}', which is no unit of {quantity}" if unit else "has no unit"
     example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "-"}.get(QUANTITIES[quantity], QUANTITIES[quantity])
-    raise TestFileError(grid.path, f"column '{name}' {problem}. Put a row of units below the names (for example -,kPa),"
-                                   f" write '{name} ({example})', or give --columns with the unit, for example "
-                                   f"{flag_for(grid, header)}", line=header.line)
+    raise InputFileError(
+        grid.path,
+        f"column '{name}' {problem}. Put a row of units below the names (for example -,kPa),"
+        f" write '{name} ({example})', or give --columns with the unit, for example "
+        f"{flag_for(grid, header)}",
+        line=header.line,
+    )
 
 
 def check_clock(recording: Recording) -> Recording:
@@ -212,8 +224,11 @@ def check_clock(recording: Recording) -> Recording:
     time = recording.columns.get("time")
     if time is not None and np.any(back := np.diff(time) < 0):
         at = int(np.argmax(back))
-        raise TestFileError(recording.paths[0], f"the time runs backwards, from {time[at]:.9g} s to {time[at + 1]:.9g} "
-                                                f"s in sample {at + 2}. Export each run to a file of its own.")
+        raise InputFileError(
+            recording.paths[0],
+            f"the time runs backwards, from {time[at]:.9g} s to {time[at + 1]:.9g} "
+            f"s in sample {at + 2}. Export each run to a file of its own.",
+        )
     return recording
 
 

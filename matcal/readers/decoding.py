@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 WORKBOOK = b"PK\x03\x04"
 
@@ -13,19 +13,19 @@ WORKBOOK = b"PK\x03\x04"
 def read_bytes(path: Path) -> bytes:
     """The bytes of a file; TestFileError where there is no such file, it is a folder, or it cannot be opened."""
     if path.is_dir():
-        raise TestFileError(path, "this is a folder. Give one file, or a folder of the parts of one MTS test.")
+        raise InputFileError(path, "this is a folder. Give one file, or a folder of the parts of one MTS test.")
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        raise TestFileError(path, "no such file. Check the name and the folder.") from None
+        raise InputFileError(path, "no such file. Check the name and the folder.") from None
     except (OSError, ValueError) as error:
-        raise TestFileError(path, f"it cannot be opened ({error}).") from None
+        raise InputFileError(path, f"it cannot be opened ({error}).") from None
 
 
 def decode(data: bytes, path: Path) -> tuple[str, str]:
     """(text without its byte-order mark, encoding) of a file's bytes; TestFileError where they are empty or no text."""
     if not data.strip(b"\xef\xbb\xbf\xff\xfe \t\r\n\x00"):
-        raise TestFileError(path, "the file is empty. Export the test again.")
+        raise InputFileError(path, "the file is empty. Export the test again.")
     for encoding in _candidates(data):
         try:
             text = data.decode(encoding).removeprefix("\ufeff")
@@ -33,7 +33,7 @@ def decode(data: bytes, path: Path) -> tuple[str, str]:
             continue
         if "\x00" not in text and text.strip():
             return text, encoding
-    raise TestFileError(path, "this is not text in any known encoding. Export it as UTF-8 text.")
+    raise InputFileError(path, "this is not text in any known encoding. Export it as UTF-8 text.")
 
 
 def lines_of(text: str) -> list[str]:

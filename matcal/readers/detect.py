@@ -12,7 +12,7 @@ from matcal.readers.reader import Source
 from matcal.readers.recording import Recording
 from matcal.readers.vendors.mts_testsuite import join_parts, sibling_parts
 from matcal.readers.vendors.xlsx import read_workbook
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def read(path: Path | str, selection: Selection | None = None) -> Recording:
@@ -39,7 +39,7 @@ def _read_file(path: Path, selection: Selection | None) -> Recording:
     source = _open(path, selection.sheet if selection else None)
     reader = next(reader for reader in vendors.READERS if reader.recognises(source))
     if selection is not None and selection.block is not None and not reader.has_blocks:
-        raise TestFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
+        raise InputFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
     return reader.read(source, selection)
 
 
@@ -50,7 +50,7 @@ def _open(path: Path, sheet: str | None) -> Source:
         return Source(path, "", grid, notes)
     text, encoding = decode(data, path)
     if sheet is not None:
-        raise TestFileError(path, f"--columns asks for sheet '{sheet}', but this is text without sheets.")
+        raise InputFileError(path, f"--columns asks for sheet '{sheet}', but this is text without sheets.")
     return Source(path, text, notes=() if encoding == "utf-8" else (f"read as {encoding}.",))
 
 
@@ -62,12 +62,12 @@ def _read_parts(path: Path, files: list[Path], selection: Selection | None) -> R
             continue
         part = _read_file(file, selection)
         if part.vendor != "mts_testsuite":
-            raise TestFileError(file, "not a part of a TestSuite test. A folder stands for one test that TestSuite "
-                                      "split into parts; keep other files out of it, or give the files one by one.")
+            raise InputFileError(file, "not a part of a TestSuite test. A folder stands for one test that TestSuite "
+                                       "split into parts; keep other files out of it, or give the files one by one.")
         parts.append(part)
     if not parts:
-        raise TestFileError(path, f"no TestSuite text file with numbers in it{_contents(path)}. A folder stands for "
-                                  "one test that TestSuite split into parts; give other files one by one.")
+        raise InputFileError(path, f"no TestSuite text file with numbers in it{_contents(path)}. A folder stands for "
+                                   "one test that TestSuite split into parts; give other files one by one.")
     return join_parts(parts, empty)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from matcal.readers.cells import Grid, shown
 from matcal.readers.recording import QUANTITIES, Array
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 # beyond this a strain without a unit may as well be a percentage, and beyond the next no unit mends it
 _LARGEST_STRAIN, _IMPOSSIBLE_STRAIN = 3.0, 20.0
@@ -30,9 +30,9 @@ def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[
         reach = float(np.max(np.abs(column)))
         if reach > _LARGEST.get(quantity, np.inf):
             value = f"{reach:.3g} {QUANTITIES[quantity]}".strip()
-            raise TestFileError(grid.path, f"column '{shown(names[quantity])}' reaches {value}, which no {quantity} "
-                                           f"does. Check its unit and that columns are not exchanged: {flag}",
-                                line=line)
+            raise InputFileError(grid.path, f"column '{shown(names[quantity])}' reaches {value}, which no {quantity} "
+                                            f"does. Check its unit and that columns are not exchanged: {flag}",
+                                 line=line)
     for quantity in {"strain", "stretch"} & set(values):
         _check_strain(grid, line, values[quantity], quantity, names, units, said, flag, chosen)
     if not chosen:
@@ -57,16 +57,16 @@ def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: di
     name, reach, unit = shown(names[quantity]), float(np.max(np.abs(column))), units[quantity]
     if reach > _IMPOSSIBLE_STRAIN:
         problem = f"reaches {reach:g}" if unit else f"reaches {reach:g} and has no unit"
-        raise TestFileError(grid.path, f"column '{name}' {problem}, which no {quantity} does. Write its unit, % or -, "
-                                       f"below its name, or, if columns are exchanged, give {flag}", line=line)
+        raise InputFileError(grid.path, f"column '{name}' {problem}, which no {quantity} does. Write its unit, % or -, "
+                                        f"below its name, or, if columns are exchanged, give {flag}", line=line)
     if not unit and reach > _LARGEST_STRAIN and not chosen:
-        raise TestFileError(grid.path, f"column '{name}' reaches {reach:g} and has no unit. Write its unit, % or -, "
-                                       "below its name.", line=line)
+        raise InputFileError(grid.path, f"column '{name}' reaches {reach:g} and has no unit. Write its unit, % or -, "
+                                        "below its name.", line=line)
     sheared = re.search(r"gamma|γ|shear|schub|scher|剪切", names[quantity].lower())
     if quantity == "strain" and float(column.min()) <= -1 and not sheared:
-        raise TestFileError(grid.path, f"column '{name}' falls to {column.min():.4g}: at -1 nothing is left of the "
-                                       "specimen, and a shear strain is called gamma. Check its unit and that columns "
-                                       f"are not exchanged: {flag}", line=line)
+        raise InputFileError(grid.path, f"column '{name}' falls to {column.min():.4g}: at -1 nothing is left of the "
+                                        "specimen, and a shear strain is called gamma. Check its unit and that columns "
+                                        f"are not exchanged: {flag}", line=line)
     if not unit:
         said.append(f"column '{name}' has no unit: read as a plain ratio.")
 
@@ -77,9 +77,9 @@ def _check_steps(grid: Grid, line: int, values: dict[str, Array], names: dict[st
     if measure is None or "stress" not in values or "displacement" in values or values["stress"].size < _ENOUGH:
         return
     if _bend(values["stress"]) < _EQUAL and _bend(values[measure]) > _CURVED:
-        raise TestFileError(grid.path, f"'{shown(names['stress'])}' advances in equal steps while "
-                                       f"'{shown(names[measure])}' does not: the columns look exchanged. If they are "
-                                       f"not, give {flag}", line=line)
+        raise InputFileError(grid.path, f"'{shown(names['stress'])}' advances in equal steps while "
+                                        f"'{shown(names[measure])}' does not: the columns look exchanged. If they are "
+                                        f"not, give {flag}", line=line)
 
 
 def _bend(column: Array) -> float:

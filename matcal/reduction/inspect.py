@@ -14,7 +14,7 @@ from matcal.readers.recording import QUANTITIES, SIZES, Recording
 from matcal.readers.units import si_factor
 from matcal.reduction.stroke_segments import find_stroke
 from matcal.reduction.test_kind import decide_kind
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def inspect(path: Path | str, selection: Selection | None = None, kind: str | None = None) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def _motion(recording: Recording) -> dict[str, Any]:
 def _kind(recording: Recording, given: str | None) -> dict[str, Any]:
     try:
         kind, why = decide_kind(given, [recording])
-    except TestFileError as error:
+    except InputFileError as error:
         return {"kind": None, "kind_reason": error.problem}
     return {"kind": kind, "kind_reason": why}
 

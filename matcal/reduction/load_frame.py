@@ -16,7 +16,7 @@ from matcal.reduction.size_checks import check_reach, check_sizes, mend_of_sizes
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.statistics.block_means import block_means, sample_noise
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -47,9 +47,12 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     try:
         contact, moved = _contact(stroke, load, block, noise, notes)
     except ValueError as error:
-        raise TestFileError(recording.paths[0], f"{error}, so the contact cannot be found. Check {mend_of_sizes(kind)} "
-                                                "and the unit of the displacement; if they are right, give preload_N "
-                                                "and the height at it, or a record with more samples.") from None
+        raise InputFileError(
+            recording.paths[0],
+            f"{error}, so the contact cannot be found. Check {mend_of_sizes(kind)} "
+            "and the unit of the displacement; if they are right, give preload_N "
+            "and the height at it, or a record with more samples.",
+        ) from None
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
     first = int(np.argmax(moved >= contact.travel_m))
@@ -72,15 +75,15 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
 def _stroke(recording: Recording) -> Stroke:
     path = recording.paths[0]
     if missing := [q for q in ("displacement", "force") if q not in recording.columns]:
-        raise TestFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}.")
+        raise InputFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}.")
     if np.ptp(recording.columns["force"]) == 0:
-        raise TestFileError(path, f"column '{recording.names['force']}' never changes, so there is no load in it.")
+        raise InputFileError(path, f"column '{recording.names['force']}' never changes, so there is no load in it.")
     if "time" in recording.columns and np.any(np.diff(recording.columns["time"]) < 0):
-        raise TestFileError(path, "the time runs backwards, so the file is no record of one test.")
+        raise InputFileError(path, "the time runs backwards, so the file is no record of one test.")
     try:
         return find_stroke(recording.columns["displacement"])
     except ValueError as error:
-        raise TestFileError(path, f"{error}, so there is no test in it.") from None
+        raise InputFileError(path, f"{error}, so there is no test in it.") from None
 
 
 def _check_touch(recording: Recording, stroke: Stroke, load: Array, noise: float) -> None:
@@ -89,8 +92,8 @@ def _check_touch(recording: Recording, stroke: Stroke, load: Array, noise: float
     rest = float(np.median(load[:max(stroke.start, 1)]))
     top = float(load[max(stroke.end - size, 0):stroke.end + 1].mean()) - rest
     if top < 6 * noise / np.sqrt(size):
-        raise TestFileError(recording.paths[0], f"the load rises by {top:.3g} N where its noise is {noise:.2g} N: the "
-                                                "specimen was not touched, or the load cell is far too large for it.")
+        raise InputFileError(recording.paths[0], f"the load rises by {top:.3g} N where its noise is {noise:.2g} N: the "
+                                                 "specimen was not touched, or the load cell is far too large for it.")
 
 
 def _start_sentence(recording: Recording, stroke: Stroke) -> str:
@@ -172,5 +175,5 @@ def _direction(kind: str, recording: Recording, block: Block, sign: float,
         return -1.0, ("Displacement and load both fall: taken as compression.",)
     if kind in ("planar", "biaxial") and not named:
         return 1.0, (f"Nothing tells the direction: tension is assumed, as a sheet in a {kind} test is pulled.",)
-    raise TestFileError(recording.paths[0], "nothing tells whether this is compression or tension. Write direction = "
-                                            f"\"compression\" or \"tension\" in [{kind}] of the specimen file.")
+    raise InputFileError(recording.paths[0], "nothing tells whether this is compression or tension. Write direction = "
+                                             f"\"compression\" or \"tension\" in [{kind}] of the specimen file.")

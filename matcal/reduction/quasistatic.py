@@ -9,7 +9,7 @@ from matcal.reduction.experiment import Experiment
 from matcal.reduction.load_frame import correct
 from matcal.reduction.specimen import Block
 from matcal.statistics.block_means import block_means, equal_blocks
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 # points left of a loading, and the strain below which the toe is not the material's
 _POINTS, _TOE_STRAIN = 200, 0.01
@@ -28,7 +28,7 @@ def reduce_quasistatic(kind: str, recording: Recording, block: Block, branch: st
     record = correct(kind, recording, block, branch)
     strain, stress = record.strain[:record.end + 1], record.stress_Pa[:record.end + 1]
     if strain.size < 10:
-        raise TestFileError(recording.paths[0], f"only {strain.size} samples lie in the loading. Give more of them.")
+        raise InputFileError(recording.paths[0], f"only {strain.size} samples lie in the loading. Give more of them.")
     toe = int(np.argmax(np.abs(strain) >= _TOE_STRAIN)) if record.from_rest else 0
     edges = toe + equal_blocks(strain.size - toe, _POINTS)
     size = int(edges[1] - edges[0])

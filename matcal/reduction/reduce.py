@@ -19,7 +19,7 @@ from matcal.reduction.replicates import with_scatter
 from matcal.reduction.specimen import Block, Strip
 from matcal.reduction.specimen_sizes import specimen_of
 from matcal.reduction.test_kind import decide_kind
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
 # tests as a user gives them, one or several: what `inputs_of` takes, and experiments
@@ -178,10 +178,10 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
     sizes, where, files = specimen_of(kind, first, specimen)
     try:
         return _said(_by_protocol(kind, recordings, sizes, branch), why, *where), files
-    except TestFileError:
+    except InputFileError:
         raise
     except ValueError as error:
-        raise TestFileError(first.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.") from error
+        raise InputFileError(first.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.") from error
 
 
 def _is_reduced(recording: Recording) -> bool:

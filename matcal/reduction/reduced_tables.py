@@ -13,7 +13,7 @@ from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples
 from matcal.reduction.loading_direction import ASSUMED, densifies, named_direction, words_about
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -151,9 +151,9 @@ def _deviation(recording: Recording) -> Array | None:
     return deviation
 
 
-def _missing(kind: str, recording: Recording, column: str) -> TestFileError:
+def _missing(kind: str, recording: Recording, column: str) -> InputFileError:
     return _error(recording, f"a {kind} table needs a {column} column; found: {', '.join(recording.names.values())}.")
 
 
-def _error(recording: Recording, problem: str) -> TestFileError:
-    return TestFileError(recording.paths[0], problem, line=recording.first_line)
+def _error(recording: Recording, problem: str) -> InputFileError:
+    return InputFileError(recording.paths[0], problem, line=recording.first_line)

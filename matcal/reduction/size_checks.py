@@ -9,7 +9,7 @@ from matcal.readers.recording import Recording
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke
 from matcal.statistics.block_means import sample_noise
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -64,5 +64,5 @@ def check_reach(kind: str, recording: Recording, strain: float) -> None:
                                 f"({mend_of_sizes(kind)}) and the unit of the displacement.")
 
 
-def _error(recording: Recording, problem: str) -> TestFileError:
-    return TestFileError(recording.paths[0], problem)
+def _error(recording: Recording, problem: str) -> InputFileError:
+    return InputFileError(recording.paths[0], problem)

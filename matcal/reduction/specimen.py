@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from matcal.reduction.loading_direction import DIRECTIONS
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
 # how a volumetric test loads its specimen: by a piston on a fluid around it, or directly in a rigid sleeve
@@ -73,13 +73,13 @@ def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
     if unknown := sorted(set(tables) - set(KEYS)):
         stray = any(unknown[0] in keys for keys in KEYS.values())
         mend = f" Write it below the line of its test, for example [{next(iter(KEYS))}]." if stray else ""
-        raise TestFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.{mend}")
+        raise InputFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.{mend}")
     for kind, table in tables.items():
         if not isinstance(table, Mapping):
-            raise TestFileError(path, f"'{kind}' must be a table: write [{kind}] and its keys below it.")
+            raise InputFileError(path, f"'{kind}' must be a table: write [{kind}] and its keys below it.")
         if strange := sorted(set(table) - KEYS[kind]):
             known = ", ".join(sorted(KEYS[kind]))
-            raise TestFileError(path, f"[{kind}] has the unknown key '{strange[0]}'; known: {known}.")
+            raise InputFileError(path, f"[{kind}] has the unknown key '{strange[0]}'; known: {known}.")
     return tables
 
 
@@ -101,7 +101,7 @@ def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | St
         return _volume(table, size, compliance, preload, path)
     direction = table.get("direction")
     if direction not in (None, *DIRECTIONS):
-        raise TestFileError(path, f"[{kind}] direction '{direction}' is unknown; known: {', '.join(DIRECTIONS)}.")
+        raise InputFileError(path, f"[{kind}] direction '{direction}' is unknown; known: {', '.join(DIRECTIONS)}.")
     if kind in ("biaxial", "planar"):
         return sheet(kind, size("length_mm") * 1e-3, size("width_mm") * 1e-3, size("thickness_mm") * 1e-3, compliance,
                      preload, direction)
@@ -126,18 +126,21 @@ def _volume(table: Mapping[str, Any], size: Callable[..., float], compliance: fl
     """A volumetric test from force and travel: J = 1 + (change of volume)/volume."""
     method = table.get("method")
     if method not in METHODS:
-        raise TestFileError(path, f"[volumetric] method = {method!r} does not tell what the force is: write method = "
-                                  "\"hydrostatic\" (piston on a fluid: piston_diameter_mm, volume_mm3) or \"confined\" "
-                                  "(specimen in a rigid sleeve: diameter_mm, height_mm, lateral_ratio).")
+        raise InputFileError(
+            path,
+            f"[volumetric] method = {method!r} does not tell what the force is: write method = "
+            '"hydrostatic" (piston on a fluid: piston_diameter_mm, volume_mm3) or "confined" '
+            "(specimen in a rigid sleeve: diameter_mm, height_mm, lateral_ratio).",
+        )
     if method == "hydrostatic":
         piston = np.pi * (size("piston_diameter_mm") * 1e-3) ** 2 / 4
         return Block(piston, size("volume_mm3") * 1e-9 / piston, compliance, preload, "compression", notes=(
             "Hydrostatic: pressure = force/piston area, J = 1 - piston area x travel/volume of the specimen; the "
             "fluid's own compression counts only as far as the compliance covers it.",))
     if "lateral_ratio" not in table:
-        raise TestFileError(path, "[volumetric] method = \"confined\" measures the axial stress, but the mean stress "
-                                  "is wanted: add lateral_ratio, lateral over axial stress (nu/(1 - nu) at small "
-                                  "strain; 0 for a foam with nu = 0, for which uniaxial= says the same).")
+        raise InputFileError(path, "[volumetric] method = \"confined\" measures the axial stress, but the mean stress "
+                                   "is wanted: add lateral_ratio, lateral over axial stress (nu/(1 - nu) at small "
+                                   "strain; 0 for a foam with nu = 0, for which uniaxial= says the same).")
     ratio = size("lateral_ratio", 0.0)
     said = (f"Confined: J = 1 + axial strain, mean stress = axial stress x (1 + 2 x {ratio:g})/3 with the "
             "lateral_ratio given.",)
@@ -156,14 +159,16 @@ def _same_area(table: Mapping[str, Any], size: Callable[..., float], ways: Seque
         if (stray := [key for key in way if key in table]) and way not in whole and not any(
                 set(stray) <= set(other) for other in whole):
             needed = next(key for key in way if key not in table)
-            raise TestFileError(path, f"[{kind}] {stray[0]} has no effect without {needed}. Add that, or leave it out.")
+            raise InputFileError(
+                path, f"[{kind}] {stray[0]} has no effect without {needed}. Add that, or leave it out."
+            )
     areas = {way: _area_of(way, size) for way in whole}
     first, *others = areas
     for other in others:
         if abs(areas[other] / areas[first] - 1) > SAME:
             stated = " but ".join(f"{' x '.join(f'{key} = {table[key]:g}' for key in way)} ({areas[way] * 1e6:.4g} mm2)"
                                   for way in (first, other))
-            raise TestFileError(path, f"[{kind}] gives two cross-sections: {stated}. Leave one of them out.")
+            raise InputFileError(path, f"[{kind}] gives two cross-sections: {stated}. Leave one of them out.")
     return areas[first]
 
 
@@ -176,8 +181,8 @@ def _size(table: Mapping[str, Any], key: str, default: float | None, kind: str, 
     """A positive number (zero allowed where there is a default); TestFileError otherwise."""
     value = table.get(key, default)
     if value is None:
-        raise TestFileError(path, f"[{kind}] needs the key {key}.")
+        raise InputFileError(path, f"[{kind}] needs the key {key}.")
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value) \
             or value < 0 or (value == 0 and default is None):
-        raise TestFileError(path, f"[{kind}] {key} = {value!r} must be a positive number.")
+        raise InputFileError(path, f"[{kind}] {key} = {value!r} must be a positive number.")
     return float(value)

@@ -8,7 +8,7 @@ from typing import Any
 
 from matcal.readers.recording import Recording
 from matcal.reduction.specimen import KEYS, SAME, SECTIONS, Block, Strip, make_specimen, read_tables
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 # kind -> size that a file may state -> key of that kind's table; of several for one key the first counts
 _DISC = {"area": "area_mm2", "diameter": "diameter_mm", "width": "width_mm", "depth": "depth_mm",
@@ -37,15 +37,15 @@ def specimen_of(kind: str, recording: Recording,
     added = _added(kind, table, own)
     try:
         sizes = make_specimen(kind, {**added, **table}, toml)
-    except TestFileError as error:
+    except InputFileError as error:
         if not recording.properties:
             raise
         stated = f"{recording.label} itself states {_words(recording.properties)}, which does not complete it"
-        raise TestFileError(toml, f"{error.problem} {stated}.", line=error.line) from None
+        raise InputFileError(toml, f"{error.problem} {stated}.", line=error.line) from None
     differing = _differing(sizes, _by_file(kind, table, own, path), recording)
     if differing and given is None:
-        raise TestFileError(path, f"{differing}, as [{kind}] of {toml.name} says. Correct one of them, or give "
-                                  f"--specimen {toml.name}.")
+        raise InputFileError(path, f"{differing}, as [{kind}] of {toml.name} says. Correct one of them, or give "
+                                   f"--specimen {toml.name}.")
     said = f"Specimen from [{kind}] of {toml.name}"
     if added:
         said += f", completed by what {path.name} itself states: {_keys(added)}"
@@ -82,17 +82,20 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
     path = recording.paths[0]
     try:
         sizes = make_specimen(kind, own, path)
-    except TestFileError as error:
+    except InputFileError as error:
         if own:
-            raise TestFileError(path, f"{error.problem} The file itself states {_words(recording.properties)}; a table "
-                                      f"[{kind}] in --specimen specimen.toml completes it.") from None
+            raise InputFileError(
+                path,
+                f"{error.problem} The file itself states {_words(recording.properties)}; a table "
+                f"[{kind}] in --specimen specimen.toml completes it.",
+            ) from None
         if given is not None:
-            raise TestFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
-                                       f"{_wanted(kind)}.") from None
-        raise TestFileError(path, f"displacement and force need the specimen's size: {path.name} does not state it, "
-                                  f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
-                                  f"[{kind}]. Give --specimen specimen.toml with {_wanted(kind)} below [{kind}]."
-                            ) from None
+            raise InputFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
+                                        f"{_wanted(kind)}.") from None
+        raise InputFileError(path, f"displacement and force need the specimen's size: {path.name} does not state it, "
+                                   f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
+                                   f"[{kind}]. Give --specimen specimen.toml with {_wanted(kind)} below [{kind}]."
+                             ) from None
     missing = f"; {given.name} has no table [{kind}]" if given is not None else ""
     return sizes, (f"Specimen from the file's own sizes: {_words(recording.properties)}{missing}.",), ()
 

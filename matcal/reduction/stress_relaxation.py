@@ -15,7 +15,7 @@ from matcal.reduction.load_cycles import Loading
 from matcal.reduction.load_frame import correct
 from matcal.reduction.specimen import Block
 from matcal.statistics.block_means import Edges, block_means, log_blocks
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
     record = correct("relaxation", recording, block)
     path, time = recording.paths[0], record.time_s
     if time is None:
-        raise TestFileError(path, f"a relaxation needs a time column; found: {', '.join(recording.names.values())}.")
+        raise InputFileError(path, f"a relaxation needs a time column; found: {', '.join(recording.names.values())}.")
     spans = _holds(record, time, path)
     toe = int(np.argmax(np.abs(record.strain) >= _TOE_STRAIN))
     edges, held = _edges(time, spans, toe)
@@ -54,8 +54,8 @@ def _holds(record: Loading, time: Array, path: Path) -> list[tuple[int, int]]:
     if not spans or time[spans[0][1] - 1] < 2 * time[spans[0][0]]:
         held = time[spans[0][1] - 1] - time[spans[0][0]] if spans else time[-1] - time[record.end]
         ramp = time[spans[0][0]] if spans else time[record.end]
-        raise TestFileError(path, f"it holds for {held:.3g} s after a ramp of {ramp:.3g} s, so there is no hold to "
-                                  "fit. Give the whole test.")
+        raise InputFileError(path, f"it holds for {held:.3g} s after a ramp of {ramp:.3g} s, so there is no hold to "
+                                   "fit. Give the whole test.")
     return spans
 
 

@@ -23,7 +23,7 @@ from matcal.reduction.experiment import Experiment
 from matcal.reduction.specimen import Strip
 from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.statistics.block_means import block_means, equal_blocks, sample_noise
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
     try:
         stroke = find_stroke(frame.columns["displacement"])
     except ValueError as error:
-        raise TestFileError(frame.paths[0], f"{error}, so there is no test in it.") from None
+        raise InputFileError(frame.paths[0], f"{error}, so there is no test in it.") from None
     strain = stroke.travel / strip.length_m
     circuit = _circuit(pot, strip)
     cyclic = stroke.loadings >= _CYCLIC
@@ -73,8 +73,8 @@ def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
     first, last = _span(frame.columns["time"], stroke, cyclic)
     used = (when >= first) & (when <= last)
     if np.count_nonzero(used) < 10:
-        raise TestFileError(pot.paths[0], f"only {np.count_nonzero(used)} of its samples fall into the stretch. Check "
-                                          "that both files belong to one test.")
+        raise InputFileError(pot.paths[0], f"only {np.count_nonzero(used)} of its samples fall into the stretch. Check "
+                                           "that both files belong to one test.")
     e = np.interp(when, frame.columns["time"], strain)
     resistance = 1 / circuit.conductance_S
     c = strip_conductivity(resistance[used], e[used], strip.length_m, strip.ring_area_m2)
@@ -106,9 +106,9 @@ def _frame_and_potentiostat(recordings: Sequence[Recording]) -> tuple[Recording,
         holders = [r for r in recordings if quantity in r.columns and "time" in r.columns]
         if not holders:
             files = ", ".join(r.label for r in recordings)
-            raise TestFileError(recordings[0].paths[0], f"a conductivity test needs time with displacement and time "
-                                                        f"with current; {files} has no {quantity}. Give "
-                                                        "conductivity=FRAME_FILE,POTENTIOSTAT_FILE.")
+            raise InputFileError(recordings[0].paths[0], f"a conductivity test needs time with displacement and time "
+                                                         f"with current; {files} has no {quantity}. Give "
+                                                         "conductivity=FRAME_FILE,POTENTIOSTAT_FILE.")
         found[quantity] = holders[0]
     return found["displacement"], found["current"]
 
@@ -118,14 +118,14 @@ def _circuit(pot: Recording, strip: Strip) -> _Circuit:
     voltage, notes = np.abs(pot.columns.get("potential", np.full(current.size, strip.voltage_V or np.nan))), ()
     if "potential" not in pot.columns:
         if strip.voltage_V is None:
-            raise TestFileError(pot.paths[0], "no potential column, and the specimen has no voltage_V. Give either.")
+            raise InputFileError(pot.paths[0], "no potential column, and the specimen has no voltage_V. Give either.")
         notes = (f"No potential column: {strip.voltage_V:g} V taken from the specimen.",)
     elif strip.voltage_V is not None and abs(np.median(voltage) / strip.voltage_V - 1) > 0.05:
-        raise TestFileError(pot.paths[0], f"its potential is {np.median(voltage):.4g} V but the specimen says "
-                                          f"voltage_V = {strip.voltage_V:g}. Correct one of them.")
+        raise InputFileError(pot.paths[0], f"its potential is {np.median(voltage):.4g} V but the specimen says "
+                                           f"voltage_V = {strip.voltage_V:g}. Correct one of them.")
     whole = current > 0.02 * np.median(current[:max(10, current.size // 50)])
     if not whole[0]:
-        raise TestFileError(pot.paths[0], "no current flows at the start. Check the contacts.", line=pot.first_line)
+        raise InputFileError(pot.paths[0], "no current flows at the start. Check the contacts.", line=pot.first_line)
     until = current.size if whole.all() else int(np.argmin(whole)) - 1
     if until < current.size:
         notes += (f"Current collapses after {until} of {current.size} samples; the rest is left out.",)
@@ -139,7 +139,7 @@ def _align(frame: Recording, pot: Recording, circuit: _Circuit, strain: Array, c
     try:
         moved = shift_by_motion(time, strain, circuit.time_s, circuit.conductance_S, cyclic)
     except ValueError as error:
-        raise TestFileError(pot.paths[0], f"{error}. Check that both files belong to one test.") from None
+        raise InputFileError(pot.paths[0], f"{error}. Check that both files belong to one test.") from None
     if cyclic or "force" not in frame.columns:
         return moved
     torn = shift_by_break(time, frame.columns["force"], pot.columns["time"], pot.columns["current"])
@@ -160,7 +160,7 @@ def _turning_points(pot: Recording, when: Array, resistance: Array, time: Array,
     try:
         return turning_points(np.interp(when[inside], time, strain), resistance[inside])
     except ValueError as error:
-        raise TestFileError(pot.paths[0], f"{error}. Check that both files belong to one test.") from None
+        raise InputFileError(pot.paths[0], f"{error}. Check that both files belong to one test.") from None
 
 
 def _sentences(shift: Shift, rate: float, strip: Strip, size: int) -> list[str]:

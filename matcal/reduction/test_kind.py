@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from matcal.readers.recording import Recording
 from matcal.readers.vocabulary import KINDS
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
 # word in a test's title or a file's name -> kind, in English, German, French, Spanish, Italian, Chinese and Japanese;
@@ -32,8 +32,8 @@ def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[
         if (told := _told_by(recording)) is not None:
             return told
     path = recordings[0].paths[0]
-    raise TestFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
-                              f"{', '.join(KINDS)}.")
+    raise InputFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
+                               f"{', '.join(KINDS)}.")
 
 
 def _told_by(recording: Recording) -> tuple[str, str] | None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Words = Callable[[Mapping[str, Any]], str]
 
@@ -180,8 +180,8 @@ def points(bench: Bench, folder: Path) -> tuple[list[Point], int]:
         rows = [row for row in rows if bench.drawn(row)]
         found = [_point(bench, row) for row in rows if _positive(bench.of(row)) and _positive(row[bench.cost])]
     except KeyError as missing:
-        raise TestFileError(path, f"column {missing} is not there; run benchmarks/{bench.benchmark}.py again."
-                            ) from None
+        raise InputFileError(path, f"column {missing} is not there; run benchmarks/{bench.benchmark}.py again."
+                             ) from None
     return found, len(rows)
 
 

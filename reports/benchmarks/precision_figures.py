@@ -15,7 +15,7 @@ from reports.benchmarks.catalogue import Bench, Point, by_problem, cheapest
 from reports.benchmarks.staleness import CURRENT, State
 from reports.document import style
 from reports.document.numerals import counted, number, percent, prefixed
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 # height of a row of panels and of a line of the legend, mm
 ROW_MM, LINE_MM = 49.0, 4.2
@@ -28,7 +28,7 @@ FEW, NARROW = 4, 50.0
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
 
 
-def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Plate:
+def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> ReportFigure:
     """The plate of a benchmark's points, of so many rows of its file, which stands so to the code."""
     problems, methods = by_problem(found), list(dict.fromkeys(p.method for p in found))
     columns = min(2 if len(problems) <= FEW else 3, len(problems))
@@ -49,7 +49,7 @@ def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Pl
             style.plain_log(axis)
     lines = {line.get_label(): line for axes in panels.flat for line in axes.get_lines()}
     figure.legend([lines[method] for method in methods], methods, loc="outside lower center", ncols=across)
-    return Plate(bench.name, figure, _caption(bench, found, rows, state), {bench.name: _frame(bench, found)})
+    return ReportFigure(bench.name, figure, _caption(bench, found, rows, state), {bench.name: _frame(bench, found)})
 
 
 def _look(i: int) -> dict[str, Any]:

@@ -9,14 +9,14 @@ from reports.benchmarks import stability_laws, stability_numerics, stability_rea
 from reports.benchmarks.stored_tables import Rows, condition_table, frame, read_rows
 from reports.document import provenance
 from reports.document.numerals import counted
-from reports.document.page import Plate, Report, Table
-from touchcal.errors import TestFileError
+from reports.document.page import Report, ReportFigure, Table
+from touchcal.errors import InputFileError
 
 # stem of a stored table -> benchmark that writes it
 WRITERS = {"stable_ranges": "stable_ranges", "stable_functions": "stable_ranges", "stiff": "stiff",
            "random_scenes": "random_scenes", "relaxation_stiff": "relaxation_stiff",
            "electrics_stiff": "electrics_stiff", "surrogate_noise": "surrogate_noise"}
-_PLATES: dict[str, Callable[[Rows, str], Plate]] = {
+_PLATES: dict[str, Callable[[Rows, str], ReportFigure]] = {
     "stable_ranges": stability_laws.ranges, "stable_functions": stability_laws.functions,
     "random_scenes": stability_scenes.scenes, "relaxation_stiff": stability_numerics.relaxation,
     "electrics_stiff": stability_numerics.electrics}
@@ -41,8 +41,8 @@ def report(results: Path) -> Report:
             plates += _plates(stem, rows)
             tables |= _tables(stem, rows)
         except KeyError as missing:
-            raise TestFileError(results / f"{stem}.csv", f"column {missing} is not there; run benchmarks/"
-                                f"{WRITERS[stem]}.py again.") from None
+            raise InputFileError(results / f"{stem}.csv", f"column {missing} is not there; run benchmarks/"
+                                 f"{WRITERS[stem]}.py again.") from None
     if stored:
         tables["conditions"] = condition_table(read)
     sources = [provenance.source(results / f"{stem}.csv") for stem in stored]
@@ -51,7 +51,7 @@ def report(results: Path) -> Report:
                   cautions=staleness.cautions([state for *_, state in read]))
 
 
-def _plates(stem: str, rows: Rows) -> list[Plate]:
+def _plates(stem: str, rows: Rows) -> list[ReportFigure]:
     if stem == "surrogate_noise":
         return stability_readings.readings(rows, stem)
     return [_PLATES[stem](rows, stem)] if stem in _PLATES else []
@@ -63,6 +63,6 @@ def _tables(stem: str, rows: Rows) -> dict[str, Table]:
     return {} if made is None else {name: made}
 
 
-def _findings(plates: list[Plate]) -> list[str]:
+def _findings(plates: list[ReportFigure]) -> list[str]:
     """The first sentence of every plate's caption."""
     return [plate.caption.split(". ")[0].rstrip(".") + "." for plate in plates] or ["No benchmark has been run."]

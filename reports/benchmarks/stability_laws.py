@@ -8,14 +8,14 @@ from reports.benchmarks.state_map import CAUTION, COLOURS, HATCHES, KEPT, LOST, 
 from reports.benchmarks.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import counted, interval
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 _SHORT = {"drucker": "Drucker", "elliptic": "ellipticity"}
 _LONG = _SHORT | {"drucker": "Drucker's condition"}
 COLUMNS = 3
 
 
-def ranges(rows: Rows, file: str) -> Plate:
+def ranges(rows: Rows, file: str) -> ReportFigure:
     """One panel a law: kept and lost strains of every mode and criterion, as results/stable_ranges.csv tells them.
 
     A loss of Drucker's condition alone is a caution: foams of rising stress break it on legitimate plateaus.
@@ -41,7 +41,7 @@ def ranges(rows: Rows, file: str) -> Plate:
     for axes in panels.flat[len(laws):]:
         axes.set_visible(False)
     legend(figure, {KEPT: "kept", CAUTION: "Drucker's condition lost", LOST: "ellipticity lost"})
-    return Plate("laws", figure, _told(rows, len(laws)), {file: frame(rows)})
+    return ReportFigure("laws", figure, _told(rows, len(laws)), {file: frame(rows)})
 
 
 def _told(rows: Rows, laws: int) -> str:
@@ -59,7 +59,7 @@ def _told(rows: Rows, laws: int) -> str:
             f"volumetric): {said}.")
 
 
-def functions(rows: Rows, file: str) -> Plate:
+def functions(rows: Rows, file: str) -> ReportFigure:
     """h(lambda) over mu_0 of every law with nu = 0; what is below zero is shaded."""
     figure = style.sheet(58, 110)
     axes = figure.subplots()
@@ -77,5 +77,9 @@ def functions(rows: Rows, file: str) -> Plate:
     axes.legend(loc="center right")
     lost = [", ".join(names) for values, names in same.items() if min(values) <= 0]
     said = f"it is lost, h ≤ 0, for {'; '.join(lost)}" if lost else "it is kept everywhere"
-    return Plate("functions", figure, f"h(λ) = Σ μᵢ λ^αᵢ decides Drucker's condition where ν = 0: {said}. Laws of one "
-                 "line differ by a factor alone.", {file: frame(rows)})
+    return ReportFigure(
+        "functions",
+        figure,
+        f"h(λ) = Σ μᵢ λ^αᵢ decides Drucker's condition where ν = 0: {said}. Laws of one line differ by a factor alone.",
+        {file: frame(rows)},
+    )

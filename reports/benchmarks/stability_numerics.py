@@ -10,7 +10,7 @@ from reports.benchmarks.state_map import CAUTION, KEPT, LOST, Cell, cells, legen
 from reports.benchmarks.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import counted, number, percent
-from reports.document.page import Plate, Table
+from reports.document.page import ReportFigure, Table
 
 # lost digits of sixteen from which a cell carries a caution, and from which it is lost
 SOME, MANY = 4.0, 8.0
@@ -20,7 +20,7 @@ HISTORY, OF_DISC = "history in shear", "disc of 15 mm"
 Digits = dict[tuple[float, float], float]
 
 
-def relaxation(rows: Rows, file: str) -> Plate:
+def relaxation(rows: Rows, file: str) -> ReportFigure:
     """Digits that the hereditary integral loses, by ratio of two relaxation times and step over the shorter one."""
     found: Digits = {(row["step_over_tau_1"], row["ratio"]): _digits(row["error"]) for row in where(rows, what=HISTORY)}
     figure = style.sheet(62, 120)
@@ -28,9 +28,13 @@ def relaxation(rows: Rows, file: str) -> Plate:
     cells(axes, *_grid(found))
     style.label(axes, "Longer over shorter relaxation time (–)", "Step over the shorter one (–)")
     legend(figure, LOST_DIGITS)
-    return Plate("relaxation", figure, f"Stress along a ramp and a hold through a series of two times, against its "
-                 f"closed form: {_most(found.values())} over all ratios of the times and steps.{_creep(rows)}",
-                 {file: frame(rows)})
+    return ReportFigure(
+        "relaxation",
+        figure,
+        f"Stress along a ramp and a hold through a series of two times, against its "
+        f"closed form: {_most(found.values())} over all ratios of the times and steps.{_creep(rows)}",
+        {file: frame(rows)},
+    )
 
 
 def _creep(rows: Rows) -> str:
@@ -54,7 +58,7 @@ def _most(digits: Iterable[float]) -> str:
     return f"at most {largest:.1f} of 16 digits are lost" if math.isfinite(largest) else "some have no answer"
 
 
-def electrics(rows: Rows, file: str) -> Plate:
+def electrics(rows: Rows, file: str) -> ReportFigure:
     """Digits that the elimination and an LU factorisation lose, by contrast of a disc and contact impedance."""
     own = where(rows, of=OF_DISC)
     methods = distinct(own, "method")
@@ -67,9 +71,14 @@ def electrics(rows: Rows, file: str) -> Plate:
         cells(axes, *_grid(found))
         style.label(axes, "Conductance over that of the skin (–)", "" if i else "Contact impedance (Ω m)", method)
     legend(figure, LOST_DIGITS)
-    return Plate("electrics", figure, f"A disc of 15 mm of another conductance in the skin: {', '.join(said)}; the "
-                 f"worse of {counted(len(distinct(own, 'elements')), 'mesh', 'meshes')}, without refinement of the "
-                 "answer.", {file: frame(rows)})
+    return ReportFigure(
+        "electrics",
+        figure,
+        f"A disc of 15 mm of another conductance in the skin: {', '.join(said)}; the "
+        f"worse of {counted(len(distinct(own, 'elements')), 'mesh', 'meshes')}, without refinement of the "
+        "answer.",
+        {file: frame(rows)},
+    )
 
 
 def _worst(own: Rows) -> Digits:

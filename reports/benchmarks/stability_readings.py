@@ -6,7 +6,7 @@ from reports.benchmarks.state_map import CAUTION, KEPT, LOST, Cell, cells, legen
 from reports.benchmarks.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import number
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 # RMSE over that without noise and shift from which a cell carries a caution, and from which it is lost; and the share
 # of rows that nominal 90 % intervals must hold
@@ -15,12 +15,12 @@ MEANING = {KEPT: f"under {WORSE:g} times the clean RMSE, intervals hold {100 * H
            CAUTION: f"{WORSE:g} to {MUCH_WORSE:g} times, intervals hold", LOST: "more, or intervals do not hold"}
 
 
-def readings(rows: Rows, file: str) -> list[Plate]:
+def readings(rows: Rows, file: str) -> list[ReportFigure]:
     """One plate a method: cases down, outputs across."""
     return [_plate(method, where(rows, method=method), file) for method in distinct(rows, "method")]
 
 
-def _plate(method: str, own: Rows, file: str) -> Plate:
+def _plate(method: str, own: Rows, file: str) -> ReportFigure:
     cases, outputs = distinct(own, "case"), distinct(own, "output")
     found = {(row["case"], row["output"]): _cell(row["rmse_ratio"], row["coverage_90"])
              for row in own}
@@ -34,9 +34,14 @@ def _plate(method: str, own: Rows, file: str) -> Plate:
             for output, cell in zip(outputs, row, strict=True) if cell.state == LOST]
     first = f" (first: {lost[0]})" if lost else ""
     said = f"{len(lost)} of {len(cases) * len(outputs)} cells are lost{first}"
-    return Plate(f"readings_{method}", figure, f"“{method}”, trained without noise: {said}. In a cell, the RMSE over "
-                 "the clean one and the share of rows in nominal 90 % intervals. Of noise the model is told, of "
-                 "shifts it is not.", {f"{file}_{method}": frame(own)})
+    return ReportFigure(
+        f"readings_{method}",
+        figure,
+        f"“{method}”, trained without noise: {said}. In a cell, the RMSE over "
+        "the clean one and the share of rows in nominal 90 % intervals. Of noise the model is told, of "
+        "shifts it is not.",
+        {f"{file}_{method}": frame(own)},
+    )
 
 
 def _name(own: Rows, case: str) -> str:

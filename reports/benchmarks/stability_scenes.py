@@ -12,14 +12,14 @@ from reports.benchmarks.state_map import CAUTION, KEPT, LOST, Cell, cells, legen
 from reports.benchmarks.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import counted, number, prefixed
-from reports.document.page import Plate, Table
+from reports.document.page import ReportFigure, Table
 
 COLUMNS, DIAMETERS, FORCES = 3, 4, 6
 # outcomes that are an answer: the foam is flat under less than the force
 ANSWERED = ("ok", "bottomed_out")
 
 
-def scenes(rows: Rows, file: str) -> Plate:
+def scenes(rows: Rows, file: str) -> ReportFigure:
     """One panel a card: cells of diameter and force, with the scenes in them and those that were lost."""
     cards = distinct(rows, "card")
     down = math.ceil(len(cards) / COLUMNS)
@@ -32,7 +32,7 @@ def scenes(rows: Rows, file: str) -> Plate:
         axes.set_visible(False)
     legend(figure, {KEPT: "all converged, all points elliptic", CAUTION: "some lost ellipticity at a point",
                     LOST: "a scene lost"})
-    return Plate("scenes", figure, _caption(rows), {file: frame(rows)})
+    return ReportFigure("scenes", figure, _caption(rows), {file: frame(rows)})
 
 
 def _panel(axes: Axes, own: Rows) -> str:

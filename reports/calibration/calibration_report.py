@@ -24,7 +24,7 @@ from reports.calibration import first_page as summary
 from reports.calibration.card_record import Record, read_record, rows_where
 from reports.document import provenance
 from reports.document.numerals import counted, number, typeset
-from reports.document.page import Plate, Report, Table, write_pdf
+from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
 
 NOT_FITTED = {"hyperfoam": "The card has no hyperfoam law: no stress-strain curve was fitted.",
@@ -78,7 +78,7 @@ def _alone(card: MaterialCard) -> dict[str, Hyperfoam]:
     return {mode: Hyperfoam(law["mu_Pa"], law["alpha"], law["nu"], "longterm") for mode, law in found.items()}
 
 
-def _mode_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
+def _mode_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
     card = record.card
     if card.hyperfoam is None:
         absent["modes"] = NOT_FITTED["hyperfoam"]
@@ -101,29 +101,29 @@ def _band_source(card: MaterialCard) -> str:
     return "from the posterior" if card.posterior else "linearised about the fit"
 
 
-def _predicted_plates(record: Record) -> list[Plate]:
+def _predicted_plates(record: Record) -> list[ReportFigure]:
     tested = record.card.fit.get("predicted", ())
     return [stress_figures.predicted(f"predicted_{k}", row, record.tables[f"predicted_{k}"])
             for k, row in enumerate(tested, 1) if f"predicted_{k}" in record.tables]
 
 
-def _cycle_plates(record: Record) -> list[Plate]:
+def _cycle_plates(record: Record) -> list[ReportFigure]:
     tables = {stem.removesuffix("_cycles"): table for stem, table in record.tables.items() if stem.endswith("_cycles")}
     return [cycle_figures.cycles(label, table, record.card.fit.get(label, {})) for label, table in tables.items()
             if len(table)]
 
 
-def _order_plates(card: MaterialCard) -> list[Plate]:
+def _order_plates(card: MaterialCard) -> list[ReportFigure]:
     tried = card.fit.get("orders", ())
     return [mode_figures.orders(tried, card.hyperfoam.mu_Pa.size)] if card.hyperfoam and len(tried) > 1 else []
 
 
-def _band_plates(record: Record) -> list[Plate]:
+def _band_plates(record: Record) -> list[ReportFigure]:
     bands = record.tables.get("bands")
     return [] if bands is None else [mode_figures.every_mode(bands, _band_source(record.card))]
 
 
-def _relaxation_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
+def _relaxation_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
     card = record.card
     tests = [t for t in record.fitted("relaxation") if t.time_s is not None]
     if card.prony is None:
@@ -135,7 +135,7 @@ def _relaxation_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
     return []
 
 
-def _skin_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
+def _skin_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
     card, tests = record.card, record.fitted("conductivity")
     if card.conductivity is None:
         absent["conductivity"] = NOT_FITTED["conductivity"]
@@ -148,7 +148,7 @@ def _skin_plates(record: Record, absent: dict[str, str]) -> list[Plate]:
     return []
 
 
-def _stability_plates(card: MaterialCard, absent: dict[str, str]) -> list[Plate]:
+def _stability_plates(card: MaterialCard, absent: dict[str, str]) -> list[ReportFigure]:
     if card.stability and card.hyperfoam is not None:
         records = card.fit.get("data_stability", ())
         return [stability_figure.ranges(card.stability, card.hyperfoam.strain_range, records)]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from matcal.card import MaterialCard, read_card
 from matcal.readers.vocabulary import KINDS
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 # kind -> column of the measured value
@@ -106,7 +106,7 @@ def _read_test(path: Path) -> Test:
     table, value = pd.read_parquet(path), VALUE.get(kind, "stress_Pa")
     for name in ("strain", value):
         if name not in table:
-            raise TestFileError(path, f"the column {name} is missing. Fit the card again.")
+            raise InputFileError(path, f"the column {name} is missing. Fit the card again.")
 
     def column(name: str) -> Array | None:
         return table[name].to_numpy(dtype=float) if name in table else None

@@ -13,14 +13,14 @@ from matcal.record.bands import conductivity_at
 from reports.calibration.card_record import Array, Test
 from reports.document import style
 from reports.document.numerals import interval, number, percent
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 # compression to which every touch may drive the law
 DEEPEST = -0.9
 
 
 def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[float],
-                     band: pd.DataFrame | None) -> Plate:
+                     band: pd.DataFrame | None) -> ReportFigure:
     """Data and cubic over the fitted strains, and the cubic on to deep compression."""
     figure = style.sheet(78)
     panels = figure.subplot_mosaic([["near", "far"], ["residual", "far"]], height_ratios=[3, 1])
@@ -54,7 +54,7 @@ def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[
     style.label(far, "Nominal strain, compression negative (–)", "Conductivity (S/m)", "on to compression")
     near.legend(loc="best")
     far.legend(loc="best")
-    return Plate("conductivity", figure, _caption(law, errors, extended, stopped, band), data)
+    return ReportFigure("conductivity", figure, _caption(law, errors, extended, stopped, band), data)
 
 
 def _draw_band(near: Axes, far: Axes, band: pd.DataFrame, span: tuple[float, float]) -> None:

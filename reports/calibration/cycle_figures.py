@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from reports.document import style
 from reports.document.numerals import number, plus_minus, prefixed
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 # column -> what it is, unit of the column
 COLUMNS = {"resistance_rest_Ohm": ("at rest", "Ω"), "resistance_peak_Ohm": ("at the peak", "Ω"),
@@ -21,7 +21,7 @@ COLUMNS = {"resistance_rest_Ohm": ("at rest", "Ω"), "resistance_peak_Ohm": ("at
 STEADY = 0.01
 
 
-def cycles(label: str, table: pd.DataFrame, row: Mapping[str, Any]) -> Plate:
+def cycles(label: str, table: pd.DataFrame, row: Mapping[str, Any]) -> ReportFigure:
     """What a cyclic test measured in each cycle, with the fitted courses where the table has them; `row` of the fit."""
     held = [name for name in COLUMNS if name in table]
     resistance = [name for name in held if name.startswith("resistance")]
@@ -32,7 +32,7 @@ def cycles(label: str, table: pd.DataFrame, row: Mapping[str, Any]) -> Plate:
     what = "resistance" if resistance else "cycles of loading"
     caption = f"Settling, {label}: {what} over {len(table)} cycles. " + " ".join(_course(table, name) for name in held)
     caption += _settled(row)
-    return Plate(f"{label}_cycles", figure, caption, {f"{label}_cycles": table})
+    return ReportFigure(f"{label}_cycles", figure, caption, {f"{label}_cycles": table})
 
 
 def _settled(row: Mapping[str, Any]) -> str:

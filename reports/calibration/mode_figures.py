@@ -16,12 +16,12 @@ from reports.calibration.card_record import rows_where
 from reports.calibration.stress_figures import half_width
 from reports.document import style
 from reports.document.numerals import number, pascals, percent
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 STRAIN = {"shear": "γ (–)", "volumetric": "J (–)"}
 
 
-def every_mode(bands: pd.DataFrame, source: str) -> Plate:
+def every_mode(bands: pd.DataFrame, source: str) -> ReportFigure:
     """Long-term stress in all five modes, fitted strains drawn through, extrapolated ones dashed, with 95 % bands."""
     modes = [mode for mode in MODES if mode in set(bands["mode"])]
     figure = style.sheet(96)
@@ -34,7 +34,7 @@ def every_mode(bands: pd.DataFrame, source: str) -> Plate:
               Line2D([], [], color=style.SECOND, ls="--", label="extrapolated"),
               Patch(color=style.ACCENT, alpha=0.2, label="95 % band")]
     panels.flat[-1].legend(handles=legend, loc="center")
-    return Plate("bands", figure, _bands_caption(bands, modes, source), {"bands": bands})
+    return ReportFigure("bands", figure, _bands_caption(bands, modes, source), {"bands": bands})
 
 
 def _draw_mode(axes: Axes, rows: pd.DataFrame, mode: str) -> None:
@@ -62,7 +62,7 @@ def _bands_caption(bands: pd.DataFrame, modes: Sequence[str], source: str) -> st
             f"{', '.join(said)}. Dashed: never measured; the band there holds only if the law does.")
 
 
-def orders(tried: Sequence[Mapping[str, Any]], chosen: int) -> Plate:
+def orders(tried: Sequence[Mapping[str, Any]], chosen: int) -> ReportFigure:
     """Residual and Bayesian information criterion against the number of terms."""
     table = pd.DataFrame({"terms": [row["order"] for row in tried], "residual": [row["rms"] for row in tried],
                           "bic": [row["bic"] for row in tried],
@@ -86,7 +86,7 @@ def orders(tried: Sequence[Mapping[str, Any]], chosen: int) -> Plate:
     style.label(left, "Terms of the law (–)", "Weighted residual (%)")
     style.label(right, "Terms of the law (–)", "BIC above the least (–)")
     left.legend(loc="lower left")
-    return Plate("orders", figure, _orders_caption(table, chosen), {"orders": table})
+    return ReportFigure("orders", figure, _orders_caption(table, chosen), {"orders": table})
 
 
 def _orders_caption(table: pd.DataFrame, chosen: int) -> str:

@@ -12,7 +12,7 @@ from matcal.laws.deformation_modes import MODES
 from reports.calibration.card_record import Record, Test
 from reports.document import style
 from reports.document.numerals import pascals
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 # panels that one strip holds
 _MOST = 4
@@ -20,7 +20,7 @@ _KINDS = (*MODES, "relaxation", "conductivity")
 _STRAIN = {"shear": "γ (–)", "volumetric": "J (–)"}
 
 
-def strip(record: Record) -> Plate | None:
+def strip(record: Record) -> ReportFigure | None:
     """Data and fit of up to four kinds of test side by side; None where nothing was fitted."""
     kinds = [kind for kind in _KINDS if record.fitted(kind)]
     kinds = kinds if len(kinds) <= _MOST else [*kinds[:_MOST - 2], *kinds[-2:]]
@@ -32,7 +32,7 @@ def strip(record: Record) -> Plate | None:
         axes.locator_params(axis="y", nbins=4)
     tests = [test for kind in kinds for test in record.fitted(kind)]
     caption = f"Measured (dots) and fitted (lines): {', '.join(test.label for test in tests)}."
-    return Plate("overview", figure, caption, {"overview": _table(tests)})
+    return ReportFigure("overview", figure, caption, {"overview": _table(tests)})
 
 
 def _draw(axes: Axes, kind: str, tests: Sequence[Test]) -> None:

@@ -16,7 +16,7 @@ from reports.calibration.card_record import Array
 from reports.calibration.first_page import PLATEAU_STRAIN
 from reports.document import style
 from reports.document.numerals import counted, number, pascals, within
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 # subscripts of captions, as the figures' mathematics has them
 _SUBSCRIPTS = str.maketrans({"₀": "$_0$"})
@@ -32,7 +32,7 @@ def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
     return read_draws(path), ""
 
 
-def derived(draws: Draws, card: MaterialCard) -> Plate:
+def derived(draws: Draws, card: MaterialCard) -> ReportFigure:
     """Histograms of the derived quantities over the draws, each with its middle 95 % and the linearised result."""
     quantities = _quantities(draws)
     count = len(quantities) + (draws.alpha.shape[1] > 0)
@@ -53,7 +53,7 @@ def derived(draws: Draws, card: MaterialCard) -> Plate:
                + (f" The exponents run over {spans}." if spans else "") + _checked(card))
     data = pd.DataFrame({name: column.values for name, column in quantities.items()}
                         | {f"alpha_{i + 1}": draws.alpha[:, i] for i in range(draws.alpha.shape[1])})
-    return Plate("posterior", figure, caption, {"posterior": data})
+    return ReportFigure("posterior", figure, caption, {"posterior": data})
 
 
 @dataclass(frozen=True)

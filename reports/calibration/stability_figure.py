@@ -13,14 +13,14 @@ from matplotlib.patches import Patch
 from matcal.record.cautions import NAMES, overlaps
 from reports.document import style
 from reports.document.numerals import interval
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 _SHORT = {"drucker": "Drucker", "elliptic": "ellipticity"}
 SCANNED, UNSTABLE = "#dcdcdc", style.SECOND
 Ranges = Mapping[str, tuple[float, float]]
 
 
-def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mapping[str, Any]] = ()) -> Plate:
+def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mapping[str, Any]] = ()) -> ReportFigure:
     """Scanned strains as grey bars, unstable ones on top, fitted ones as a line, violations by the records as crosses.
 
     `stability` and `records` (fit.data_stability) as the card holds them.
@@ -42,7 +42,7 @@ def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mappi
             axes.plot([a, b], [y + 0.42, y + 0.42], "|-", color=style.THIRD, lw=1.4, ms=4)
     _finish(axes, rows, bool(records))
     data = pd.DataFrame(told, columns=["mode", "criterion", "unstable_from", "unstable_to"])
-    return Plate("stability", figure, _caption(told, fitted), {"stability": data})
+    return ReportFigure("stability", figure, _caption(told, fitted), {"stability": data})
 
 
 def _violated(records: Sequence[Mapping[str, Any]], mode: str, criterion: str) -> list[tuple[float, float]]:

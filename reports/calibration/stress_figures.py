@@ -15,7 +15,7 @@ from matcal.laws.prony import Prony, relaxation
 from reports.calibration.card_record import Array, Test, rows_where
 from reports.document import style
 from reports.document.numerals import number, pascals, percent
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 STRAIN = {"shear": "Shear strain γ (–)", "volumetric": "Volume ratio J (–)"}
 # one mark a specimen
@@ -31,7 +31,7 @@ def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
 
 
 def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapping[str, Hyperfoam],
-         errors: Mapping[str, float], band: pd.DataFrame | None, source: str) -> Plate:
+         errors: Mapping[str, float], band: pd.DataFrame | None, source: str) -> ReportFigure:
     """One mode: data, the law of all modes with its band, the laws of single modes, residuals.
 
     `law` and `alone` (mode -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode; `band`: the
@@ -56,10 +56,10 @@ def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapp
     style.label(upper, "", f"{what.capitalize()} stress ({unit})")
     style.label(lower, STRAIN.get(kind, f"{what.capitalize()} strain (–)"), f"Residual ({fine_unit})")
     upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
-    return Plate(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
+    return ReportFigure(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
 
 
-def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> Plate:
+def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> ReportFigure:
     """A test that was kept out of the fit, and what the laws say of it; `row` of the card's fit.predicted."""
     factor, unit = pascals(table["stress_Pa"].to_numpy())
     figure = style.sheet(62)
@@ -79,7 +79,7 @@ def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> Plate:
                if law.endswith("alone")]
     caption = (f"Predicted, not fitted: {', '.join(row['source'])}, {row['kind']}: {'; '.join(missed)} "
                "(relative RMS).")
-    return Plate(name, figure, caption, {name: table})
+    return ReportFigure(name, figure, caption, {name: table})
 
 
 def _draw_tests(axes: Axes, tests: Sequence[Test], sign: float, factor: float, title: str) -> dict[str, pd.DataFrame]:
@@ -150,7 +150,7 @@ def half_width(rows: pd.DataFrame) -> float:
     return float(half.max() / np.abs(rows["stress_Pa"].to_numpy()).max())
 
 
-def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> Plate:
+def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> ReportFigure:
     """Stress over the stress of an ideal step, measured and fitted with the recorded ramp, against time."""
     figure = style.sheet(84)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
@@ -179,7 +179,7 @@ def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> Pl
                f"{', '.join(number(r) for r in ramps)} s the stress peaks at {number(peak)} of that after an ideal "
                f"step, and {number(prony.g_infinity)} of it stays for good. Stress is normalised where fit and ideal "
                "step meet, at the end of the hold.")
-    return Plate("relaxation", figure, caption, data)
+    return ReportFigure("relaxation", figure, caption, data)
 
 
 def _step_stress(test: Test, prony: Prony) -> tuple[float, float]:

@@ -21,7 +21,7 @@ NEARLY_EMPTY_MM = 90.0
 
 
 @dataclass(frozen=True)
-class Plate:
+class ReportFigure:
     """One figure of a report."""
 
     # its name in the template and its file name
@@ -63,7 +63,7 @@ class Report:
     footer: Mapping[str, Any]
     # the most important findings, one sentence each
     findings: Sequence[str]
-    plates: Sequence[Plate] = ()
+    plates: Sequence[ReportFigure] = ()
     tables: Mapping[str, Table] = field(default_factory=dict)
     # plate or table -> one sentence that says why it is not there
     absent: Mapping[str, str] = field(default_factory=dict)
@@ -107,7 +107,7 @@ def _stage(report: Report, work: Path) -> None:
     (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
 
 
-def _export(plates: Sequence[Plate], work: Path, beside: Path) -> list[str]:
+def _export(plates: Sequence[ReportFigure], work: Path, beside: Path) -> list[str]:
     """Draw the plates into `work`, their SVG and CSV into `beside`; what an earlier report left there goes first."""
     beside.mkdir(exist_ok=True)
     _forget(beside)

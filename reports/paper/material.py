@@ -13,7 +13,7 @@ from matcal.laws.prony import relaxation
 from reports.calibration import calibration_report, calibration_tables, cycle_figures
 from reports.calibration.card_record import Array, Record, read_record
 from reports.document.numerals import number, percent
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.paper.section import Number, Section, against, paper_value, renamed, value_of
 from reports.paper.stages_plan import CARD, CYCLES, Run
 
@@ -51,7 +51,7 @@ def longterm(record: Record) -> Hyperfoam:
     return record.card.hyperfoam
 
 
-def _mode(figure: str, record: Record, plates: dict[str, Plate]) -> Section:
+def _mode(figure: str, record: Record, plates: dict[str, ReportFigure]) -> Section:
     kind, words, strains, sign = MODES[figure]
     law = longterm(record)
     numbers = [Number(words.format(e), "kPa", abs(float(nominal_stress(law, kind, sign * e))) / 1e3) for e in strains]
@@ -72,11 +72,11 @@ def _mode(figure: str, record: Record, plates: dict[str, Plate]) -> Section:
                    _named(plates, kind, f"figure_{figure}"), tuple(numbers))
 
 
-def _named(plates: dict[str, Plate], name: str, new: str) -> tuple[Plate, ...]:
+def _named(plates: dict[str, ReportFigure], name: str, new: str) -> tuple[ReportFigure, ...]:
     return (renamed(plates[name], new),) if name in plates else ()
 
 
-def _relaxing(record: Record, plates: dict[str, Plate]) -> Section:
+def _relaxing(record: Record, plates: dict[str, ReportFigure]) -> Section:
     series = record.card.prony
     if series is None:
         return _absent("5", "Not there: the card has no Prony series.")
@@ -121,9 +121,9 @@ def _paper_order(alpha: Array) -> tuple[int, ...]:
     return min(itertools.permutations(range(paper.size)), key=lambda order: np.abs(alpha[list(order)] - paper).sum())
 
 
-def _skin(record: Record, plates: dict[str, Plate], cycled: Path) -> Section:
+def _skin(record: Record, plates: dict[str, ReportFigure], cycled: Path) -> Section:
     numbers: list[Number] = []
-    drawn: list[Plate] = []
+    drawn: list[ReportFigure] = []
     if cycled.is_file():
         own = read_record(cycled)
         table, row = own.tables["conductivity_1_cycles"], own.card.fit["conductivity_1"]

@@ -18,9 +18,9 @@ from eitsim.mechanics.solid.grid import Grid, default_element_m, foam_grid
 from eitsim.scene.scene import scene_from
 from reports.document import style
 from reports.document.numerals import number, percent
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.touch.touch_figures import sensor
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def meshed(scene: Mapping[str, Any], path: Path) -> Meshed:
     mesh = meshio.vtu.read(path)
     (cells,) = mesh.cells
     if cells.type not in _CORNERS:
-        raise TestFileError(path, f"elements '{cells.type}' are not drawn here; write it with `eitsim run --skin`.")
+        raise InputFileError(path, f"elements '{cells.type}' are not drawn here; write it with `eitsim run --skin`.")
     places = np.round(mesh.points[:, :2] * 1e3, 4)
     ends = places[edges(cells.data[:, : _CORNERS[cells.type]])]
     return Meshed(scene, np.unique(ends, axis=0), len(cells.data))
@@ -61,7 +61,7 @@ def edges(corners: NDArray[np.integer]) -> NDArray[np.integer]:
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def meshes(name: str, sensors: Sequence[Meshed]) -> Plate:
+def meshes(name: str, sensors: Sequence[Meshed]) -> ReportFigure:
     """Meshes of several scenes' skins from above, and the foam's mesh under the first punch (paper, figure 7)."""
     figure = style.sheet(98)
     grid = figure.add_gridspec(2, len(sensors), height_ratios=[3, 1])
@@ -83,7 +83,7 @@ def meshes(name: str, sensors: Sequence[Meshed]) -> Plate:
                f"{', '.join(str(one.elements) for one in sensors)} quadratic elements. Below: of the foam only a "
                f"half-plane through the punch's axis is meshed, {len(foam.elements)} quadratic elements for (a), "
                "smallest at the edge of the punch.")
-    return Plate(name, figure, caption, data)
+    return ReportFigure(name, figure, caption, data)
 
 
 def _words(punch: Mapping[str, Any]) -> str:
@@ -124,7 +124,7 @@ def _foam(axes: Axes, tables: Mapping[str, Any]) -> Grid:
 
 
 @dataclass(frozen=True)
-class Course:
+class ConvergenceSeries:
     """A quantity over meshes that halve their elements, of one order."""
 
     elements: Array
@@ -135,25 +135,29 @@ class Course:
     error: Array
 
 
-def course(rows: pd.DataFrame, column: str) -> Course:
+def course(rows: pd.DataFrame, column: str) -> ConvergenceSeries:
     """Richardson's estimate: changes d_i between meshes of halved size fall as 2^-p i, and mesh i is off by
     |d_i|/(2^p - 1); p fitted to all changes, at least 0.5 in the estimate."""
     value = rows[column].to_numpy(dtype=float)
     changes = np.abs(np.diff(value))
     observed = -float(np.polyfit(np.arange(len(changes)), np.log2(changes), 1)[0]) if np.all(changes > 0) else None
     power = 2.0 ** max(observed or 0.5, 0.5) - 1
-    return Course(rows["elements"].to_numpy(dtype=float), value, observed if observed and observed > 0 else None,
-                  np.concatenate([[0.0], changes / power]))
+    return ConvergenceSeries(
+        rows["elements"].to_numpy(dtype=float),
+        value,
+        observed if observed and observed > 0 else None,
+        np.concatenate([[0.0], changes / power]),
+    )
 
 
-def courses(table: pd.DataFrame) -> dict[tuple[str, int], Course]:
+def courses(table: pd.DataFrame) -> dict[tuple[str, int], ConvergenceSeries]:
     """(column, order of elements) -> its course, of a table of `paper_convergence`."""
     orders = sorted(table["order"].unique())
     return {(column, int(order)): course(pd.DataFrame(table[table["order"] == order]), column)
             for column, order in itertools.product(COURSES, orders)}
 
 
-def convergence(name: str, table: pd.DataFrame) -> Plate:
+def convergence(name: str, table: pd.DataFrame) -> ReportFigure:
     """Mean contact stress and depth over the number of elements, with estimated errors (paper, figure 8)."""
     found = courses(table)
     figure = style.sheet(64)
@@ -167,16 +171,16 @@ def convergence(name: str, table: pd.DataFrame) -> Plate:
         axes.tick_params(axis="x", which="both", labelrotation=45)
         style.label(axes, "Elements of the half-plane (–)", title)
         axes.legend()
-    return Plate(name, figure, _convergence_caption(found), {name: _with_errors(table, found)})
+    return ReportFigure(name, figure, _convergence_caption(found), {name: _with_errors(table, found)})
 
 
-def _with_errors(table: pd.DataFrame, found: Mapping[tuple[str, int], Course]) -> pd.DataFrame:
+def _with_errors(table: pd.DataFrame, found: Mapping[tuple[str, int], ConvergenceSeries]) -> pd.DataFrame:
     columns = {f"{column}_error": np.concatenate([one.error for (kept, _), one in found.items() if kept == column])
                for column in COURSES}
     return table.sort_values("order", kind="stable").assign(**columns)
 
 
-def _convergence_caption(found: Mapping[tuple[str, int], Course]) -> str:
+def _convergence_caption(found: Mapping[tuple[str, int], ConvergenceSeries]) -> str:
     told = []
     for (column, order), own in found.items():
         how = "falls at no single order" if own.observed is None else f"falls at order {number(own.observed, 2)}"

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from reports.document import style
 from reports.document.numerals import counted, number
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.surrogate import parity_figures
 
 INPUTS = 208
@@ -26,7 +26,7 @@ def hidden_units(parameters: int, inputs: int = INPUTS) -> int:
     return hidden
 
 
-def structure(name: str, model: Mapping[str, Any]) -> Plate:
+def structure(name: str, model: Mapping[str, Any]) -> ReportFigure:
     """The path from a touch to its networks, with the sizes of this model."""
     networks = {key: net for key, net in model["training"].items() if isinstance(net, Mapping) and "parameters" in net}
     hidden = hidden_units(next(iter(networks.values()))["parameters"])
@@ -54,7 +54,7 @@ def structure(name: str, model: Mapping[str, Any]) -> Plate:
                f"train, {split['val']} calibrate the intervals, {split['test']} test.")
     rows = [{"output": key, "hidden_units": hidden, "parameters": net["parameters"], "effective": net["gamma"],
              "steps": net["epochs"], "stop": net["stop"]} for key, net in networks.items()]
-    return Plate(name, figure, caption, {name: pd.DataFrame(rows)})
+    return ReportFigure(name, figure, caption, {name: pd.DataFrame(rows)})
 
 
 def _outputs(networks: Mapping[str, Any]) -> str:

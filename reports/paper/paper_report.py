@@ -13,7 +13,7 @@ import pandas as pd
 from eitsim.sweeps.dataset.parquet import MANIFEST, read_manifest
 from reports.document import provenance
 from reports.document.numerals import counted, number
-from reports.document.page import CONTENTS, Plate, Report, Table, write_pdf
+from reports.document.page import CONTENTS, Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
 from reports.paper import learning, material, simulation
 from reports.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
@@ -195,7 +195,7 @@ def _known(value: Any) -> str:
     return "–" if value is None or math.isnan(value) else number(value)
 
 
-def _write_png(plates: Iterable[Plate], beside: Path) -> None:
+def _write_png(plates: Iterable[ReportFigure], beside: Path) -> None:
     """The figures as PNG beside their SVG, listed so that the next report forgets them."""
     contents = json.loads((beside / CONTENTS).read_text(encoding="utf-8"))
     for plate in plates:

@@ -12,9 +12,9 @@ import pandas as pd
 
 from reports.calibration.card_record import rows_where
 from reports.document.numerals import counted, number, r_squared
-from reports.document.page import Plate, Table
+from reports.document.page import ReportFigure, Table
 
-STATED = Path(__file__).with_name("stated.csv")
+PUBLISHED = Path(__file__).with_name("stated.csv")
 # numbers of the run at full size, and what made them, as it was committed
 FULL = Path(__file__).with_name("full") / "numbers.csv"
 FULL_STAGES = FULL.with_name("stages.csv")
@@ -47,7 +47,7 @@ class Section:
     differs: str
     # names of the stages whose results it is made from
     stages: tuple[str, ...]
-    plates: tuple[Plate, ...] = ()
+    plates: tuple[ReportFigure, ...] = ()
     numbers: tuple[Number, ...] = ()
     # further tables
     tables: tuple[Table, ...] = ()
@@ -56,21 +56,21 @@ class Section:
 
 
 @functools.cache
-def stated() -> pd.DataFrame:
+def published() -> pd.DataFrame:
     """What the paper states: figure, quantity, unit, value, and where it says so."""
-    return pd.read_csv(STATED, dtype={"figure": str})
+    return pd.read_csv(PUBLISHED, dtype={"figure": str})
 
 
 def paper_value(figure: str, quantity: str) -> float:
     """A value that the paper states; KeyError where it states none."""
     rows = _stated_rows(figure, quantity)
     if rows.empty:
-        raise KeyError(f"{STATED.name} holds no '{quantity}' of figure {figure}")
+        raise KeyError(f"{PUBLISHED.name} holds no '{quantity}' of figure {figure}")
     return float(rows["value"].iloc[0])
 
 
 def _stated_rows(figure: str, quantity: str) -> pd.DataFrame:
-    table = stated()
+    table = published()
     return rows_where(table, (table["figure"] == figure) & (table["quantity"] == quantity))
 
 
@@ -114,7 +114,7 @@ def _stated(figure: str, quantity: str, unit: str) -> str:
     if rows.empty:
         return "–"
     if (own := rows["unit"].iloc[0]) != unit:
-        raise ValueError(f"{STATED.name}: '{quantity}' of figure {figure} is in {own}, found in {unit}.")
+        raise ValueError(f"{PUBLISHED.name}: '{quantity}' of figure {figure} is in {own}, found in {unit}.")
     return shown(quantity, float(rows["value"].iloc[0]))
 
 
@@ -130,7 +130,7 @@ def shown(quantity: str, value: float) -> str:
     return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else number(value)
 
 
-def renamed(plate: Plate, name: str) -> Plate:
+def renamed(plate: ReportFigure, name: str) -> ReportFigure:
     """A plate under another name, the files of its data with the name before their own."""
     data = {stem if stem.startswith(name) else f"{name}_{stem}": table for stem, table in plate.data.items()}
     return replace(plate, name=name, data=data)

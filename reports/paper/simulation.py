@@ -18,7 +18,7 @@ from reports.paper.section import Number, Section, against, paper_value, renamed
 from reports.paper.stages_plan import CHOICES, CONVERGENCE, FIRST, HOLDS, SECOND, TOUCH, Run
 from reports.touch import reading_figures, skin_maps
 from reports.touch.touch_report import read_result
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 TWO_S, LAST_S = 2.0, 180.0
 LOST = "mean pressure lost in 2 s, hold at {}"
@@ -34,8 +34,8 @@ def skin_of(run: Run, name: str, result: Mapping[str, Any]) -> Path:
     """The file of the skin that a result names; TestFileError where it is another than was written with it."""
     path = run.stages[name].folder / "skin.vtu"
     if not path.is_file() or source(path).sha256 != result["skin_file"]["sha256"]:
-        raise TestFileError(path, "it is not the file that was written with touch.json. Delete the folder and run the "
-                                  "report again.")
+        raise InputFileError(path, "it is not the file that was written with touch.json. Delete the folder and run the "
+                                   "report again.")
     return path
 
 

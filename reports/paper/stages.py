@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from reports.document.provenance import Source, combined, machine, source
 from touchcal.code_version import code_hash
-from touchcal.errors import NotConverged, TestFileError
+from touchcal.errors import InputFileError, NotConverged
 from touchcal.json_file import write_json
 from touchcal.terminal import NOT_CONVERGED
 
@@ -95,8 +95,8 @@ def read_record(folder: Path) -> Mapping[str, Any] | None:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
-        raise TestFileError(path, f"not JSON: {error.msg}. Delete it; the stage is then made again.",
-                            line=error.lineno) from None
+        raise InputFileError(path, f"not JSON: {error.msg}. Delete it; the stage is then made again.",
+                             line=error.lineno) from None
 
 
 def made(stage: Stage) -> bool:

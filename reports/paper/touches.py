@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reports.document import style
 from reports.document.numerals import number, volts
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.touch import reading_figures
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def followed(result: Mapping[str, Any]) -> str:
     return f"reading_{int(np.nanargmax(np.abs(signal[PATTERN])))}_V"
 
 
-def holds(name: str, results: Mapping[str, Mapping[str, Any]]) -> Plate:
+def holds(name: str, results: Mapping[str, Mapping[str, Any]]) -> ReportFigure:
     """Mean contact pressure and one potential of holds, by what is kept (paper, figure 9)."""
     found = {kept: course(result) for kept, result in results.items()}
     reading = followed(next(iter(results.values())))
@@ -63,10 +63,10 @@ def holds(name: str, results: Mapping[str, Mapping[str, Any]]) -> Plate:
     caption = (f"Mean contact pressure (left) and the voltage of pattern {PATTERN}, reading {number_of} (right): "
                f"{'; '.join(told)}.")
     data = pd.concat([rows.assign(kept=kept) for kept, rows in found.items()], ignore_index=True)
-    return Plate(name, figure, caption, {name: data})
+    return ReportFigure(name, figure, caption, {name: data})
 
 
-def choices(name: str, rows: pd.DataFrame, patterns: int) -> Plate:
+def choices(name: str, rows: pd.DataFrame, patterns: int) -> ReportFigure:
     """Signals of one touch by the strain that drives the skin, under an insulated and a conducting punch."""
     signals = {(row["skin_strain"], int(row["punch_conductor"])): signal_of(row).reshape(patterns, -1)
                for row in rows.to_dict("records")}
@@ -88,7 +88,7 @@ def choices(name: str, rows: pd.DataFrame, patterns: int) -> Plate:
                f"strain through the thickness under an insulated punch: {told}. Each panel has its own scale.")
     table = pd.DataFrame({f"dV_V {strain}, {PUNCHES[punch]}": signal.ravel() for (strain, punch), signal
                           in signals.items()})
-    return Plate(name, figure, caption, {name: table})
+    return ReportFigure(name, figure, caption, {name: table})
 
 
 def signal_of(row: Mapping[Any, Any]) -> Array:

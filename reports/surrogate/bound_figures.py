@@ -12,7 +12,7 @@ from matplotlib.tri import Triangulation
 
 from reports.document import style
 from reports.document.numerals import number
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.surrogate import parity_figures
 from surrogate.bounds.bound_files import MATERIALS
 
@@ -20,13 +20,13 @@ OUTPUTS = {"x0": ("sd_x0_mm", "mm"), "y0": ("sd_y0_mm", "mm"), "d": ("sd_d_mm", 
 WORDS = {"known": "material known", "posterior": "material uncertain"}
 
 
-def plates(found: pd.DataFrame) -> list[Plate]:
+def plates(found: pd.DataFrame) -> list[ReportFigure]:
     """One plate a noise level of a map as `limit_file.read_map` gives it, loudest last."""
     return [_plate(pd.DataFrame(found.loc[found["noise_db"] == level]), float(level))
             for level in sorted(found["noise_db"].unique(), reverse=True)]
 
 
-def _plate(found: pd.DataFrame, level: float) -> Plate:
+def _plate(found: pd.DataFrame, level: float) -> ReportFigure:
     materials = [name for name in MATERIALS if name in set(found["material"])]
     figure = style.sheet(14 + 46 * len(materials))
     panels = figure.subplots(len(materials), len(OUTPUTS), squeeze=False, sharex=True, sharey=True)
@@ -46,7 +46,7 @@ def _plate(found: pd.DataFrame, level: float) -> Plate:
     for axes in panels[-1]:
         style.label(axes, "x (mm)", axes.get_ylabel(), axes.get_title("left"))
     name = f"limit_map_{level:g}dB".replace(".", "_")
-    return Plate(name, figure, _caption(found, level, materials), {name: found})
+    return ReportFigure(name, figure, _caption(found, level, materials), {name: found})
 
 
 def _panel(axes: Axes, part: pd.DataFrame, name: str, shades: LogNorm) -> Collection:

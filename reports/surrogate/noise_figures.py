@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from reports.document import style
 from reports.document.numerals import counted, number
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.surrogate import parity_figures
 from surrogate.bounds.bound_files import MATERIALS, floor
 
@@ -21,7 +21,9 @@ NARROW = 1.2
 DASHES = {"known": "--", "posterior": ":"}
 
 
-def plate(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None) -> Plate:
+def plate(
+    by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None
+) -> ReportFigure:
     """RMSE of unseen rows over the level of the noise, one panel an output."""
     columns = min(4, len(by_output))
     lines = -(-len(by_output) // columns)
@@ -37,7 +39,7 @@ def plate(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], lim
         axes.axis("off")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)
-    return Plate(NAME, figure, _caption(by_output, levels, limits), {NAME: pd.DataFrame(rows)})
+    return ReportFigure(NAME, figure, _caption(by_output, levels, limits), {NAME: pd.DataFrame(rows)})
 
 
 def _panel(axes: Axes, output: str, parts: Mapping[str, Any], measured: list[tuple[float, float]],

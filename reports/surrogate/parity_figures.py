@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from reports.document import style
 from reports.document.numerals import counted, number, percent, r_squared
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 NAMES = {"x0": "Position x", "y0": "Position y", "d": "Punch diameter", "F": "Force", "sigma_max": "Peak pressure",
          "sigma_ave": "Mean pressure", "A_c": "Contact area", "delta_max": "Depth"}
@@ -40,7 +40,7 @@ def points(predictions: pd.DataFrame, name: str) -> pd.DataFrame:
     return pd.DataFrame(predictions.loc[predictions["output"] == name])
 
 
-def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "") -> Plate:
+def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "") -> ReportFigure:
     """Value over target of one output with its 90 % intervals; `parts` are its scores, `by` may say what predicted it,
     as " by the networks"."""
     title, sign = label(name), unit(parts)
@@ -55,8 +55,8 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "")
         style.label(axes, f"{title}, target ({sign})", "", TITLES.get(part, part))
     style.label(panels[0], f"{title}, target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
-    return Plate(f"parity_{name}", figure, _caption(f"{title}, predicted{by}", sign, shown, parts),
-                 {f"parity_{name}": rows.filter(items=kept)})
+    return ReportFigure(f"parity_{name}", figure, _caption(f"{title}, predicted{by}", sign, shown, parts),
+                        {f"parity_{name}": rows.filter(items=kept)})
 
 
 def _scatter(axes: Axes, drawn: np.ndarray, ends: Sequence[float]) -> None:

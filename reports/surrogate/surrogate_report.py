@@ -11,12 +11,12 @@ import pandas as pd
 
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent, r_squared
-from reports.document.page import Plate, Report, write_pdf
+from reports.document.page import Report, ReportFigure, write_pdf
 from reports.document.style import house
 from reports.surrogate import bound_figures, noise_figures, parity_figures, surrogate_tables, training_figures
 from surrogate.bounds import bound_files
 from surrogate.learners.registry import METHODS
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
 NO_NOISE = "No noise was added for these scores: the stored evaluation holds no noise level."
@@ -79,7 +79,7 @@ def _scored(evaluation: Mapping[str, Any]) -> dict[str, str]:
     return {"scored": words[0].upper() + words[1:]} if words else {}
 
 
-def _history(model_dir: Path, model: Mapping[str, Any]) -> list[Plate]:
+def _history(model_dir: Path, model: Mapping[str, Any]) -> list[ReportFigure]:
     """The plate of how networks were trained; none where the method has no such networks."""
     from surrogate.model.store import histories
 
@@ -89,8 +89,8 @@ def _history(model_dir: Path, model: Mapping[str, Any]) -> list[Plate]:
 
 def _present(folder: Path, name: str) -> Path:
     if not (folder / name).is_file():
-        raise TestFileError(folder, f"it holds no {name}. A model is the folder that `surrogate train --out` writes; "
-                                    "train it again.")
+        raise InputFileError(folder, f"it holds no {name}. A model is the folder that `surrogate train --out` writes; "
+                                     "train it again.")
     return folder / name
 
 
@@ -99,7 +99,7 @@ def _json(folder: Path, name: str) -> dict[str, Any]:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
-        raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+        raise InputFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
 
 
 def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[str]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reports.document import style
 from reports.document.numerals import counted, number
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.surrogate import parity_figures
 
 # columns of surrogate.learners.bayesian_network.bayesian_regularisation.Training.history
@@ -18,7 +18,7 @@ COLUMNS = ("squared_error", "squared_weights", "gamma", "alpha", "beta")
 NAME = "history"
 
 
-def history(found: Mapping[str, NDArray[np.float64]], rows: int) -> Plate:
+def history(found: Mapping[str, NDArray[np.float64]], rows: int) -> ReportFigure:
     """One line an output in each panel, for histories (steps, 5) of networks trained on so many rows."""
     tables = {output: table(steps, rows) for output, steps in found.items()}
     figure = style.sheet(112)
@@ -35,7 +35,7 @@ def history(found: Mapping[str, NDArray[np.float64]], rows: int) -> Plate:
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)))
     data = pd.concat([steps.assign(output=output) for output, steps in tables.items()], ignore_index=True)
-    return Plate(NAME, figure, _caption(tables), {NAME: data})
+    return ReportFigure(NAME, figure, _caption(tables), {NAME: data})
 
 
 def table(steps: NDArray[np.float64], rows: int) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from eitsim.sweeps.dataset import parquet
 from reports.touch.reading_figures import Array
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def rms_of(folder: Path, scenes: NDArray[np.int64]) -> Array:
@@ -30,5 +30,7 @@ def _parts_of(folder: Path, scenes: NDArray[np.int64]) -> Iterator[pd.DataFrame]
             continue
         columns = sorted(name for name in parquet.columns_of(path) if name.startswith("dv_"))
         if not columns:
-            raise TestFileError(folder, "the data set has scenes that ended ok but no columns dv_000 ...; sweep again.")
+            raise InputFileError(
+                folder, "the data set has scenes that ended ok but no columns dv_000 ...; sweep again."
+            )
         yield parquet.read_part(path, ["scene", *columns]).loc[asked].set_index("scene")

@@ -12,7 +12,7 @@ from matplotlib.colors import LogNorm, Normalize
 
 from reports.document import style
 from reports.document.numerals import counted, number, percent, volts
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.touch.reading_figures import Array
 from reports.touch.touch_figures import sensor
 
@@ -35,7 +35,7 @@ def axis_label(column: str) -> str:
     return f"{name} ({unit})"
 
 
-def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any]) -> Plate:
+def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any]) -> ReportFigure:
     """Touches on the disc, coloured by the RMS of their signal; `rms` (ok scenes,), V."""
     factor, unit = volts(rms)
     figure = style.sheet(64, 78)
@@ -59,7 +59,7 @@ def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any
     if lost:
         caption += f" The {counted(lost, 'touch', 'touches')} with another outcome and a known place are crosses."
     data = _frame(ok, ("scene", "x_mm", "y_mm", "d_mm", "F_N"), signal_rms_V=rms)
-    return Plate("map", figure, caption, {"map": data})
+    return ReportFigure("map", figure, caption, {"map": data})
 
 
 def _dot(count: int) -> float:
@@ -71,7 +71,7 @@ def _frame(columns: Columns, names: Sequence[str], **more: Array) -> pd.DataFram
     return pd.DataFrame({name: columns[name] for name in names} | more)
 
 
-def ranges(ok: Columns, inputs: Sequence[str], outputs: Sequence[str]) -> Plate:
+def ranges(ok: Columns, inputs: Sequence[str], outputs: Sequence[str]) -> ReportFigure:
     """One histogram a column: what was drawn above, what came out below."""
     figure = style.sheet(45)
     panels = figure.subplots(2, max(len(inputs), len(outputs)), sharey="row", squeeze=False)
@@ -84,7 +84,7 @@ def ranges(ok: Columns, inputs: Sequence[str], outputs: Sequence[str]) -> Plate:
     told = [", ".join(f"{LABELS[c][0].lower()} {number(ok[c].min(), 4)} to {number(ok[c].max(), 4)} {LABELS[c][1]}"
                       for c in columns) for columns in (inputs, outputs)]
     caption = f"Over {counted(ok['scene'].size, 'scene')}, drawn: {told[0]}; what came out: {told[1]}."
-    return Plate("ranges", figure, caption, {"ranges": _frame(ok, ("scene", *inputs, *outputs))})
+    return ReportFigure("ranges", figure, caption, {"ranges": _frame(ok, ("scene", *inputs, *outputs))})
 
 
 def _histogram(axes: Axes, values: Array, x: str) -> None:
@@ -97,7 +97,7 @@ def _histogram(axes: Axes, values: Array, x: str) -> None:
     style.label(axes, x, "")
 
 
-def accuracy(ok: Columns) -> Plate:
+def accuracy(ok: Columns) -> ReportFigure:
     """Estimated error of the signal against the force, and the CPU time of a scene."""
     error, cost = ok["signal_error"], ok["cpu_s"]
     figure = style.sheet(36, 100)
@@ -111,5 +111,5 @@ def accuracy(ok: Columns) -> Plate:
     caption = (f"Error and cost: the estimated signal error is largest, {percent(error[worst])}, in scene "
                f"{int(ok['scene'][worst])} ({number(ok['d_mm'][worst])} mm, {number(ok['F_N'][worst])} N); the median "
                f"scene costs {number(float(np.median(cost)))} s of CPU.")
-    return Plate("accuracy", figure, caption,
-                 {"accuracy": _frame(ok, ("scene", "F_N", "d_mm", "signal_error", "cpu_s"))})
+    return ReportFigure("accuracy", figure, caption,
+                        {"accuracy": _frame(ok, ("scene", "F_N", "d_mm", "signal_error", "cpu_s"))})

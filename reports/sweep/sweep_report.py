@@ -16,7 +16,7 @@ from eitsim.sweeps.design.distributions import Distribution, distribution_of
 from eitsim.sweeps.design.variables import number_of_touches
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent
-from reports.document.page import Plate, Report, Table
+from reports.document.page import Report, ReportFigure, Table
 from reports.sweep import account_tables, signals, sweep_figures
 from reports.sweep.sweep_figures import Columns
 
@@ -42,7 +42,7 @@ def report(folder: Path) -> Report:
     tables = _outcome_tables(data) | {"stages": account_tables.stage_table(account),
                                       "design": _design_table(data.design)}
     absent: dict[str, str] = {} if account.stages else {"stages": "Its rows tell no CPU time."}
-    plates: list[Plate] = []
+    plates: list[ReportFigure] = []
     if solved.any():
         plates = _plates(folder, data, ok, failed)
     else:
@@ -91,7 +91,7 @@ def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
     return found
 
 
-def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[Plate]:
+def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[ReportFigure]:
     given = data.design["tables"]
     tables = scene_tables(scene_from({key: given[key] for key in ("body", "electrodes") if key in given}))
     rms_V = signals.rms_of(folder, ok["scene"].astype(np.int64))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from reports.document import style
 from reports.document.numerals import number, volts
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def largest(signal: Array) -> tuple[int, int]:
     return int(pattern), int(reading)
 
 
-def curves(touched_V: Array, baseline_V: Array) -> Plate:
+def curves(touched_V: Array, baseline_V: Array) -> ReportFigure:
     """Voltages and signal of all patterns in a row (paper, figure 10); both (patterns, readings), V."""
     signal = touched_V - baseline_V
     figure = style.sheet(88)
@@ -42,7 +42,7 @@ def curves(touched_V: Array, baseline_V: Array) -> Plate:
                f"{reading}. The largest voltage of the baseline is {number(np.nanmax(np.abs(baseline_V)) * factor)} "
                f"{unit}. "
                "Vertical lines part the drive patterns.")
-    return Plate("readings", figure, caption, {"readings": _table(touched_V, baseline_V)})
+    return ReportFigure("readings", figure, caption, {"readings": _table(touched_V, baseline_V)})
 
 
 def curve_panels(upper: Axes, lower: Axes, touched_V: Array, baseline_V: Array) -> tuple[float, str]:
@@ -81,7 +81,7 @@ def _patterns(axes: Axes, shape: tuple[int, ...]) -> None:
     axes.axhline(0, color=style.GREY, lw=0.5)
 
 
-def signal_map(touched_V: Array, baseline_V: Array) -> Plate:
+def signal_map(touched_V: Array, baseline_V: Array) -> ReportFigure:
     """Signal over drive pattern and reading, both counted from 0; arrays (patterns, readings), V."""
     signal = touched_V - baseline_V
     factor, unit = volts(signal)
@@ -102,7 +102,7 @@ def signal_map(touched_V: Array, baseline_V: Array) -> Plate:
     share = energy[strongest] / energy.sum() if energy.sum() > 0 else 0.0
     caption = (f"The signal by pattern and reading. Pattern {strongest} carries most of it: {number(100 * share, 2)} % "
                f"of the sum of squares; an even spread would give {number(100 / patterns, 2)} %.")
-    return Plate("signal_map", figure, caption, {"signal_map": _grid(signal)})
+    return ReportFigure("signal_map", figure, caption, {"signal_map": _grid(signal)})
 
 
 def _table(touched_V: Array, baseline_V: Array) -> pd.DataFrame:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from reports.document import style
 from reports.document.numerals import number, volts
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 from reports.touch.touch_figures import sensor
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -53,13 +53,16 @@ def read(path: Path) -> SkinMap:
     try:
         mesh = meshio.vtu.read(path)
     except (meshio.ReadError, ParseError, OSError) as error:
-        raise TestFileError(path, f"not a VTU file of `eitsim run --skin`: {error}.") from None
+        raise InputFileError(path, f"not a VTU file of `eitsim run --skin`: {error}.") from None
     (cells,) = mesh.cells
     fields = {name: np.asarray(values, dtype=float) for name, values in mesh.point_data.items()}
     missing = [name for name in NEEDED if name not in fields]
     if missing or cells.type not in _TRIANGLES:
-        raise TestFileError(path, f"not a VTU file of `eitsim run --skin`: it lacks {', '.join(missing) or 'triangles'}"
-                                  ". Write it again with this version.")
+        raise InputFileError(
+            path,
+            f"not a VTU file of `eitsim run --skin`: it lacks {', '.join(missing) or 'triangles'}"
+            ". Write it again with this version.",
+        )
     corners = np.concatenate([cells.data[:, list(three)] for three in _TRIANGLES[cells.type]])
     places = mesh.points[:, :2] * 1e3
     _, first, merged = np.unique(np.round(places / _SAME_MM).astype(np.int64), axis=0, return_index=True,
@@ -83,7 +86,7 @@ def apart(patterns: Sequence[int]) -> tuple[int, ...]:
     return tuple(sorted({patterns[0], patterns[len(patterns) // 4 or -1]}))
 
 
-def equipotentials(skin: SkinMap, scene: Mapping[str, Any], patterns: Sequence[int]) -> Plate:
+def equipotentials(skin: SkinMap, scene: Mapping[str, Any], patterns: Sequence[int]) -> ReportFigure:
     """Lines of equal potential of drive patterns without the touch, with it, and of its change (paper, figure 1)."""
     figure = style.sheet(58 * len(patterns))
     panels = figure.subplots(len(patterns), 3, squeeze=False, sharex=True, sharey=True)
@@ -104,7 +107,9 @@ def equipotentials(skin: SkinMap, scene: Mapping[str, Any], patterns: Sequence[i
         axes.set_xlabel("")
     for axes in panels[:, 1:].ravel():
         axes.set_ylabel("")
-    return Plate("equipotentials", figure, _line_caption(patterns, sizes), {"equipotentials": pd.DataFrame(data)})
+    return ReportFigure(
+        "equipotentials", figure, _line_caption(patterns, sizes), {"equipotentials": pd.DataFrame(data)}
+    )
 
 
 def _potential(skin: SkinMap, name: str, pattern: int) -> Array:
@@ -145,7 +150,7 @@ def _line_caption(patterns: Sequence[int], sizes: Sequence[tuple[float, float]])
             "the punch.")
 
 
-def response(skin: SkinMap, scene: Mapping[str, Any]) -> Plate:
+def response(skin: SkinMap, scene: Mapping[str, Any]) -> ReportFigure:
     """Contact pressure, largest in-plane principal strain and vertical displacement (paper, figure 11)."""
     maps = {"pressure_kPa": ("Contact pressure (kPa)", skin.fields["contact_pressure_Pa"] / 1e3),
             "strain": ("Largest in-plane strain (–)", skin.fields["largest_in_plane_strain"]),
@@ -160,8 +165,8 @@ def response(skin: SkinMap, scene: Mapping[str, Any]) -> Plate:
         axes.set_ylim(box[1] - box[2], box[1] + box[2])
     panels[0].set_ylabel("y (mm)")
     data = {"x_mm": skin.triangles.x, "y_mm": skin.triangles.y} | {name: values for name, (_, values) in maps.items()}
-    return Plate("response", figure, _response_caption(skin, {name: v for name, (_, v) in maps.items()}, scene),
-                 {"response": pd.DataFrame(data)})
+    return ReportFigure("response", figure, _response_caption(skin, {name: v for name, (_, v) in maps.items()}, scene),
+                        {"response": pd.DataFrame(data)})
 
 
 def _map(figure: Figure, axes: Axes, triangles: Triangulation, values: Array, title: str, top: float) -> None:

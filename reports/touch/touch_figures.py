@@ -15,7 +15,7 @@ from eitsim.scene.electrodes import arcs
 from eitsim.scene.scene import scene_from
 from reports.document import style
 from reports.document.numerals import number
-from reports.document.page import Plate
+from reports.document.page import ReportFigure
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def sensor(axes: Axes, radius_mm: float, electrodes: Mapping[str, Any]) -> None:
     style.label(axes, "x (mm)", "y (mm)")
 
 
-def scene(tables: Mapping[str, Any]) -> Plate:
+def scene(tables: Mapping[str, Any]) -> ReportFigure:
     """The sensor and the punches from above, to scale; `tables` as in a scene file."""
     radius = tables["body"]["radius_mm"]
     figure = style.sheet(74, 80)
@@ -52,7 +52,7 @@ def scene(tables: Mapping[str, Any]) -> Plate:
     count = tables["electrodes"]["count"]
     caption = (f"The sensor from above, to scale, with {count} numbered electrodes and {_punches(tables['punch'])}; "
                f"{'its edge' if len(gaps) == 1 else 'the nearest edge'} is {number(min(gaps))} mm from the rim.")
-    return Plate("scene", figure, caption, {"scene": pd.DataFrame(tables["punch"])})
+    return ReportFigure("scene", figure, caption, {"scene": pd.DataFrame(tables["punch"])})
 
 
 def _punches(punches: Sequence[Mapping[str, Any]]) -> str:
@@ -63,7 +63,7 @@ def _punches(punches: Sequence[Mapping[str, Any]]) -> str:
     return "the punches " + ", ".join(f"{i} of {place}" for i, place in enumerate(placed, 1))
 
 
-def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone: bool) -> Plate:
+def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone: bool) -> ReportFigure:
     """Displacement, pressure and stretches of the surface along the radius from the axis of punch `index`; `alone`:
     the rim or a neighbour changes them, which these values do not hold."""
     fields = {name: np.asarray(values, dtype=float) for name, values in block.items()}
@@ -85,7 +85,9 @@ def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone:
     reach = _reach(r, fields["u_z_mm"])
     down.set_xlim(0, reach)
     name = "profile" if count == 1 else f"profile_{index + 1}"
-    return Plate(name, figure, _profile_caption(fields, reach, index, count, alone), {name: pd.DataFrame(fields)})
+    return ReportFigure(
+        name, figure, _profile_caption(fields, reach, index, count, alone), {name: pd.DataFrame(fields)}
+    )
 
 
 def _reach(r: Array, u_z: Array) -> float:

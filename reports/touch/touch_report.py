@@ -11,9 +11,9 @@ import numpy as np
 
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent
-from reports.document.page import Plate, Report, Table
+from reports.document.page import Report, ReportFigure, Table
 from reports.touch import hold_table, reading_figures, skin_maps, touch_figures
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 # key of a result -> what it is called, its unit
 MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of the punch face", "mm"),
@@ -58,10 +58,10 @@ def read_result(path: Path) -> dict[str, Any]:
     try:
         result = json.loads(path.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise TestFileError(path, f"not JSON: {error}. A result is what `eitsim run --out` writes.") from None
+        raise InputFileError(path, f"not JSON: {error}. A result is what `eitsim run --out` writes.") from None
     if not isinstance(result, dict) or not {"outcome", "plan", "cost"} <= result.keys():
-        raise TestFileError(path, "not a result of `eitsim run`: it needs the keys outcome, plan and cost. Give the "
-                                  "file that `eitsim run --out` wrote, or the folder of a sweep.")
+        raise InputFileError(path, "not a result of `eitsim run`: it needs the keys outcome, plan and cost. Give the "
+                                   "file that `eitsim run --out` wrote, or the folder of a sweep.")
     return result
 
 
@@ -102,7 +102,7 @@ def _voltages(result: Mapping[str, Any]) -> tuple[reading_figures.Array, reading
     return np.array(result["readings_V"], dtype=float), np.array(result["baseline_V"], dtype=float)
 
 
-def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
+def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFigure]:
     plates = []
     if "scene" in result:
         plates.append(touch_figures.scene(result["scene"]))
@@ -119,7 +119,7 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
     return plates
 
 
-def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list[Plate]:
+def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFigure]:
     """Maps of the skin where the result names the file that holds them; else `absent` says why there are none."""
     file = _skin_file(path, result)
     if file is None or "scene" not in result:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 LIMITS, MAP = "limits.csv", "limit_map.csv"
 COLUMNS = ("dataset", "noise_db", "material", "output", "limit")
@@ -35,7 +35,7 @@ def _read(path: Path, columns: Sequence[str], options: str) -> pd.DataFrame | No
         return None
     table = pd.read_csv(path)
     if missing := [name for name in columns if name not in table.columns]:
-        raise TestFileError(path, f"column {missing[0]} is missing; write it with `surrogate limit CARD {options}`.")
+        raise InputFileError(path, f"column {missing[0]} is missing; write it with `surrogate limit CARD {options}`.")
     return table
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from eitsim.scene.electrodes import alike
+from eitsim.scene.electrodes import identical
 from eitsim.scene.scene import Punch, Scene
 from eitsim.sweeps.measurement.instrument import below
 from matcal.card import MaterialCard
@@ -62,7 +62,7 @@ def _turns(scene: Scene) -> bool:
     """Whether turning a sensor by one electrode gives the same readings, in another order."""
     ring, count = ring_of(scene), scene.electrodes.count
     readings = np.stack([ring.source, ring.sink, ring.read, ring.ground], axis=1)
-    return alike(scene.electrodes) and set(map(tuple, readings)) == set(map(tuple, (readings + 1) % count))
+    return identical(scene.electrodes) and set(map(tuple, readings)) == set(map(tuple, (readings + 1) % count))
 
 
 def solved(scene: Scene, card: MaterialCard, where: Iterable[tuple[float, float]], *, rim: bool = False

@@ -246,11 +246,13 @@ def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
     from surrogate.data.baseline_frame import untouched
     from surrogate.data.frame_rows import read_lines
     from surrogate.model.missing_channels import check_needed, silent, stuck
-    from touchcal.errors import TestFileError
+    from touchcal.errors import InputFileError
 
     read = read_lines(baseline, len(model.baseline_V))
     if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
-        raise TestFileError(baseline, f"{read.problem[bad]}. Mend it, or leave the line out.", line=int(read.line[bad]))
+        raise InputFileError(
+            baseline, f"{read.problem[bad]}. Mend it, or leave the line out.", line=int(read.line[bad])
+        )
     dead = stuck(read.volts) | silent(read.volts, model.baseline_V).any(axis=0)
     check_needed(model, dead, str(baseline))
     return untouched(read.volts), dead

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.frames import column_order
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 # Its number, from 1, and its text
@@ -107,13 +107,13 @@ def read_lines(path: Path, readings: int) -> Lines:
     try:
         named = header_of(lines[0][1], readings) if lines else None
     except ValueError as error:
-        raise TestFileError(path, str(error), line=lines[0][0]) from None
+        raise InputFileError(path, str(error), line=lines[0][0]) from None
     found = frames_of(lines, order) if named is None else frames_of(lines[1:], named)
     if not len(found.line):
-        raise TestFileError(path, f"it holds no frame. Expected rows of {readings} voltages, the untouched one first "
-                                  "or in a file for --baseline.")
+        raise InputFileError(path, f"it holds no frame. Expected rows of {readings} voltages, the untouched one first "
+                                   "or in a file for --baseline.")
     if all(found.problem):
-        raise TestFileError(path, f"{found.problem[0]}; no line of it is a frame.", line=int(found.line[0]))
+        raise InputFileError(path, f"{found.problem[0]}; no line of it is a frame.", line=int(found.line[0]))
     return found
 
 

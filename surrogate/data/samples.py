@@ -18,7 +18,7 @@ from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.measurement.instrument_table import TABLE
 from surrogate.data import material_states, outputs
 from surrogate.data.sensor_ring import Ring, ring_of_design
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 PARTS = ("train", "val", "test")
@@ -67,12 +67,12 @@ def read_samples(data: Samples | Dataset | Path | str) -> Samples:
     folder = Path("data set") if isinstance(data, Dataset) else Path(data)
     if not isinstance(data, Dataset):
         if not folder.is_dir():
-            raise TestFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
+            raise InputFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
         data = read_dataset(folder)
     try:
         ring = ring_of_design(data.design["tables"])
     except ValueError as error:
-        raise TestFileError(folder, str(error)) from None
+        raise InputFileError(folder, str(error)) from None
     return _samples(folder, data, ring)
 
 
@@ -80,8 +80,8 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     rows = data.ok
     if rows.empty:
         counts = ", ".join(f"{n} {name}" for name, n in data.table["outcome"].value_counts().items())
-        raise TestFileError(folder, f"none of its {len(data.table)} rows is ok ({counts}); there is nothing to learn "
-                                    "from. Mend the design and sweep again.")
+        raise InputFileError(folder, f"none of its {len(data.table)} rows is ok ({counts}); there is nothing to learn "
+                                     "from. Mend the design and sweep again.")
     _check_one_touch(folder, rows)
     readings = len(ring.read)
     touched = _numbers(folder, rows, voltage_columns(readings))
@@ -107,9 +107,12 @@ def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
     several = rows.loc[rows["touches"] > 1, ["scene", "touches"]]
     if len(several):
         first = several.iloc[0]
-        raise TestFileError(folder, f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
-                                    f"{int(first['touches'])}), and a surrogate learns the place and the force of one. "
-                                    "Sweep a design with one touch a row.")
+        raise InputFileError(
+            folder,
+            f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
+            f"{int(first['touches'])}), and a surrogate learns the place and the force of one. "
+            "Sweep a design with one touch a row.",
+        )
 
 
 def _touches(sampler: str, scene: NDArray[np.int64], rows: pd.DataFrame) -> NDArray[np.int64]:
@@ -121,14 +124,14 @@ def _touches(sampler: str, scene: NDArray[np.int64], rows: pd.DataFrame) -> NDAr
 
 def _numbers(folder: Path, rows: pd.DataFrame, names: list[str]) -> Array:
     if missing := [name for name in names if name not in rows.columns]:
-        raise TestFileError(folder, f"the column {missing[0]} is missing; {len(names)} of its kind were expected for "
-                                    "its electrodes and drive.")
+        raise InputFileError(folder, f"the column {missing[0]} is missing; {len(names)} of its kind were expected for "
+                                     "its electrodes and drive.")
     values = rows[names].to_numpy(np.float64)
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         row, column = bad[0]
-        raise TestFileError(folder, f"{names[column]} of scene {rows['scene'].iloc[row]} is {values[row, column]}, "
-                                    "though the row says ok. Sweep that part again.")
+        raise InputFileError(folder, f"{names[column]} of scene {rows['scene'].iloc[row]} is {values[row, column]}, "
+                                     "though the row says ok. Sweep that part again.")
     return values
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.forward.untouched import sensor_of
 from eitsim.scene.drive import protocol
-from eitsim.scene.electrodes import alike, middles
+from eitsim.scene.electrodes import identical, middles
 from eitsim.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ def ring_of(scene: Scene) -> Ring:
 def _modes(scene: Scene) -> Array:
     """q_m of one electrode of a ring of equal line electrodes by the complete electrode model; 1, those of points, for
     others."""
-    if scene.electrodes.kind != "line" or not alike(scene.electrodes):
+    if scene.electrodes.kind != "line" or not identical(scene.electrodes):
         return np.ones(MODES)
     driven = solve_rim(scene.body, scene.electrodes, USUAL_S_PER_M * scene.skin.thickness_m).driven[:MODES, 0]
     field = driven.real * np.arange(1, MODES + 1)

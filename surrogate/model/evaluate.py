@@ -21,7 +21,7 @@ from surrogate.learners.base import Estimate
 from surrogate.learners.registry import METHODS, listed
 from surrogate.model.model import Model
 from surrogate.model.trained import estimate, interval_scales
-from surrogate.statistics.conformal import few, told
+from surrogate.statistics.conformal import describe_rows, few
 from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
 
 # Columns of the half widths of intervals, one for each of COVERAGES.
@@ -113,7 +113,7 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
     calibrating = len(model.calibration.target)
     scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
               "scored": _scored_words(part, clean, noisy if noise_dB else None),
-              "fit_s": model.fit_s, "predict_ms": predict_ms, "intervals": told(calibrating),
+              "fit_s": model.fit_s, "predict_ms": predict_ms, "intervals": describe_rows(calibrating),
               "interval_rows": calibrating, "few_interval_rows": few(calibrating),
               "interval_caution": interval_caution(model, samples), "trained_range": _trained_range(model),
               "material": material_told(model, samples), "force_sd": force_sd,

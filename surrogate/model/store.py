@@ -18,7 +18,7 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
 from surrogate.model.trained import Calibration, Range, Rows, TrainedModel
 from touchcal.array_store import Arrays, flat, rebuilt
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
 SCHEMA = 8
@@ -60,24 +60,27 @@ def read(kind: type[M], folder: Path) -> M:
     """Read a model as this class; TestFileError where the folder is none, of another schema, or damaged."""
     path = folder / DESCRIPTION
     if not path.is_file():
-        raise TestFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "
-                                    "`surrogate train --out` writes.")
+        raise InputFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "
+                                     "`surrogate train --out` writes.")
     try:
         text = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
-        raise TestFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+        raise InputFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
     if not isinstance(text, dict):
-        raise TestFileError(path, "holds no JSON object. A model is the folder that `surrogate train --out` writes; "
-                                  "train it again.")
+        raise InputFileError(path, "holds no JSON object. A model is the folder that `surrogate train --out` writes; "
+                                   "train it again.")
     if text.get("schema") != SCHEMA or text.get("method") not in METHODS:
-        raise TestFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one that "
-                                  f"this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
+        raise InputFileError(
+            path,
+            f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one that "
+            f"this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.",
+        )
     try:
         return _assemble(kind, text, _read_arrays(folder / ARRAYS))
     except (KeyError, TypeError, ValueError, zipfile.BadZipFile, EOFError) as error:
         told = type(error).__name__ if "pickle" in str(error) else error
-        raise TestFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
-                                    f"({told}). Train the model again.") from None
+        raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
+                                     f"({told}). Train the model again.") from None
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:

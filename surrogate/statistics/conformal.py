@@ -36,7 +36,7 @@ def sure_coverage(rows: int, coverage: float = COVERAGE) -> float:
     return float(betaincinv(k, rows + 1 - k, UNLUCKY))
 
 
-def told(rows: int) -> str:
+def describe_rows(rows: int) -> str:
     """In words, how many rows calibrate the 90 % intervals, and what these hold."""
     return (f"{rows} rows calibrate the {100 * COVERAGE:.0f} % intervals; of new rows like these they hold "
             f"{100 * sure_coverage(rows):.0f} % or more, in {100 * (1 - UNLUCKY):.0f} of 100 such calibrations.")

@@ -12,7 +12,7 @@ from matcal.card import MaterialCard, as_json, read_card, require, with_moduli, 
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "instantaneous",
                  {"uniaxial": (-0.8, 0.0)})
@@ -41,14 +41,14 @@ def test_absent_parts_are_absent_and_named(tmp_path: Path) -> None:
 def test_bad_cards_are_named(tmp_path: Path, change: dict, named: str) -> None:
     path = tmp_path / "card.json"
     path.write_text(json.dumps(as_json(WHOLE) | change))
-    with pytest.raises(TestFileError, match=named) as caught:
+    with pytest.raises(InputFileError, match=named) as caught:
         read_card(path)
     assert "card.json" in str(caught.value)
 
 
 def test_broken_json_names_the_line(tmp_path: Path) -> None:
     (tmp_path / "card.json").write_text('{"schema": 1,\n "name": }')
-    with pytest.raises(TestFileError, match="line 2"):
+    with pytest.raises(InputFileError, match="line 2"):
         read_card(tmp_path / "card.json")
 
 

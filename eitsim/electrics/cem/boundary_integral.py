@@ -13,7 +13,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve
 
-from eitsim.scene.electrodes import alike, arcs, contact_impedances
+from eitsim.scene.electrodes import arcs, contact_impedances, identical
 from eitsim.scene.scene import Body, Electrodes
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
     alone = [_alone((stop - start) / 2, np.pi * float(layer), before, after)
              for (start, stop), layer, (before, after) in zip(ends, layers, _smooth_panels(ends), strict=True)]
     middle = ends.mean(axis=1) - electrodes.first_angle_rad
-    impedance, driven, same, crossed = _together(alone, middle, _coupled_alike if alike(electrodes) else _coupled)
+    impedance, driven, same, crossed = _together(alone, middle, _coupled_alike if identical(electrodes) else _coupled)
     unit = 1 / (np.pi * conductance_S)
     rim = Rim(unit * (impedance + impedance.T) / 2, unit * driven, same, crossed)
     for part in (rim.impedance_Ohm, rim.driven, rim.same, rim.crossed):
@@ -133,7 +133,7 @@ def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
                 f"{finest[k] * body.radius_m * 1e3:.1g} mm, or give them "
                 f"{finest[k] * body.radius_m / conductance_S:.1g} Ohm m.")
     own = [len(_smooth_nodes(_panels(h), *panels)[0]) for h, panels in zip(half, _smooth_panels(ends), strict=True)]
-    if sum(own) > _MOST_COUPLED and not alike(electrodes):
+    if sum(own) > _MOST_COUPLED and not identical(electrodes):
         return (f"{len(ends)} electrodes that are not alike and this close to each other need {sum(own)} coupled "
                 f"unknowns, at most {_MOST_COUPLED} are solved; leave wider gaps between them, or make them alike.")
     return ""

@@ -56,13 +56,13 @@ def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
 
     ValueError where a contact reaches beyond the rim or into another.
     """
-    out = [room(body, punch) for punch, _ in touches]
+    out = [admissible_radius(body, punch) for punch, _ in touches]
     for own, (_, touch) in zip(out, touches, strict=True):
         if own <= touch.contact_radius_m:
             raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm beyond the rim of the "
                              "disc; move the punch inwards.")
     for (i, (one, a)), (j, (other, b)) in itertools.combinations(enumerate(touches), 2):
-        gap = abs(place(one) - place(other)) - a.contact_radius_m - b.contact_radius_m
+        gap = abs(position(one) - position(other)) - a.contact_radius_m - b.contact_radius_m
         if gap <= 0:
             raise ValueError(f"the contacts of touches {i + 1} and {j + 1} overlap by {-gap * 1e3:.1f} mm; move them "
                              "apart.")
@@ -70,14 +70,14 @@ def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
     return out
 
 
-def place(punch: Punch) -> complex:
+def position(punch: Punch) -> complex:
     """Axis of a punch, m, as a complex number."""
     return complex(punch.x_m, punch.y_m)
 
 
-def room(body: Body, punch: Punch) -> float:
+def admissible_radius(body: Body, punch: Punch) -> float:
     """Radius, m, of the largest circle about a punch inside the disc."""
-    return body.radius_m - abs(place(punch))
+    return body.radius_m - abs(position(punch))
 
 
 def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float, orders: int,

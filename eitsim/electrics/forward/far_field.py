@@ -47,8 +47,8 @@ def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> _Unt
                       gradient.reshape(-1, 2, electrodes.count))
 
 
-def first_order_change(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
-                       law: Conductivity, reach_m: float) -> Array:
+def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
+                    law: Conductivity, reach_m: float) -> Array:
     """Change (count, count), Ohm, of the impedance matrix by what the rings leave out: -int grad u_k . ds grad u_l,
     u the untouched fields, ds the change of conductance less `ring_share` of it."""
     field = _untouched(body, electrodes, conductance_S)

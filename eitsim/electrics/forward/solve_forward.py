@@ -14,11 +14,18 @@ from numpy.typing import NDArray
 from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating
-from eitsim.electrics.cem.ring_scattering import Scatterer, impedance_change, place, reaches, room, scattering
-from eitsim.electrics.forward.far_field import change_where_they_meet, first_order_change
+from eitsim.electrics.cem.ring_scattering import (
+    Scatterer,
+    admissible_radius,
+    impedance_change,
+    position,
+    reaches,
+    scattering,
+)
+from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation
-from eitsim.electrics.mesh.p2_triangles import HALVINGS, halved
+from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import (
@@ -141,15 +148,15 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
 
 def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     """Rings are cut until they no longer matter; then the harmonics are varied once."""
-    circles, rooms = reaches(sensor.body, touches), [room(sensor.body, punch) for punch, _ in touches]
+    circles, rooms = reaches(sensor.body, touches), [admissible_radius(sensor.body, punch) for punch, _ in touches]
     coarse, fine = (_scattered(sensor, touches, circles, rooms, parts) for parts in PARTS[:2])
     used = PARTS[1]
     for parts in PARTS[2:]:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
         coarse, fine, used = fine, _scattered(sensor, touches, circles, rooms, parts), parts
-    beyond = sum(first_order_change(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
-                                    sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
+    beyond = sum(born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
+                 sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
     first = max(abs(s.scattered[0]) for s in _scatterers(sensor, touches, rooms, used, 1))
@@ -178,7 +185,7 @@ def _scattered(sensor: _Sensor, touches: Touches, circles: Sequence[float], room
 
 def _scatterers(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int,
                 orders: int) -> list[Scatterer]:
-    return [Scatterer(place(punch), radius, scattering(punch, touch, sensor.skin, sensor.law, radius, orders, parts))
+    return [Scatterer(position(punch), radius, scattering(punch, touch, sensor.skin, sensor.law, radius, orders, parts))
             for (punch, touch), radius in zip(touches, radii, strict=True)]
 
 
@@ -186,7 +193,7 @@ def _overlap(sensor: _Sensor, touches: Touches) -> float:
     """Largest relative change of conductance by one touch where the contact of another begins."""
     found = [0.0]
     for (punch, touch), (other, pressed) in itertools.permutations(touches, 2):
-        nearest = np.array([abs(place(punch) - place(other)) - pressed.contact_radius_m])
+        nearest = np.array([abs(position(punch) - position(other)) - pressed.contact_radius_m])
         sheets = principal_conductances(sensor.law, sensor.skin, *stretches(touch, nearest))
         found += [float(np.abs(sheet / sensor.conductance_S - 1)[0]) for sheet in sheets]
     return max(found)
@@ -196,10 +203,10 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells."""
     mesh = alike_mesh(sensor.body, sensor.electrodes, touches)
     change, error = _on_mesh(sensor, touches, mesh), math.inf
-    cut = any(abs(place(punch)) + touch.contact_radius_m > sensor.body.radius_m for punch, touch in touches)
+    cut = any(abs(position(punch)) + touch.contact_radius_m > sensor.body.radius_m for punch, touch in touches)
     left = LEFT_CUT if cut else LEFT
     for _ in range(HALVINGS):
-        coarse, mesh = change, halved(mesh)
+        coarse, mesh = change, uniform_refinement(mesh)
         change = _on_mesh(sensor, touches, mesh)
         error = UNHALVED + left * _difference(sensor, change, coarse)
         if MARGIN * error <= signal:

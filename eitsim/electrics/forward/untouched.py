@@ -14,7 +14,7 @@ from eitsim.electrics.cem.assembly import impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
 from eitsim.scene.drive import read_out
-from eitsim.scene.electrodes import IMPEDANCES, alike, among_all, contact_impedances, present, there
+from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
 from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
     kept = np.flatnonzero(there(electrodes))
     own = present(electrodes)
     count = own.count
-    if alike(own):
+    if identical(own):
         first = _impedance_by(body, own, conductance_S, 0)
         slopes = [np.roll(first, (k, k), axis=(0, 1)) for k in range(count)]
     else:

@@ -23,7 +23,7 @@ from scipy.sparse import issparse
 from eitsim.electrics.cem.assembly import SkinMesh
 from eitsim.electrics.interop.sheet_model import sides
 from eitsim.scene.drive import Protocol, matrices
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -59,22 +59,25 @@ def read_eidors(path: Path | str, variable: str | None = None) -> Model:
         forward = found.fwd_model if hasattr(found, "fwd_model") else found
         mesh, z = _mesh(forward)
         return Model(path, name, mesh, z, _conductance(found, len(mesh.cells)), _stimulation(forward, mesh.count))
-    except TestFileError:
+    except InputFileError:
         raise
     except ValueError as error:
-        raise TestFileError(path, str(error)) from None
+        raise InputFileError(path, str(error)) from None
 
 
 def _variables(path: Path) -> dict[str, Any]:
     if not path.is_file():
-        raise TestFileError(path, "no such file. Check the name and the folder.")
+        raise InputFileError(path, "no such file. Check the name and the folder.")
     try:
         raw = loadmat(path, struct_as_record=False, squeeze_me=True)
     except NotImplementedError:
-        raise TestFileError(path, "a MATLAB v7.3 file, which is not read; save it again with `save -v7`.") from None
+        raise InputFileError(path, "a MATLAB v7.3 file, which is not read; save it again with `save -v7`.") from None
     except (ValueError, TypeError, MatReadError, EOFError, IndexError, OSError, CompressionError) as error:
-        raise TestFileError(path, f"not a MATLAB file of v5 to v7, or one that was cut short ({error}); copy it again, "
-                                  "or save the model with `save -v7`.") from None
+        raise InputFileError(
+            path,
+            f"not a MATLAB file of v5 to v7, or one that was cut short ({error}); copy it again, "
+            "or save the model with `save -v7`.",
+        ) from None
     return {name: value for name, value in raw.items() if not name.startswith("__")}
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eitsim.electrics.interop.eidors import Model, read_eidors
 from eitsim.electrics.interop.sheet_model import Solved, check_element, solve_model
 from eitsim.scene.drive import Drive, protocol
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.provenance import versions
 from touchcal.toml_file import read_toml
 
@@ -53,7 +53,7 @@ def solve_sheet_model(model: Model | Path | str, *, variable: str | None = None,
     >>> import eitsim
     >>> eitsim.solve_sheet_model("absent.mat")
     Traceback (most recent call last):
-    touchcal.errors.TestFileError: absent.mat: no such file. Check the name and the folder.
+    touchcal.errors.InputFileError: absent.mat: no such file. Check the name and the folder.
     """
     check_element(element)
     if conductance_S is not None:
@@ -88,8 +88,8 @@ def _conductance(model: Model, given_S: float | None) -> NDArray[np.float64] | f
     if given_S is not None:
         return given_S
     if model.conductance_S is None:
-        raise TestFileError(model.file, f"'{model.name}' holds no elem_data; give one sheet conductance with "
-                                        "--conductance-S, or save the image.")
+        raise InputFileError(model.file, f"'{model.name}' holds no elem_data; give one sheet conductance with "
+                                         "--conductance-S, or save the image.")
     _check_elements(model.file, model.conductance_S)
     return model.conductance_S
 
@@ -111,5 +111,5 @@ def _check_elements(path: Path, conductance_S: NDArray[np.float64]) -> None:
     least = conductance_S if conductance_S.ndim == 1 else np.linalg.eigvalsh(conductance_S)[:, 0]
     wrong = np.flatnonzero(~((least > 0) & np.isfinite(least)))
     if wrong.size:
-        raise TestFileError(path, f"elem_data of triangle {wrong[0] + 1} is {least[wrong[0]]:g} S; sheet conductances "
-                                  "must be positive and finite. Mend it, or give one value with --conductance-S.")
+        raise InputFileError(path, f"elem_data of triangle {wrong[0] + 1} is {least[wrong[0]]:g} S; sheet conductances "
+                                   "must be positive and finite. Mend it, or give one value with --conductance-S.")

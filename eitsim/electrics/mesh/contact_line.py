@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.electrics.cem.assembly import SkinMesh
-from eitsim.electrics.cem.ring_scattering import place
-from eitsim.electrics.mesh.p2_triangles import straight, unfolded
+from eitsim.electrics.cem.ring_scattering import position
+from eitsim.electrics.mesh.p2_triangles import straight, untangled
 from eitsim.electrics.mesh.ring_mesh import inside_rim, patch_radii
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
@@ -27,7 +27,7 @@ def with_contact_lines(mesh: SkinMesh, body: Body, electrodes: Electrodes,
 
     The strain falls steeply at the end of contact all around the punch, so that elements across it cost 0.3 per cent of
     dV where the rim cuts the contact nearby. Corners on the rim and what lies inside the punches' edges stay; meshes of
-    other touches are given back as they are. NotConverged as `unfolded`.
+    other touches are given back as they are. NotConverged as `untangled`.
     """
     radii = patch_radii(body, electrodes)
     nodes = mesh.nodes_m[:, 0] + 1j * mesh.nodes_m[:, 1]
@@ -39,13 +39,13 @@ def with_contact_lines(mesh: SkinMesh, body: Body, electrodes: Electrodes,
     if moved is nodes:
         return mesh
     line = replace(mesh, nodes_m=np.column_stack([moved.real, moved.imag]))
-    return unfolded(line, straight(line))
+    return untangled(line, straight(line))
 
 
 def _outside(touches: tuple[tuple[Punch, Touch], ...], k: int) -> float:
     """Radius, m, about touch k beyond which nodes stay."""
     punch, own = touches[k][0], touches[k][1].contact_radius_m
-    apart = [abs(place(punch) - place(other)) - own - max(other.diameter_m / 2, pressed.contact_radius_m)
+    apart = [abs(position(punch) - position(other)) - own - max(other.diameter_m / 2, pressed.contact_radius_m)
              for other, pressed in (*touches[:k], *touches[k + 1:])]
     return own + _GIVES_WAY * min([own, *apart])
 
@@ -53,7 +53,7 @@ def _outside(touches: tuple[tuple[Punch, Touch], ...], k: int) -> float:
 def _moved_out(nodes: Complex, punch: Punch, touch: Touch, drawn: float, rim: float, outside: float) -> Complex:
     """Nodes (n,), m, on the radii of the touch: its circle `drawn` goes to the end of contact, what lies between the
     punch's edge and `outside` or the rim in proportion."""
-    edge, centre = punch.diameter_m / 2, place(punch)
+    edge, centre = punch.diameter_m / 2, position(punch)
     away = np.abs(nodes - centre)
     along = np.divide(nodes - centre, away, out=np.ones_like(nodes), where=away > 0)
     across = (np.conj(centre) * along).real

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, KDTree
 
 from eitsim.electrics.cem.assembly import SkinMesh
-from eitsim.electrics.cem.ring_scattering import place
-from eitsim.electrics.mesh.p2_triangles import straight, unfolded
+from eitsim.electrics.cem.ring_scattering import position
+from eitsim.electrics.mesh.p2_triangles import straight, untangled
 from eitsim.electrics.mesh.ring_mesh import centred_radii, inside_rim, patch_radii, rim_angles
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
@@ -109,7 +109,7 @@ def _gaps(touches: Touches, patches: Array) -> tuple[Touches, Array]:
     kept, to_rim = zip(*(inside_rim(punch, touch, patches) for punch, touch in touches), strict=True)
     touches = tuple((punch, touch) for (punch, _), touch in zip(touches, kept, strict=True))
     radius = np.array([max(punch.diameter_m / 2, touch.contact_radius_m) for punch, touch in touches])
-    centre = np.array([place(punch) for punch, _ in touches])
+    centre = np.array([position(punch) for punch, _ in touches])
     apart = np.abs(np.subtract.outer(centre, centre)) - np.add.outer(radius, radius)
     np.fill_diagonal(apart, np.inf)
     if apart.min() <= 0:
@@ -283,7 +283,7 @@ def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Ind
         under, electrode = quadratic[-len(covered):], np.tile(electrode, 2 * (len(loops) - 1))
     mesh = SkinMesh(np.vstack([corners, middle]), quadratic, under[electrode >= 0], electrode[electrode >= 0], count,
                     "P2")
-    return unfolded(mesh, straight(mesh))
+    return untangled(mesh, straight(mesh))
 
 
 def _turned(ends: Array, centre: Array) -> Array:

@@ -35,7 +35,7 @@ _QUARTER = 0.25
 _ON_RIM = 1e-9
 
 
-def unfolded(mesh: SkinMesh, plain_m: Array) -> SkinMesh:
+def untangled(mesh: SkinMesh, plain_m: Array) -> SkinMesh:
     """The P2 mesh with the nodes (n, 2) of `plain_m`, m, in the triangles that fold over and, again, in those that fold
     over then, until none is left.
 
@@ -98,7 +98,7 @@ def _functions() -> Array:
     return np.stack([ElementTriP2().lbasis(points, i)[0] for i in range(6)])
 
 
-def halved(mesh: SkinMesh) -> SkinMesh:
+def uniform_refinement(mesh: SkinMesh) -> SkinMesh:
     """The mesh with every P2 triangle cut into four: it covers the same curved cells, and its potentials hold those of
     the mesh it is made from. ValueError for other elements."""
     if mesh.element != "P2":
@@ -162,4 +162,4 @@ def with_quarter_points(mesh: SkinMesh) -> SkinMesh:
             along = place[a] * np.exp(1j * _QUARTER * np.angle(place[b] / place[a]))
             straight = (1 - _QUARTER) * place[a] + _QUARTER * place[b]
             moved[m] = np.where(rim[a] & rim[b] & rim[m], along, straight)
-    return unfolded(replace(mesh, nodes_m=np.column_stack([moved.real, moved.imag])), mesh.nodes_m)
+    return untangled(replace(mesh, nodes_m=np.column_stack([moved.real, moved.imag])), mesh.nodes_m)

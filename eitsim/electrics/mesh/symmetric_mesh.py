@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.electrics.cem.assembly import SkinMesh
-from eitsim.electrics.cem.ring_scattering import place
+from eitsim.electrics.cem.ring_scattering import position
 from eitsim.electrics.mesh.contact_line import with_contact_lines
 from eitsim.electrics.mesh.graded_mesh import LEAN, triangulation
 from eitsim.electrics.mesh.p2_triangles import with_quarter_points
-from eitsim.scene.electrodes import Electrodes, alike
+from eitsim.scene.electrodes import Electrodes, identical
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
 
@@ -26,13 +26,13 @@ def alike_mesh(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, T
     Where the electrodes are alike it is made with the first touch at an angle of 0 to half a step from the first
     electrode, then turned and mirrored back: equal scenes have equal errors.
     """
-    if not alike(electrodes):
+    if not identical(electrodes):
         return _lean(body, electrodes, touches, level, thinner)
-    step, first = 2 * np.pi / electrodes.count, place(touches[0][0])
+    step, first = 2 * np.pi / electrodes.count, position(touches[0][0])
     turns = round((np.angle(first) - electrodes.first_angle_rad) / step)
     turn = np.exp(1j * (electrodes.first_angle_rad + turns * step))
     mirrored = bool((first / turn).imag < -_PLACE_M / 2)
-    local = [place(punch) / turn for punch, _ in touches]
+    local = [position(punch) / turn for punch, _ in touches]
     local = [z.conjugate() if mirrored else z for z in local]
     moved = tuple((replace(punch, x_m=_rounded(z.real), y_m=_rounded(z.imag)), touch)
                   for (punch, touch), z in zip(touches, local, strict=True))

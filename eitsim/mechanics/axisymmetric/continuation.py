@@ -41,7 +41,7 @@ _ITERATIONS = 60
 _SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 
 
-def from_rest(model: IndentationProblem, force: float) -> Equilibrium:
+def cold_start(model: IndentationProblem, force: float) -> Equilibrium:
     """The equilibrium under a force, from rest; where that fails from that of a rounder edge, or in steps from part of
     the force. NotConverged as in_steps.
     """
@@ -50,7 +50,7 @@ def from_rest(model: IndentationProblem, force: float) -> Equilibrium:
     except NotConverged as error:
         failed = error
     try:
-        return sharpened(model, force)
+        return fillet_continuation(model, force)
     except NotConverged:
         pass
     for k in range(1, _STARTS + 1):
@@ -59,12 +59,12 @@ def from_rest(model: IndentationProblem, force: float) -> Equilibrium:
             start = equilibrium(model, part, at_rest(model, part))
         except NotConverged:
             continue
-        return in_steps(model, start, force)
+        return load_steps(model, start, force)
     failed.load_fraction = 0.0
     raise failed
 
 
-def sharpened(model: IndentationProblem, force: float) -> Equilibrium:
+def fillet_continuation(model: IndentationProblem, force: float) -> Equilibrium:
     """The equilibrium under a force by way of rounder edges of the punch, over which the foam slides freely.
 
     NotConverged where the edge is as round already, or an equilibrium on the way is not found.
@@ -82,12 +82,12 @@ def sharpened(model: IndentationProblem, force: float) -> Equilibrium:
     return replace(state, residuals=path)
 
 
-def near(model: IndentationProblem, before: Equilibrium, force: float) -> Equilibrium:
+def warm_start(model: IndentationProblem, before: Equilibrium, force: float) -> Equilibrium:
     """The equilibrium under a force, from that under another; in steps where that fails. NotConverged as in_steps."""
     try:
         return equilibrium(model, force, before.x)
     except NotConverged:
-        return in_steps(model, before, force)
+        return load_steps(model, before, force)
 
 
 def carried_over(coarse: IndentationProblem, state: Equilibrium, fine: IndentationProblem) -> Equilibrium:
@@ -99,11 +99,11 @@ def carried_over(coarse: IndentationProblem, state: Equilibrium, fine: Indentati
                 return equilibrium(fine, state.force, share * x)
             except NotConverged:
                 break
-    return from_rest(fine, state.force)
+    return cold_start(fine, state.force)
 
 
-def towards(depth: float, state: Equilibrium, short: Equilibrium | None, beyond: Equilibrium | None,
-            last: float) -> float:
+def load_continuation(depth: float, state: Equilibrium, short: Equilibrium | None, beyond: Equilibrium | None,
+                      last: float) -> float:
     """The force of a corrected depth by the slope at a state, kept between those that fell short and went beyond; the
     middle of their logarithms where the step before, which missed by `last`, gained little.
     """
@@ -121,7 +121,7 @@ class BottomedOut(NotConverged):
     """No equilibrium under the force was found, and less of it already squeezes the foam flat."""
 
 
-def in_steps(model: IndentationProblem, start: Equilibrium, force: float) -> Equilibrium:
+def load_steps(model: IndentationProblem, start: Equilibrium, force: float) -> Equilibrium:
     """The equilibrium under a force from that under another, in steps of the force's logarithm that adapt.
 
     NotConverged carries the last equilibrium, the residuals of the step that failed and, as load_fraction, the

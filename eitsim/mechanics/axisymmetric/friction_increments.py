@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.continuation import from_rest, towards
+from eitsim.mechanics.axisymmetric.continuation import cold_start, load_continuation
 from eitsim.mechanics.axisymmetric.indentation import (
     Equilibrium,
     IndentationProblem,
@@ -68,7 +68,7 @@ class Loaded:
 
 
 @dataclass(frozen=True)
-class Course:
+class FrictionHistory:
     """One end of a way of loading."""
 
     # on the coarse mesh in half as many increments
@@ -88,25 +88,25 @@ def at_rest(model: IndentationProblem) -> Loaded:
 
 
 def under_forces(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float,
-                 forces: Sequence[float]) -> Iterator[Course]:
+                 forces: Sequence[float]) -> Iterator[FrictionHistory]:
     """The course to each force, loaded in this order."""
     rough = now = at_rest(coarse)
     for force in forces:
         with bounded(FACTORISATIONS, fine.grid.unknowns):
             _, rough = loaded(coarse, coefficient, rough, force, INCREMENTS // 2)
             last, now = loaded(coarse, coefficient, now, force)
-            course = Course(rough, now, _carried_over(coarse, last, now, fine, coefficient))
+            course = FrictionHistory(rough, now, _carried_over(coarse, last, now, fine, coefficient))
         yield course
 
 
 def at_depth(coarse: IndentationProblem, fine: IndentationProblem, coefficient: float, depth: float,
-             guess: float) -> Course:
+             guess: float) -> FrictionHistory:
     """The course to a corrected depth that a force near `guess`, above it rather than below, leads to."""
     with bounded(FACTORISATIONS, fine.grid.unknowns):
         rough = at_depth_of(coarse, coefficient, depth, guess, INCREMENTS // 2)[1]
         last, now = at_depth_of(coarse, coefficient, depth, guess)
         near = _carried_over(coarse, last, now, fine, coefficient)
-        return Course(rough, now, _reached(fine, coefficient, _on(coarse, last, fine), near, depth))
+        return FrictionHistory(rough, now, _reached(fine, coefficient, _on(coarse, last, fine), near, depth))
 
 
 def at_depth_of(model: IndentationProblem, coefficient: float, depth: float, guess: float,
@@ -176,7 +176,7 @@ def _estimate(model: IndentationProblem, before: Loaded, force: float, ahead: bo
     """End of an increment, along the tangent at its start or as its start; from rest without friction."""
     state = before.state
     if state.force == 0:
-        return from_rest(model, force).x
+        return cold_start(model, force).x
     return state.x + state.by_force * (force - state.force) if ahead else state.x
 
 
@@ -246,7 +246,7 @@ def _reached(model: IndentationProblem, coefficient: float, before: Loaded, near
         if abs(missing) <= _DEPTH_TOLERANCE * depth:
             return near
         short, beyond = (state, beyond) if missing > 0 else (short, state)
-        force, last = towards(depth, state, short, beyond, last), abs(missing)
+        force, last = load_continuation(depth, state, short, beyond, last), abs(missing)
         near = _in_halves(model, coefficient, before, force, settle=True)
     raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest was "
                        f"{near.state.depth:.4f}.", estimate=near.state.x, residuals=near.state.residuals)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.continuation import from_rest, near
+from eitsim.mechanics.axisymmetric.continuation import cold_start, warm_start
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     allowed,
@@ -46,7 +46,7 @@ _SAME, _KEPT, _KEPT_STEPS, _LARGEST_STEP, _LEAST_SLOPE = 1e-6, 1e-9, 40, 0.5, 0.
 
 
 @dataclass(frozen=True)
-class Course:
+class HoldHistory:
     """What is asked of a touch over time; forces over mu_0 H^2, depths over H."""
 
     # Prony series of the foam
@@ -87,7 +87,7 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
     levels = mesh_hierarchy(law, body, punch, element_m, None)
     force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
     depth = None if punch.depth_m is None or force is not None else punch.depth_m / body.thickness_m
-    course = Course(series, force, depth, hold)
+    course = HoldHistory(series, force, depth, hold)
     loaded = _loaded_at_once(levels, course) if hold.loading_s == 0 else None
     starts = loaded or [None] * len(levels)
     courses = [states_over(level, course, per_decade, start) for level, start in zip(levels, starts, strict=True)]
@@ -124,14 +124,14 @@ def _softened(law: Hyperfoam, share: float) -> Hyperfoam:
     return replace(law, mu_Pa=law.mu_Pa * share)
 
 
-def _loaded_at_once(levels: list[IndentationProblem], course: Course) -> list[Equilibrium]:
+def _loaded_at_once(levels: list[IndentationProblem], course: HoldHistory) -> list[Equilibrium]:
     if course.force is not None:
         return under_force(levels, course.force)
     assert course.depth is not None
     return at_depth(levels, course.depth)
 
 
-def states_over(model: IndentationProblem, course: Course, per_decade: int,
+def states_over(model: IndentationProblem, course: HoldHistory, per_decade: int,
                 loaded: Equilibrium | None) -> list[Equilibrium]:
     """Equilibria at the end of loading and at each time of the hold, in as many steps per decade, on one mesh.
 
@@ -148,7 +148,7 @@ def states_over(model: IndentationProblem, course: Course, per_decade: int,
     return [loaded, *(state for t, (_, state) in zip(ends, held, strict=True) if t in course.hold.time_s)]
 
 
-def _ramped(model: IndentationProblem, course: Course, steps: int) -> tuple[Memory, Equilibrium]:
+def _ramped(model: IndentationProblem, course: HoldHistory, steps: int) -> tuple[Memory, Equilibrium]:
     """Memory and equilibrium after a loading at constant rate of force or depth."""
     def share(end: float | None, k: int) -> float | None:
         return None if end is None else end * k / steps
@@ -177,7 +177,7 @@ def stepped_through(model: IndentationProblem, series: Prony, memory: Memory, st
 def _met(model: IndentationProblem, step: Step, before: Equilibrium | None) -> Equilibrium:
     """The equilibrium at the end of a step, from the one before or from rest."""
     if step.force is not None:
-        return near(model, before, step.force) if before else from_rest(model, step.force)
+        return warm_start(model, before, step.force) if before else cold_start(model, step.force)
     assert step.depth is not None
     if before is None:
         return at_depth([model], step.depth)[0]

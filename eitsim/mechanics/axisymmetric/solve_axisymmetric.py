@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.sheet.sheet_conductance import driving_strain
 from eitsim.mechanics.axisymmetric import friction_increments, surface
-from eitsim.mechanics.axisymmetric.continuation import carried_over, from_rest, near, towards
-from eitsim.mechanics.axisymmetric.friction_increments import Course
+from eitsim.mechanics.axisymmetric.continuation import carried_over, cold_start, load_continuation, warm_start
+from eitsim.mechanics.axisymmetric.friction_increments import FrictionHistory
 from eitsim.mechanics.axisymmetric.indentation import (
     Equilibrium,
     IndentationProblem,
@@ -142,7 +142,7 @@ def _rubbing(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, 
     return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def _rubbed(law: Hyperfoam, body: Body, levels: list[IndentationProblem], course: Course, strain: str,
+def _rubbed(law: Hyperfoam, body: Body, levels: list[IndentationProblem], course: FrictionHistory, strain: str,
             started: float) -> Touch:
     """A touch with friction; what half as many increments change, and the last pass did, adds to its errors."""
     touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], strain, started)
@@ -159,7 +159,7 @@ def allowed(unknowns: int) -> float:
 def under_force(levels: list[IndentationProblem], force: float, before: Equilibrium | None = None) -> list[Equilibrium]:
     """Equilibria on all levels under a force, from the coarsest level's one before or from rest."""
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
-        states = [near(levels[0], before, force) if before else from_rest(levels[0], force)]
+        states = [warm_start(levels[0], before, force) if before else cold_start(levels[0], force)]
         for coarse, fine in itertools.pairwise(levels):
             states.append(carried_over(coarse, states[-1], fine))
     return states
@@ -170,7 +170,7 @@ def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium
     """
     guess = np.pi * levels[0].punch.profile.radius**2 * depth
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
-        states = [reached(levels[0], depth, from_rest(levels[0], guess))]
+        states = [reached(levels[0], depth, cold_start(levels[0], guess))]
         for coarse, fine in itertools.pairwise(levels):
             states.append(reached(fine, depth, carried_over(coarse, states[-1], fine)))
     return states
@@ -191,7 +191,7 @@ def reached(model: IndentationProblem, depth: float, state: Equilibrium) -> Equi
         leapt = short and beyond and abs(beyond.x[-1] - short.x[-1]) <= tolerance
         if leapt or abs(missing) <= tolerance:
             return replace(state, depth=depth if leapt else state.depth, residuals=spent)
-        state, last = _ahead(model, state, towards(depth, state, short, beyond, last)), abs(missing)
+        state, last = _ahead(model, state, load_continuation(depth, state, short, beyond, last)), abs(missing)
         spent += state.residuals
     nearest = " and ".join(f"{near.depth:.4f}" for near in (short, beyond) if near)
     raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest found: {nearest}.",

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Outline:
+class OffsetDisc:
     """The disc seen from the punch; lengths in any one unit."""
 
     # radius of the disc
@@ -34,7 +34,7 @@ class Outline:
 
 
 @dataclass(frozen=True)
-class Circles:
+class AngularQuadrature:
     """Sampled circles."""
 
     # (circles, angles) share of the circle, summing to the part of it that lies inside the disc
@@ -54,13 +54,13 @@ class Circles:
         return self.inside < 1 - 1e-12
 
 
-def circles(outline: Outline, radius: Array, harmonics: int, angles: int) -> Circles:
+def circles(outline: OffsetDisc, radius: Array, harmonics: int, angles: int) -> AngularQuadrature:
     """Circles of radii (n,) with that many angles, and the harmonics 0 to harmonics - 1 on them."""
     start = outline.start(radius)[:, None]
     t, w = np.polynomial.legendre.leggauss(angles)
     whole, share = start == 0, 1 - start / np.pi
     angle = start + (np.pi - start) * np.where(whole, (np.arange(angles) + 0.5) / angles, (t + 1) / 2)
-    return Circles(share * np.where(whole, 1 / angles, w / 2), *harmonics_at(angle, harmonics))
+    return AngularQuadrature(share * np.where(whole, 1 / angles, w / 2), *harmonics_at(angle, harmonics))
 
 
 def harmonics_at(angle: Array, harmonics: int) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
 from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.contact.stick_springs import StickSprings, stick_springs
-from eitsim.mechanics.harmonics.arcs import Circles, Outline, circles
+from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, circles
 from eitsim.mechanics.harmonics.fourier_fields import Points
 from eitsim.mechanics.solid.axisymmetric_assembly import nodal
 from matcal.laws.hyperfoam import Hyperfoam
@@ -31,7 +31,7 @@ TIE = 1e-3
 
 
 @dataclass(frozen=True)
-class Facing:
+class SurfaceQuadrature:
     """The surface that the punch may touch, at points that stand for circles."""
 
     # (facets, p + 1) nodes
@@ -42,11 +42,11 @@ class Facing:
     radius: Array
     # (facets points, angles) quadrature weight
     weight: Array
-    circles: Circles
+    circles: AngularQuadrature
 
 
 @dataclass(frozen=True, eq=False)
-class Outside:
+class CutVolumeQuadrature:
     """A given field that is added to the disc's own, and its own equilibrium with another punch."""
 
     # (points, 9, angles) displacement gradient at the foam's points
@@ -64,12 +64,12 @@ class ClippedDisc:
     # moduli over mu_0
     law: Hyperfoam
     punch: RigidPunch
-    outline: Outline
+    outline: OffsetDisc
     foam: Points
     # (points, angles) quadrature weight, and (points,) that of the tie
     weight: Array
     tie: Array
-    facing: Facing
+    facing: SurfaceQuadrature
     # what holds the surface where the punch sticks
     springs: StickSprings
     # (columns,) radii of the nodes' columns
@@ -86,7 +86,7 @@ class ClippedDisc:
     # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
     fixed: NDArray[np.bool_]
     # what a neighbour adds; None: nothing
-    outside: Outside | None = None
+    outside: CutVolumeQuadrature | None = None
 
     @property
     def unknowns(self) -> int:
@@ -94,7 +94,7 @@ class ClippedDisc:
         return int(self.fixed.size - self.fixed.sum())
 
 
-def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: Outline, harmonics: int, angles: int,
+def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: OffsetDisc, harmonics: int, angles: int,
                  reach: float, *, held: bool = False) -> ClippedDisc:
     """Discretise what the rim adds to an axisymmetric state: harmonics 0 to harmonics - 1, as many angles on half a
     circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force.
@@ -112,8 +112,8 @@ def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: Outline
     base[:, [0, 2], 0] = nodal(grid, state.x[:-1])[:count]
     kept = facets.nodes.max(axis=1) < count
     under = circles(outline, facets.radius[kept].ravel(), harmonics, angles)
-    facing = Facing(facets.nodes[kept], facets.shape, facets.radius[kept].reshape(-1, 1),
-                    facets.weight[kept].reshape(-1, 1) * under.weight, under)
+    facing = SurfaceQuadrature(facets.nodes[kept], facets.shape, facets.radius[kept].reshape(-1, 1),
+                               facets.weight[kept].reshape(-1, 1) * under.weight, under)
     foam = Points(shape, np.repeat(elements, grid.weight.shape[1], axis=0), circle, around)
     held_by = stick_springs(model.springs, facets.radius[kept].shape)
     return ClippedDisc(

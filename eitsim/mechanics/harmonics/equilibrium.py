@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact import stick_springs
-from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, Facing, amplitudes, unknowns_of
-from eitsim.mechanics.harmonics.fourier_fields import forces, gradients, stiffened, tied
+from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, SurfaceQuadrature, amplitudes, unknowns_of
+from eitsim.mechanics.harmonics.fourier_fields import apply_isotropic_stiffness, apply_tangent, forces, gradients
 from eitsim.mechanics.harmonics.preconditioner import preconditioner
 from eitsim.mechanics.solid import hyperfoam_3d
 from eitsim.numerics.linear_solvers import Solve, conjugate_gradients
@@ -61,7 +61,7 @@ def energy(disc: ClippedDisc, x: Array) -> float:
     if not np.isfinite(stored):
         return np.inf
     at = contact_state(disc, x)
-    held = float(np.sum(added * tied(disc.foam, disc.tie, added))) / 2
+    held = float(np.sum(added * apply_isotropic_stiffness(disc.foam, disc.tie, added))) / 2
     if disc.outside is not None:
         held -= float(np.sum(disc.outside.stress * gradients(disc.foam, added)))
     pressed = contact.penalty_energy_density(disc.punch, at.penetration)
@@ -98,7 +98,7 @@ def seen(disc: ClippedDisc, x: Array) -> Array:
     return out
 
 
-def on_surface(facing: Facing, amplitude: Array) -> Array:
+def on_surface(facing: SurfaceQuadrature, amplitude: Array) -> Array:
     """Displacement (facets points, 3, angles) in the local frame."""
     at = np.einsum("pa,fach->fpch", facing.shape, amplitude[facing.nodes]).reshape(len(facing.weight), 3, -1)
     out = np.empty((len(at), 3, facing.weight.shape[1]))
@@ -106,7 +106,7 @@ def on_surface(facing: Facing, amplitude: Array) -> Array:
     return out
 
 
-def from_surface(facing: Facing, force: Array, amplitude: Array) -> Array:
+def from_surface(facing: SurfaceQuadrature, force: Array, amplitude: Array) -> Array:
     """Forces on amplitudes, of the shape of the given ones, of forces (facets points, 3, angles)."""
     at = np.empty((len(force), 3, amplitude.shape[2]))
     at[:, ::2] = force[:, ::2] @ np.swapaxes(facing.circles.cosine, 1, 2)
@@ -129,7 +129,7 @@ def linearised(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.
     pulled = (
         disc.facing.weight[:, None] * stick_springs.pull(disc.springs, seen(disc, x)) + push[:, None] * touch.normal
     )
-    on = forces(disc.foam, stress, added) + tied(disc.foam, disc.tie, added)
+    on = forces(disc.foam, stress, added) + apply_isotropic_stiffness(disc.foam, disc.tie, added)
     on = on + from_surface(disc.facing, pulled, added)
     bearing = (disc.facing.weight * contact.pressure_slope(disc.punch, touch.penetration))[:, None, None]
     bearing = bearing * touch.normal[:, :, None] * touch.normal[:, None]
@@ -145,7 +145,7 @@ def product(disc: ClippedDisc, tangents: Tangents, y: Array) -> Array:
     moved = on_surface(disc.facing, step)
     moved[:, 2] += 0.0 if disc.held else y[-1]
     pushed = np.einsum("fikj,fkj->fij", tangents.bearing, moved)
-    out = stiffened(disc.foam, tangents.foam, step) + tied(disc.foam, disc.tie, step)
+    out = apply_tangent(disc.foam, tangents.foam, step) + apply_isotropic_stiffness(disc.foam, disc.tie, step)
     out = out + from_surface(disc.facing, pushed, step)
     return np.append(unknowns_of(disc, out), y[-1] if disc.held else pushed[:, 2].sum())
 

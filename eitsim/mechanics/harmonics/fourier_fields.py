@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.harmonics.arcs import Circles
+from eitsim.mechanics.harmonics.arcs import AngularQuadrature
 from touchcal.jit import compiled
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Points:
     # (points,) number of its circle
     circle: Indices
     # the circles
-    circles: Circles
+    circles: AngularQuadrature
 
 
 def gradients(at: Points, amplitude: Array) -> Array:
@@ -55,7 +55,7 @@ def forces(at: Points, stress: Array, amplitude: Array) -> Array:
     return out
 
 
-def stiffened(at: Points, tangent: Array, amplitude: Array) -> Array:
+def apply_tangent(at: Points, tangent: Array, amplitude: Array) -> Array:
     """The forces of stress = tangent : gradient, tangent (points, 45, angles) as in
     `eitsim.mechanics.solid.hyperfoam_3d`, with weights."""
     out = np.zeros_like(amplitude)
@@ -64,7 +64,7 @@ def stiffened(at: Points, tangent: Array, amplitude: Array) -> Array:
     return out
 
 
-def tied(at: Points, weight: Array, amplitude: Array) -> Array:
+def apply_isotropic_stiffness(at: Points, weight: Array, amplitude: Array) -> Array:
     """The forces of stress = weight (points,) times the gradient on whole circles."""
     out = np.zeros_like(amplitude)
     chosen = weight > 0

@@ -17,11 +17,11 @@ from scipy.interpolate import PchipInterpolator
 from eitsim.electrics.forward.nominal_sensor import signal_difference
 from eitsim.mechanics.load_paths.build_table import Run, compared, course_at, tabulated
 from eitsim.mechanics.load_paths.law_family import Family, places, table_of
-from eitsim.mechanics.load_paths.load_path import NUMBERS, Deviation, Node, alongside, course_of, from_rest
-from eitsim.mechanics.load_paths.reduced_basis import Span
+from eitsim.mechanics.load_paths.load_path import NUMBERS, Deviation, Node, alongside, course_of, first_node
+from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, near_rim_from, told_by
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, state, touch_from
-from eitsim.mechanics.load_paths.types import Shape, Table
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.mechanics.rim.solve_near_rim import corrected
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
@@ -34,7 +34,7 @@ _CHECKS = 6
 _EVERY = (3, 4)
 
 
-def build_family(table: Table, span: Span, run: Run = map) -> Family:
+def build_family(table: Table, span: ReducedBasis, run: Run = map) -> Family:
     """Solve the load paths of a span's laws beside those of its central one, which the table holds; `run` maps a
     function over laws and diameters, possibly in other processes.
 
@@ -57,7 +57,9 @@ def build_family(table: Table, span: Span, run: Run = map) -> Family:
     return family if not span.held_out else _checked(family, run)
 
 
-def _path(depths: Array, pressures: Mapping[float, Array], which: tuple[Shape, float]) -> tuple[Array, Array, float]:
+def _path(
+    depths: Array, pressures: Mapping[float, Array], which: tuple[DimensionlessProblem, float]
+) -> tuple[Array, Array, float]:
     """Values and slopes of one law's path at depths, as far as it goes, and the CPU time."""
     started = time.process_time()
     shape, diameter = which
@@ -113,7 +115,7 @@ def _diameters(table: Table) -> list[float]:
     return (rest or list(table.shape.solved))[:2]
 
 
-def _fresh(which: tuple[Shape, float, tuple[float, ...]]) -> tuple[list[Node], float]:
+def _fresh(which: tuple[DimensionlessProblem, float, tuple[float, ...]]) -> tuple[list[Node], float]:
     """Nodes of a law and diameter under mean pressures, each from rest, those left out that are not found, and the CPU
     time."""
     started = time.process_time()
@@ -121,7 +123,7 @@ def _fresh(which: tuple[Shape, float, tuple[float, ...]]) -> tuple[list[Node], f
     course, nodes = course_of(*parts_of(shape, diameter), shape.strain), []
     for pressure in pressures:
         with contextlib.suppress(NotConverged):
-            nodes.append(from_rest(course, pressure))
+            nodes.append(first_node(course, pressure))
     return nodes, time.process_time() - started
 
 

@@ -32,8 +32,8 @@ from eitsim.mechanics.load_paths.rim_table import (
     told_by,
 )
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, touch_from
-from eitsim.mechanics.load_paths.types import RimTable, Shape, Table
-from eitsim.mechanics.rim.correction import Change
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
+from eitsim.mechanics.rim.correction import RimCorrection
 from eitsim.mechanics.rim.solve_near_rim import COARSE, LEAST_GAP, corrected, rim_change
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch
@@ -177,12 +177,19 @@ def _finely(table: Table, place: Place) -> Solved:
     done = corrected(touch, law, body, punch, strain=table.shape.strain)
     assert done.rim is not None
     wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
-    change = Change(done.rim, done.depth_m - touch.depth_m, done.sigma_max_Pa / touch.sigma_max_Pa,
-                    done.contact_area_m2 / touch.contact_area_m2, wall, done.fraction_non_elliptic, done.residuals)
+    change = RimCorrection(
+        done.rim,
+        done.depth_m - touch.depth_m,
+        done.sigma_max_Pa / touch.sigma_max_Pa,
+        done.contact_area_m2 / touch.contact_area_m2,
+        wall,
+        done.fraction_non_elliptic,
+        done.residuals,
+    )
     return Solved(change, done.depth_error - touch.depth_error, done.signal_error - touch.signal_error)
 
 
-def _rows(shape: Shape, radius: Array, nodes: _Nodes) -> tuple[Array, Array]:
+def _rows(shape: DimensionlessProblem, radius: Array, nodes: _Nodes) -> tuple[Array, Array]:
     """What a table keeps of changes: fields and numbers (diameters, gaps, depths, ...) at radii about the middle
     diameter, NaN where none was found."""
     diameters = changed_diameters(shape).tolist()
@@ -196,7 +203,9 @@ def _rows(shape: Shape, radius: Array, nodes: _Nodes) -> tuple[Array, Array]:
     return fields, numbers
 
 
-def _row(shape: Shape, radius: Array, middle: float, one: Solved, diameter: float, depth: float) -> tuple[Array, Array]:
+def _row(
+    shape: DimensionlessProblem, radius: Array, middle: float, one: Solved, diameter: float, depth: float
+) -> tuple[Array, Array]:
     """What a table keeps of a change, its circles carried over to those about the middle diameter."""
     change, field = one.change, one.change.field
     own = carried_over(shape, radius, middle, diameter)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from eitsim.mechanics.load_paths.load_path import (
-    Course,
     Deviation,
+    LoadPath,
     Node,
     course_of,
     deviation,
@@ -23,7 +23,7 @@ from eitsim.mechanics.load_paths.load_path import (
     traced,
 )
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, state
-from eitsim.mechanics.load_paths.types import Shape, Table
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from touchcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ DEPTHS = (*(1e-4 * 2.0**np.arange(10)).tolist(), *np.arange(0.1, 0.91, 0.08).tol
 _FEWEST, _CHECKS = 4, 20
 
 
-def build(shape: Shape, run: Run = map, depths: Sequence[float] = DEPTHS) -> Table:
+def build(shape: DimensionlessProblem, run: Run = map, depths: Sequence[float] = DEPTHS) -> Table:
     """Solve the paths of a shape, at first near some increasing depths, over the thickness; `run` maps a function over
     diameters, possibly in other processes.
 
@@ -57,7 +57,9 @@ def build(shape: Shape, run: Run = map, depths: Sequence[float] = DEPTHS) -> Tab
     return compared(table, dict(zip(shape.held_out, (found for found, _ in fresh), strict=True)))
 
 
-def _base_path(shape: Shape, depths: Sequence[float], diameter: float) -> tuple[Array, tuple[Array, ...], float]:
+def _base_path(
+    shape: DimensionlessProblem, depths: Sequence[float], diameter: float
+) -> tuple[Array, tuple[Array, ...], float]:
     """The depths of a path refined where it needs it, what `tabulated` makes of it, and the CPU time."""
     started = time.process_time()
     nodes = refined(course_at(shape, diameter), depths)
@@ -70,7 +72,7 @@ def _probes(depths: Array) -> Array:
     return middles[np.unique(np.linspace(0, len(middles) - 1, _CHECKS).round().astype(int))]
 
 
-def course_at(shape: Shape, diameter: float) -> Course:
+def course_at(shape: DimensionlessProblem, diameter: float) -> LoadPath:
     """One of a shape's punches, kept at the table's radii carried over to it."""
     base = shape.base
     if diameter == base:
@@ -79,14 +81,14 @@ def course_at(shape: Shape, diameter: float) -> Course:
     return course_of(*parts_of(shape, diameter), shape.strain, carried_over(shape, radius, base, diameter))
 
 
-def _path(shape: Shape, depths: Array, diameter: float) -> tuple[tuple[Array, Array, Array], float]:
+def _path(shape: DimensionlessProblem, depths: Array, diameter: float) -> tuple[tuple[Array, Array, Array], float]:
     """What `tabulated` makes of a path at these depths, as far as it goes, and the CPU time."""
     started = time.process_time()
     nodes = list(traced(course_at(shape, diameter), depths.tolist()))
     return tabulated(nodes, depths[:len(nodes)]), time.process_time() - started
 
 
-def _fresh(shape: Shape, depths: Array, diameter: float) -> tuple[list[Node], float]:
+def _fresh(shape: DimensionlessProblem, depths: Array, diameter: float) -> tuple[list[Node], float]:
     """Nodes near these depths, at the radii of their own samples, without their states, and the CPU time."""
     started = time.process_time()
     course = course_of(*parts_of(shape, diameter), shape.strain)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from eitsim.mechanics.load_paths.reduced_basis import Span
+from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.table import of_law
 from eitsim.mechanics.load_paths.types import Table
 from matcal.laws.hyperfoam import Hyperfoam
@@ -33,7 +33,7 @@ class Family:
     # of the central law, as deep as the paths of all; error, checks and CPU time are those of all
     table: Table
     # which laws are weighted how
-    span: Span
+    span: ReducedBasis
     # (K, D, k, 6 r + 6) changes of a table's values and slopes at the diameters and depths `places` tells
     values: Array
     slopes: Array

@@ -43,7 +43,7 @@ _CANCELLING = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class LoadPath:
     """One punch, discretised, and the radii at which its surface is kept."""
 
     law: Hyperfoam
@@ -103,15 +103,15 @@ class Deviation:
         return Deviation(max(self.depth, other.depth), max(self.signal, other.signal), max(self.strain, other.strain))
 
 
-def course_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, radius: Array | None = None) -> Course:
+def course_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, radius: Array | None = None) -> LoadPath:
     """A punch and a law without units, kept at these reference radii, by default at those of the surface's samples."""
     levels = tuple(mesh_hierarchy(law, body, punch, None, None))
     if radius is None:
         radius = surface.samples(levels[-1], np.zeros(levels[-1].grid.unknowns + 1))[0]
-    return Course(law, body, levels, strain, radius)
+    return LoadPath(law, body, levels, strain, radius)
 
 
-def refined(course: Course, depths: Sequence[float]) -> list[Node]:
+def refined(course: LoadPath, depths: Sequence[float]) -> list[Node]:
     """A path near these increasing depths and, where cubics between them deviate too much, between.
 
     It ends before the first interval that stays too coarse, or where no equilibrium is found.
@@ -135,7 +135,7 @@ def refined(course: Course, depths: Sequence[float]) -> list[Node]:
     return done
 
 
-def traced(course: Course, depths: Sequence[float]) -> Iterator[Node]:
+def traced(course: LoadPath, depths: Sequence[float]) -> Iterator[Node]:
     """Nodes near the given depths, which increase, each started from those before it.
 
     It ends where no equilibrium is found, or none near a depth, as where the punch falls through.
@@ -152,7 +152,7 @@ def traced(course: Course, depths: Sequence[float]) -> Iterator[Node]:
         yield node
 
 
-def alongside(course: Course, depths: Sequence[float], pressures: Sequence[float]) -> Iterator[Node]:
+def alongside(course: LoadPath, depths: Sequence[float], pressures: Sequence[float]) -> Iterator[Node]:
     """Nodes near the given depths, which increase, where the path of a law much like this has these mean pressures;
     each is started from the one before it. It ends as `traced` does."""
     before, ratio, last = None, 1.0, 0.0
@@ -168,7 +168,7 @@ def alongside(course: Course, depths: Sequence[float], pressures: Sequence[float
         ratio = (node.mean_pressure + node.stiffness * (depth - node.depth)) / pressure
 
 
-def from_rest(course: Course, mean_pressure: float) -> Node:
+def first_node(course: LoadPath, mean_pressure: float) -> Node:
     """The equilibrium under a mean pressure, from rest, without its states; NotConverged where there is none."""
     return replace(_node(course, mean_pressure, None), states=())
 
@@ -201,7 +201,7 @@ def depth_at(ends: Array, values: Array, slopes: Array, target: float) -> float:
     return float((low + high) / 2)
 
 
-def deviation(course: Course, depth_ratio: float, fields: Array, fresh: Array) -> Deviation:
+def deviation(course: LoadPath, depth_ratio: float, fields: Array, fresh: Array) -> Deviation:
     """Deviation of FIELDS (6, r) from those solved afresh under the same force, and of a depth from its ratio to the
     other."""
     r = course.radius
@@ -213,7 +213,7 @@ def deviation(course: Course, depth_ratio: float, fields: Array, fresh: Array) -
                      float(np.sqrt((apart**2 @ weight).sum() / (strain**2 @ weight).sum())))
 
 
-def _response(course: Course, fields: Array) -> tuple[float, float]:
+def _response(course: LoadPath, fields: Array) -> tuple[float, float]:
     """Dipole response of a nominal skin with FIELDS (6, r), and what its parts add up to without their signs."""
     (meridian, hoop, normal), radius = fields[2:5, 1:], course.radius[1:]
     sheet = np.exp(_SENSITIVITY * driving_strain(course.strain, meridian, hoop, normal))
@@ -222,7 +222,7 @@ def _response(course: Course, fields: Array) -> tuple[float, float]:
     return dipole(radius, radial, around), float(parts)
 
 
-def _towards(course: Course, depth: float, before: list[Node]) -> Node | None:
+def _towards(course: LoadPath, depth: float, before: list[Node]) -> Node | None:
     """The node near a depth, from up to two before it; None where several attempts miss it."""
     tries = list(before)
     step = depth - (tries[-1].depth if tries else 0.0)
@@ -234,7 +234,7 @@ def _towards(course: Course, depth: float, before: list[Node]) -> Node | None:
     return None
 
 
-def _between(course: Course, left: Node, right: Node) -> Node | None:
+def _between(course: LoadPath, left: Node, right: Node) -> Node | None:
     """A node near the middle of two; None where there is none between them."""
     depth = (left.depth + right.depth) / 2
     try:
@@ -244,7 +244,7 @@ def _between(course: Course, left: Node, right: Node) -> Node | None:
     return node if left.depth < node.depth < right.depth else None
 
 
-def _pressure_at(course: Course, depth: float, nodes: list[Node]) -> float:
+def _pressure_at(course: LoadPath, depth: float, nodes: list[Node]) -> float:
     """The mean pressure of a depth: cubic through two nodes, at most e-fold beyond the last; linear from one; a guess
     from none."""
     if not nodes:
@@ -259,7 +259,7 @@ def _pressure_at(course: Course, depth: float, nodes: list[Node]) -> float:
     return float(np.clip(value, last.mean_pressure / np.e, last.mean_pressure * np.e))
 
 
-def _node(course: Course, mean_pressure: float, before: Node | None) -> Node:
+def _node(course: LoadPath, mean_pressure: float, before: Node | None) -> Node:
     """The equilibrium under a mean pressure, from a node before it, first along its tangent, or from rest."""
     force, levels = mean_pressure * course.face, list(course.levels)
     if before is None:
@@ -272,7 +272,7 @@ def _node(course: Course, mean_pressure: float, before: Node | None) -> Node:
         return _kept(course, under_force(levels, force, coarse))
 
 
-def _kept(course: Course, states: list[Equilibrium]) -> Node:
+def _kept(course: LoadPath, states: list[Equilibrium]) -> Node:
     """What a path keeps of an equilibrium."""
     model, state = course.levels[-1], states[-1]
     touch = touch_of(course.law, course.body, list(course.levels), states, course.strain, 0.0)
@@ -293,7 +293,7 @@ def _kept(course: Course, states: list[Equilibrium]) -> Node:
     return Node(depth, fields, (ahead - behind) / (2 * step), numbers, told, stiffness, tuple(states))
 
 
-def _sampled(course: Course, model: IndentationProblem, x: Array) -> Array:
+def _sampled(course: LoadPath, model: IndentationProblem, x: Array) -> Array:
     """FIELDS (6, r) at the course's radii: monotone cubics between the samples of the surface."""
     radius, field = surface.samples(model, x)
     contact = surface.contact_of(model, x)

@@ -30,7 +30,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Span:
+class ReducedBasis:
     """A few laws, and what their weighted means are good for."""
 
     central: Hyperfoam
@@ -51,7 +51,7 @@ class Span:
         return found[0] if inside else None
 
 
-def span_of(laws: Sequence[Hyperfoam]) -> Span:
+def reduced_basis(laws: Sequence[Hyperfoam]) -> ReducedBasis:
     """The central one of some laws and those that span the rest; depends on the laws and their order alone.
 
     ValueError where there are none, or where a stress over mu_0 is no number.
@@ -69,8 +69,13 @@ def span_of(laws: Sequence[Hyperfoam]) -> Span:
         left -= np.outer(left @ unit, unit)
     found, missed = _weights(apart[chosen], apart)
     held_out = _held_out(_size(apart), missed, [central, *chosen])
-    return Span(laws[central], tuple(laws[i] for i in chosen), tuple(laws[i] for i in held_out), float(missed.max()),
-                float(np.abs(found).max(initial=0.0)))
+    return ReducedBasis(
+        laws[central],
+        tuple(laws[i] for i in chosen),
+        tuple(laws[i] for i in held_out),
+        float(missed.max()),
+        float(np.abs(found).max(initial=0.0)),
+    )
 
 
 def _held_out(distance: Array, missed: Array, known: Sequence[int]) -> list[int]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.table import carried_over
-from eitsim.mechanics.load_paths.types import RimTable, Shape, Table
-from eitsim.mechanics.rim.correction import Change, changed, within_face
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
+from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
 from touchcal.errors import NotConverged
@@ -39,12 +39,12 @@ Cell = tuple[int, int]
 class Solved:
     """A change by the rim, lengths over the thickness, and the errors that the rim's own mesh makes."""
 
-    change: Change
+    change: RimCorrection
     depth_error: float
     signal_error: float
 
 
-def changed_diameters(shape: Shape) -> Array:
+def changed_diameters(shape: DimensionlessProblem) -> Array:
     """Diameters at which changes are solved, over the thickness: of a choice, some whose load paths there are."""
     diameters = np.array(shape.diameters)
     if shape.spans:
@@ -52,7 +52,7 @@ def changed_diameters(shape: Shape) -> Array:
     return diameters[np.linspace(0, len(diameters) - 1, min(len(diameters), _DIAMETERS)).round().astype(int)]
 
 
-def between(shape: Shape) -> list[float]:
+def between(shape: DimensionlessProblem) -> list[float]:
     """Diameters at which a table of changes is checked: in the middle between those solved, or of a choice, those where
     it is not solved."""
     solved = changed_diameters(shape)
@@ -61,7 +61,7 @@ def between(shape: Shape) -> list[float]:
     return [d for d in shape.diameters if d not in solved] or solved.tolist()
 
 
-def change_from(shape: Shape, rim: RimTable, diameter: float, gap: float, depth: float) -> Solved | None:
+def change_from(shape: DimensionlessProblem, rim: RimTable, diameter: float, gap: float, depth: float) -> Solved | None:
     """The change of an axisymmetric touch of a depth, all over the thickness; None where the table does not reach.
 
     Below the least depth the change goes on in proportion to the depth.
@@ -80,7 +80,7 @@ def change_from(shape: Shape, rim: RimTable, diameter: float, gap: float, depth:
     field = RimField(carried_over(shape, rim.radius, base, diameter), rim.share, parts[..., :3],
                      parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, disc, disc - diameter / 2 - gap, told=off)
     added, pressure, area, wall, lost, depth_error, signal_error = numbers.tolist()
-    return Solved(Change(field, added * depth, pressure, area, max(wall, 0.0), min(max(lost, 0.0), 1.0), ()),
+    return Solved(RimCorrection(field, added * depth, pressure, area, max(wall, 0.0), min(max(lost, 0.0), 1.0), ()),
                   max(depth_error, 0.0), max(signal_error, 0.0))
 
 
@@ -166,7 +166,7 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
     field = found.change.field
     field = replace(field, radius_m=field.radius_m * unit, displacement_m=field.displacement_m * unit,
                     disc_m=body.radius_m, offset_m=float(np.hypot(punch.x_m, punch.y_m)))
-    with_rim = changed(touch, replace(found.change, field=field, depth_m=found.change.depth_m * unit))
+    with_rim = apply_correction(touch, replace(found.change, field=field, depth_m=found.change.depth_m * unit))
     return replace(within_face(with_rim, punch), depth_error=touch.depth_error + found.depth_error,
                    signal_error=touch.signal_error + found.signal_error)
 

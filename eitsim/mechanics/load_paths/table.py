@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.load_paths.load_path import FIELDS, NUMBERS, TOLD, depth_at, hermite
-from eitsim.mechanics.load_paths.types import Shape, Table
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
@@ -33,17 +33,17 @@ _DIGITS, _EQUAL = 12, 1e-10
 
 
 def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m: Iterable[float] = (), *,
-             spans: bool = False) -> Shape:
+             spans: bool = False) -> DimensionlessProblem:
     """The shape of a flat punch's touch, for its own diameter or for others; all moduli times a factor have the same
     shape."""
     unit = body.thickness_m
-    return Shape(
+    return DimensionlessProblem(
         *_moduli(law),
         disc=_rounded([body.radius_m / unit])[0], fillet=_rounded([punch.fillet_m / unit])[0], strain=strain,
         diameters=_rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]]), spans=spans)
 
 
-def of_law(shape: Shape, law: Hyperfoam) -> Shape:
+def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:
     """The shape of the same touches of another law."""
     mu, alpha, nu = _moduli(law)
     return replace(shape, mu=mu, alpha=alpha, nu=nu)
@@ -63,13 +63,13 @@ def _rounded(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(float(f"{value:.{_DIGITS}g}") for value in values)
 
 
-def parts_of(shape: Shape, diameter: float) -> tuple[Hyperfoam, Body, Punch]:
+def parts_of(shape: DimensionlessProblem, diameter: float) -> tuple[Hyperfoam, Body, Punch]:
     """Law, body and punch of a shape, without units; the force is yet to be set."""
     law = Hyperfoam(np.array(shape.mu), np.array(shape.alpha), np.array(shape.nu))
     return law, Body(shape.disc, 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
 
 
-def carried_over(shape: Shape, radius: Array, old: float, new: float) -> Array:
+def carried_over(shape: DimensionlessProblem, radius: Array, old: float, new: float) -> Array:
     """Reference radii about one diameter at the corresponding places about another."""
     if old == new:
         return radius
@@ -131,7 +131,7 @@ def state(table: Table, diameter: float, *, mean_pressure: float | None = None,
                  dict(zip((*NUMBERS, *TOLD), numbers, strict=True)))
 
 
-def _weights(shape: Shape, diameter: float) -> Array | None:
+def _weights(shape: DimensionlessProblem, diameter: float) -> Array | None:
     """Lagrange's weights of the solved diameters in its logarithm; None where it is not served."""
     solved = np.array(shape.solved)
     near: Array = np.where(np.abs(solved / diameter - 1) < 1e-9, 1.0, 0.0)
@@ -144,12 +144,12 @@ def _weights(shape: Shape, diameter: float) -> Array | None:
     return np.array([float(np.prod(np.delete((at - x) / apart[j], j))) for j in range(len(x))])
 
 
-def _neighbours(shape: Shape, diameter: float) -> Array:
+def _neighbours(shape: DimensionlessProblem, diameter: float) -> Array:
     """Linear weights of the two solved diameters about one, in its logarithm."""
     return np.array([np.interp(np.log(diameter), np.log(shape.solved), one) for one in np.eye(len(shape.solved))])
 
 
-def _alike(own: Shape, shape: Shape) -> bool:
+def _alike(own: DimensionlessProblem, shape: DimensionlessProblem) -> bool:
     """Whether two shapes are one but for their diameters and rounding."""
     numbers = [[*s.mu, *s.alpha, *s.nu, s.disc, s.fillet] for s in (own, shape)]
     same = own.strain == shape.strain and len(own.mu) == len(shape.mu)

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Shape:
+class DimensionlessProblem:
     """What a table is made for: lengths over the thickness, moduli over mu_0."""
 
     mu: tuple[float, ...]
@@ -87,7 +87,7 @@ class RimTable:
 class Table:
     """Touches of a shape over force and diameter."""
 
-    shape: Shape
+    shape: DimensionlessProblem
     # (k,) depths, before the correction for penetration
     depths: Array
     # (r,) reference radii about the middle one of the solved diameters

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.harmonics.arcs import Circles, harmonics_at
+from eitsim.mechanics.harmonics.arcs import AngularQuadrature, harmonics_at
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ _CUBIC = 4
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class AxisTransfer:
     """Points about one axis, as points about the other."""
 
     # the same places in the other's meridian, each with a circle of its own of one angle
@@ -51,7 +51,7 @@ class View:
 
 
 def view(columns: Array, rows: Array, harmonics: int, apart: float, radius: Array, angle: Array,
-         height: Array) -> View:
+         height: Array) -> AxisTransfer:
     """Points (n,) at radius, angle and height about an axis seen from one that is `apart` from it, whose mesh of the
     meridian has these columns and rows of nodes, and whose series so many harmonics."""
     x, y = apart - radius * np.cos(angle), radius * np.sin(angle)
@@ -63,13 +63,13 @@ def view(columns: Array, rows: Array, harmonics: int, apart: float, radius: Arra
     shape = np.where(away > columns[-1], 0.0, 1.0)[:, None, None, None] * shape
     steps = np.arange(_CUBIC)
     nodes = (column[:, None] + steps)[:, :, None] * len(rows) + (row[:, None] + steps)[:, None]
-    circles = Circles(np.ones((len(away), 1)), *harmonics_at(around[:, None], harmonics))
+    circles = AngularQuadrature(np.ones((len(away), 1)), *harmonics_at(around[:, None], harmonics))
     both = angle + around
     cosine, sine, none = np.cos(both), np.sin(both), np.zeros_like(both)
     turn = np.array([[-cosine, sine, none], [sine, cosine, none], [none, none, none + 1]])
-    return View(Points(np.ascontiguousarray(shape.reshape(len(away), -1, 3)),
-                       np.ascontiguousarray(nodes.reshape(len(away), -1)), np.arange(len(away)), circles),
-                np.ascontiguousarray(np.moveaxis(turn, 2, 0)))
+    return AxisTransfer(Points(np.ascontiguousarray(shape.reshape(len(away), -1, 3)),
+                        np.ascontiguousarray(nodes.reshape(len(away), -1)), np.arange(len(away)), circles),
+                 np.ascontiguousarray(np.moveaxis(turn, 2, 0)))
 
 
 def cubics(line: Array, points: Array) -> tuple[Indices, Array, Array]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.contact.punch_contact import pressure
-from eitsim.mechanics.harmonics.arcs import Circles, Outline, harmonics_at
+from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, harmonics_at
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc
 from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
@@ -35,16 +35,16 @@ class Samples:
     share: Array
     angle: Array
     # what ends the circles: the rim, or a plane that stands for one
-    outline: Outline
+    outline: OffsetDisc
 
 
-def samples(disc: ClippedDisc, model: IndentationProblem, outline: Outline) -> Samples:
+def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc) -> Samples:
     """Circles on the top, as far as they lie inside the outline."""
     points, radius = _top_points(disc, model)
     share = np.linspace(0, 1, _ANGLES)
     start = outline.start(radius)[:, None]
     angle = start + (np.pi - start) * share
-    waves = Circles(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
+    waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
     return Samples(replace(points, circles=waves), radius, share, angle, outline)
 
 

@@ -20,7 +20,7 @@ _UNCONVERGED = 2.0
 
 
 @dataclass(frozen=True)
-class Change:
+class RimCorrection:
     """What the rim, or a neighbour, changes of an axisymmetric touch."""
 
     field: RimField
@@ -38,7 +38,7 @@ class Change:
     force: float = 1.0
 
 
-def changed(touch: Touch, change: Change) -> Touch:
+def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
     """An axisymmetric touch with a change."""
     area = touch.contact_area_m2 * change.area
     force = touch.force_N * change.force
@@ -49,10 +49,12 @@ def changed(touch: Touch, change: Change) -> Touch:
                    fraction_non_elliptic=max(touch.fraction_non_elliptic, change.fraction_non_elliptic))
 
 
-def told(touch: Touch, rough: Change, change: Change, body: Body, punch: Punch, strain: str) -> Touch:
+def with_error(
+    touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch, strain: str
+) -> Touch:
     """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors; NotConverged where
     either leaves no skin."""
-    out = changed(touch, change)
+    out = apply_correction(touch, change)
     signal = _UNCONVERGED * signal_difference(body, punch, touch, rough.field, change.field, strain)
     if not math.isfinite(signal):
         raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error cannot be told.",
@@ -81,7 +83,7 @@ def within_face(touch: Touch, punch: Punch) -> Touch:
     return replace(touch, contact_area_m2=area, sigma_ave_Pa=touch.force_N / area, contact_area_error=error)
 
 
-def unchanged(field: RimField) -> RimField:
+def no_correction(field: RimField) -> RimField:
     """A field on the same samples that changes nothing."""
     return replace(field, displacement_m=np.zeros_like(field.displacement_m), normal=np.ones_like(field.normal),
                    metric=np.broadcast_to([1.0, 0.0, 1.0], field.metric.shape))

@@ -10,7 +10,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.harmonics.arcs import Circles, Outline, harmonics_at
+from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, harmonics_at
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes
 from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
@@ -63,7 +63,7 @@ def _pressure(disc: ClippedDisc, x: Array, volume: Volume, unit: float) -> Array
     radius, share = disc.facing.radius[:, 0], volume.share
     start = disc.outline.start(radius)[:, None]
     angle = start + (np.pi - start) * share
-    circles = Circles(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
+    circles = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
     push = contact.pressure(disc.punch, contact_state(replace(
         disc, facing=replace(disc.facing, weight=circles.weight, circles=circles)), x).penetration)
     middle = np.repeat(volume.facet_m, contact.POINTS)
@@ -86,7 +86,7 @@ def gradient(volume: Volume, at: Places) -> Array:
     _, slope, nodes = _shapes(volume, at)
     amplitude = volume.amplitude_m.reshape(-1, *volume.amplitude_m.shape[2:])
     angle = at.angle_rad[:, None]
-    waves = Circles(np.ones_like(angle), *harmonics_at(angle, amplitude.shape[2]))
+    waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, amplitude.shape[2]))
     found = gradients(Points(slope, nodes, at.plane, waves), amplitude)[..., 0].reshape(-1, 3, 3)
     return np.eye(3) + np.where(_beyond(volume, at)[:, None, None], 0.0, found)
 
@@ -105,7 +105,7 @@ def displacement(volume: Volume, at: Places) -> Array:
 
 def contact_pressure(volume: Volume, radius_m: Array, angle_rad: Array) -> Array:
     """Contact pressure (n,), Pa, on the deformed surface: linear between facets' middles and between angles."""
-    start = Outline(volume.disc_m, volume.offset_m).start(radius_m)
+    start = OffsetDisc(volume.disc_m, volume.offset_m).start(radius_m)
     share = np.clip((angle_rad - start) / np.maximum(np.pi - start, np.finfo(float).tiny), 0.0, 1.0)
     inside = np.clip(radius_m, volume.facet_m[0], volume.facet_m[-1])
     held = RegularGridInterpolator((volume.facet_m, volume.share), volume.pressure_Pa)(np.stack([inside, share], -1))

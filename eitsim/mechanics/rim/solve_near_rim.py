@@ -28,11 +28,11 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
 )
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
-from eitsim.mechanics.harmonics.arcs import Outline
+from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
 from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
 from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
-from eitsim.mechanics.rim.correction import Change, told, unchanged
+from eitsim.mechanics.rim.correction import RimCorrection, no_correction, with_error
 from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
@@ -65,7 +65,7 @@ FACTORISATIONS = 2000
 
 
 @dataclass(frozen=True)
-class Fineness:
+class Resolution:
     """How finely the change is resolved."""
 
     # element size at the punch's edge over the default one of the axisymmetric touch
@@ -80,8 +80,8 @@ class Fineness:
     widest: float = _WIDEST
 
 
-COARSE, FINE = Fineness(6.0, 5, 12), Fineness(4.0, 7, 14)
-WHOLE = Fineness(3.0, 9, 18, np.inf)
+COARSE, FINE = Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)
+FULL_DISC = Resolution(3.0, 9, 18, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,11 +151,11 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "n
     if not whole:
         return corrected(solve_touch(law, body, punch, strain=strain), law, body, punch, strain=strain)
     touch = solve_touch(law, body, punch, strain=strain, element_m=default_element_m(body, punch) / 2)
-    return corrected(touch, law, body, punch, strain=strain, coarse=FINE, fine=WHOLE)
+    return corrected(touch, law, body, punch, strain=strain, coarse=FINE, fine=FULL_DISC)
 
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal",
-              coarse: Fineness = COARSE, fine: Fineness = FINE) -> Touch:
+              coarse: Resolution = COARSE, fine: Resolution = FINE) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference tells the error; NotConverged, with
     the likely cause, where no equilibrium is found."""
     try:
@@ -173,24 +173,24 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
             "deep, and squeezes the foam's free side out; move it inwards or press less.")
 
 
-def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: str, coarse: Fineness,
-               fine: Fineness) -> Touch:
+def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: str, coarse: Resolution,
+               fine: Resolution) -> Touch:
     started = time.process_time()
     before = _found(law, body, punch, coarse)
     rough = _change_of(before, body)
     after = _found(law, body, punch, fine, before)
     change = _change_of(after, body)
-    out = told(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch,
-               strain)
+    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch,
+                     strain)
     way = _WAY if punch.friction == "stick" else 0.0
     volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
                        math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, cpu_s=touch.cpu_s + time.process_time() - started,
                    signal_error=out.signal_error + (way and way * signal_difference(
-                       body, punch, touch, unchanged(change.field), change.field, strain)))
+                       body, punch, touch, no_correction(change.field), change.field, strain)))
 
 
-def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness = FINE) -> Change:
+def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE) -> RimCorrection:
     """What the rim changes of the touch under the punch's force or at its depth.
 
     Radii and angles of the field depend on the body, the punch's size and shape and the fineness alone, so that fields
@@ -199,13 +199,21 @@ def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness = FI
     return _change_of(_found(law, body, punch, fineness), body)
 
 
-def _change_of(solution: Solution, body: Body) -> Change:
+def _change_of(solution: Solution, body: Body) -> RimCorrection:
     disc, x, unit = solution.disc, solution.x, body.thickness_m
     pressed, area, wall = contact_ratios(disc, x)
     at, added = samples(disc, solution.model, disc.outline), amplitudes(disc, x[:-1])
     alone, whole = (deformation(at.points, a) for a in (disc.base, disc.base + added))
-    return Change(field(at, alone, whole, displacement(at.points, added), unit), float(x[-1]) * unit, pressed, area,
-                  wall, fraction_non_elliptic(disc, x), solution.residuals, force_ratio(solution) if disc.held else 1.0)
+    return RimCorrection(
+        field(at, alone, whole, displacement(at.points, added), unit),
+        float(x[-1]) * unit,
+        pressed,
+        area,
+        wall,
+        fraction_non_elliptic(disc, x),
+        solution.residuals,
+        force_ratio(solution) if disc.held else 1.0,
+    )
 
 
 def force_ratio(solution: Solution) -> float:
@@ -216,15 +224,15 @@ def force_ratio(solution: Solution) -> float:
     return ratio - (1 - ratio) * penetration / float(state.by_force[-1] * state.force)
 
 
-def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness, before: Solution | None = None) -> Solution:
+def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution, before: Solution | None = None) -> Solution:
     """The solution from the axisymmetric state, or from one on another mesh; else by way of half the load."""
     model, load = set_up(law, body, punch, fineness)
     unit = body.thickness_m
-    outline = Outline(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
+    outline = OffsetDisc(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
     return _under(model, load, punch.friction == "stick", outline, fineness, before, _HALVINGS)
 
 
-def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness) -> tuple[IndentationProblem, Load]:
+def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:
     """The discretised foam under a punch, without friction, and what is given."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
     model = mesh_hierarchy(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]
@@ -233,7 +241,7 @@ def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Fineness) -> tupl
     return _narrowed(model, fineness), load
 
 
-def _narrowed(model: IndentationProblem, fineness: Fineness) -> IndentationProblem:
+def _narrowed(model: IndentationProblem, fineness: Resolution) -> IndentationProblem:
     """The problem with elements halved about the punch's edge, and none wider than the widest as far as the change
     reaches."""
     r, z = (lines[::model.grid.order] for lines in model.grid.lines)
@@ -248,7 +256,7 @@ def _narrowed(model: IndentationProblem, fineness: Fineness) -> IndentationProbl
     return replace(model, grid=grid, facets=top_facets(grid, last - _NEAR))
 
 
-def _under(model: IndentationProblem, load: Load, sticks: bool, outline: Outline, fineness: Fineness,
+def _under(model: IndentationProblem, load: Load, sticks: bool, outline: OffsetDisc, fineness: Resolution,
            before: Solution | None, halvings: int) -> Solution:
     model, state = load.state(model, sticks)
     disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,

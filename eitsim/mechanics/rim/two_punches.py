@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
-from eitsim.mechanics.harmonics.arcs import Outline
-from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, Outside, amplitudes, clipped_disc
+from eitsim.mechanics.harmonics.arcs import OffsetDisc
+from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, CutVolumeQuadrature, amplitudes, clipped_disc
 from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
-from eitsim.mechanics.rim.axis_transfer import View, view
+from eitsim.mechanics.rim.axis_transfer import AxisTransfer, view
 from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
-from eitsim.mechanics.rim.correction import Change, told
+from eitsim.mechanics.rim.correction import RimCorrection, with_error
 from eitsim.mechanics.rim.interaction import edge_gap_m
-from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Fineness, Solution, carried_over, force_ratio, set_up
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, Solution, carried_over, force_ratio, set_up
 from eitsim.mechanics.solid import hyperfoam_3d
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.results import RimField, Touch
@@ -47,7 +47,7 @@ _MEND = "Try smaller forces or a larger gap."
 # Radius, thicknesses, of the disc whose rim stands for the plane in the middle.
 _PLANE = 1e5
 # The finest that is offered, for exact runs.
-FINEST = Fineness(3.0, 9, 18)
+FINEST = Resolution(3.0, 9, 18)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +62,8 @@ class _Frame:
     # (points, angles) whether a point of the foam lies in this punch's half
     near: NDArray[np.bool_]
     # those points, and all (facets points x angles) of the surface that the punch may touch, seen from the other
-    foam: View
-    surface: View
+    foam: AxisTransfer
+    surface: AxisTransfer
 
     @property
     def disc(self) -> ClippedDisc:
@@ -99,8 +99,16 @@ def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
     return ""
 
 
-def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punches: Sequence[Punch], *,
-                    strain: str = "normal", coarse: Fineness = COARSE, fine: Fineness = FINE) -> tuple[Touch, Touch]:
+def solved_together(
+    touches: Sequence[Touch],
+    law: Hyperfoam,
+    body: Body,
+    punches: Sequence[Punch],
+    *,
+    strain: str = "normal",
+    coarse: Resolution = COARSE,
+    fine: Resolution = FINE,
+) -> tuple[Touch, Touch]:
     """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
     both axes.
 
@@ -114,21 +122,21 @@ def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punche
     found = _settled(_frames(law, body, punches, fine), rough)
     spent, out = (time.process_time() - started) / 2, []
     for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
-        one = told(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch,
-                   strain)
+        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch,
+                         strain)
         out.append(replace(one, depth_error=one.depth_error + found.moved, signal_error=one.signal_error + found.moved,
                            cpu_s=touch.cpu_s + spent))
     return out[0], out[1]
 
 
-def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Fineness) -> tuple[_Frame, ...]:
+def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Resolution) -> tuple[_Frame, ...]:
     unit = body.thickness_m
     gap = edge_gap_m(*punches) / unit
     parts = []
     for punch in punches:
         model, load = set_up(law, body, punch, fineness)
         model, state = load.state(model, sticks=False)
-        disc = clipped_disc(model, state, Outline(_PLANE, 0.0), fineness.harmonics, fineness.angles,
+        disc = clipped_disc(model, state, OffsetDisc(_PLANE, 0.0), fineness.harmonics, fineness.angles,
                             model.punch.profile.radius + fineness.beyond, held=load.force is None)
         parts.append(Solution(disc, model, state, np.zeros(disc.unknowns + 1), ()))
     apart = gap + sum(part.model.punch.profile.radius for part in parts)
@@ -145,7 +153,7 @@ def _frame(alone: Solution, other: Solution, apart: float, gap: float) -> _Frame
     height = radius * np.sum(at * model.grid.nodes[disc.foam.nodes, 1], axis=1)
     near = radius[:, None] * np.cos(angle) < half
 
-    def seen(radius: Array, angle: Array, height: Array) -> View:
+    def seen(radius: Array, angle: Array, height: Array) -> AxisTransfer:
         return view(other.disc.columns, other.model.grid.lines[1], harmonics, apart, radius, angle, height)
 
     where = np.broadcast_arrays(radius[:, None], angle, height[:, None])
@@ -176,7 +184,7 @@ def _settled(frames: tuple[_Frame, ...], before: _Pair | None = None) -> _Pair:
                        f"{_MEND}", residuals=residuals)
 
 
-def _outside(frame: _Frame, field: Array) -> Outside:
+def _outside(frame: _Frame, field: Array) -> CutVolumeQuadrature:
     """The other's field (nodes, 3, harmonics) in this punch's half."""
     grad_u = np.zeros((*frame.near.shape, 9))
     grad_u[frame.near] = frame.foam.gradient(field)
@@ -185,13 +193,13 @@ def _outside(frame: _Frame, field: Array) -> Outside:
                      np.ascontiguousarray(np.moveaxis(shift, 2, 1)))
 
 
-def _stressed(disc: ClippedDisc, grad_u: Array, shift: Array) -> Outside:
+def _stressed(disc: ClippedDisc, grad_u: Array, shift: Array) -> CutVolumeQuadrature:
     at = hyperfoam_3d.principal(grad_u)
     stress, _ = hyperfoam_3d.stress_and_tangent(at, hyperfoam_3d.derivatives(disc.law, at.log), disc.weight)
-    return Outside(grad_u, stress, shift)
+    return CutVolumeQuadrature(grad_u, stress, shift)
 
 
-def _met(disc: ClippedDisc, before: Outside | None, after: Outside, start: Array) -> Minimum:
+def _met(disc: ClippedDisc, before: CutVolumeQuadrature | None, after: CutVolumeQuadrature, start: Array) -> Minimum:
     """The disc's equilibrium with a field from outside; in parts, where needed, from the field that `start` belongs to
     or from none."""
     try:
@@ -219,14 +227,21 @@ def _met(disc: ClippedDisc, before: Outside | None, after: Outside, start: Array
             return found
 
 
-def _change(pair: _Pair, i: int, body: Body, punches: Sequence[Punch]) -> Change:
+def _change(pair: _Pair, i: int, body: Body, punches: Sequence[Punch]) -> RimCorrection:
     """What its neighbour changes of one of two touches."""
     disc, x, unit = pair.discs[i], pair.x[i], body.thickness_m
     there = np.array([punches[1 - i].x_m - punches[i].x_m, punches[1 - i].y_m - punches[i].y_m])
     pressed, area, wall = contact_ratios(disc, x)
-    return Change(_surface_field(pair, i, unit, there / np.linalg.norm(there)), float(x[-1]) * unit, pressed, area,
-                  wall, fraction_non_elliptic(disc, x), pair.residuals,
-                  force_ratio(replace(pair.frames[i].alone, disc=disc, x=x)) if disc.held else 1.0)
+    return RimCorrection(
+        _surface_field(pair, i, unit, there / np.linalg.norm(there)),
+        float(x[-1]) * unit,
+        pressed,
+        area,
+        wall,
+        fraction_non_elliptic(disc, x),
+        pair.residuals,
+        force_ratio(replace(pair.frames[i].alone, disc=disc, x=x)) if disc.held else 1.0,
+    )
 
 
 def _surface_field(pair: _Pair, i: int, unit: float, towards: Array) -> RimField:
@@ -234,7 +249,7 @@ def _surface_field(pair: _Pair, i: int, unit: float, towards: Array) -> RimField
     must have so that, with the other's alone, they are those of the whole."""
     frame, theirs = pair.frames[i], pair.frames[1 - i]
     added, other_added = (amplitudes(pair.frames[k].disc, pair.x[k][:-1]) for k in (i, 1 - i))
-    plane = Outline(_PLANE, _PLANE - frame.half)
+    plane = OffsetDisc(_PLANE, _PLANE - frame.half)
     at = samples(frame.disc, frame.model, plane)
     flat = np.broadcast_to(at.radius[:, None], at.angle.shape).ravel()
     seen = view(theirs.disc.columns, theirs.model.grid.lines[1], len(theirs.disc.fixed), frame.apart, flat,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.cem.adjoint import impedance_by_contact, impedance_by_field, readings_by
 from eitsim.electrics.cem.assembly import SkinMesh, centred, dissection, potentials, quadrature_points
-from eitsim.electrics.mesh.p2_triangles import HALVINGS, halved
+from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import patch_radii
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
@@ -114,7 +114,7 @@ def write_sensitivity(sensitivity: Sensitivity, path: Path) -> None:
 def _mesh(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, Touch], ...], halvings: int) -> SkinMesh:
     mesh = alike_mesh(body, electrodes, touches, thinner=THINNER)
     for _ in range(halvings):
-        mesh = halved(mesh)
+        mesh = uniform_refinement(mesh)
     return mesh
 
 

@@ -19,7 +19,7 @@ from eitsim.mechanics.axisymmetric import surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium, system
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, mesh_hierarchy, touch_of, under_force
 from eitsim.mechanics.contact.punch_contact import POINTS, facets_at
-from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Fineness, rim_change
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, rim_change
 from eitsim.mechanics.solid.grid import tensor_grid
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, profile_of
@@ -217,7 +217,7 @@ class RimLine:
 
 
 def rim_line(field: RimField, body: Body, punch: Punch, at: Callable[[float], tuple[Hyperfoam, Punch]], step: float,
-             fineness: Fineness = FINE) -> RimLine:
+             fineness: Resolution = FINE) -> RimLine:
     """The line through a punch's field with the slope between `step` units less and more of a parameter, where the law
     and the punch are those of `at`; NotConverged as near_rim.rim_change."""
     ends = []

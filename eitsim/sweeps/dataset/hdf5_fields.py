@@ -23,7 +23,7 @@ from eitsim.electrics.forward.gridded_fields import (
 )
 from eitsim.scene.scene import Body, scene_from
 from eitsim.sweeps.dataset import parquet
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Fields = Mapping[str, NDArray[np.float32]]
 
@@ -95,10 +95,10 @@ class FieldsOnDisk:
         file.
         """
         if name not in self.stored.names:
-            raise TestFileError(self.folder, f"field '{name}' is not stored; stored: {', '.join(self.stored.names)}.")
+            raise InputFileError(self.folder, f"field '{name}' is not stored; stored: {', '.join(self.stored.names)}.")
         if unknown := [scene for scene in scenes if scene not in self.where]:
-            raise TestFileError(self.folder, f"scene {unknown[0]} is not in the data set, which holds "
-                                             f"{len(self.where)} of them.")
+            raise InputFileError(self.folder, f"scene {unknown[0]} is not in the data set, which holds "
+                                              f"{len(self.where)} of them.")
         out = np.empty((len(scenes), *blank(self.stored, name).shape), dtype=np.float32)
         by_file: dict[Path, list[tuple[int, int]]] = {}
         for place, scene in enumerate(scenes):
@@ -119,11 +119,11 @@ def read_fields(folder: Path | str) -> FieldsOnDisk:
     folder = Path(folder)
     manifest = parquet.read_manifest(folder)
     if not (raw := manifest["design"].get(TABLE)):
-        raise TestFileError(folder, f"its design has no [{TABLE}], so none are stored. Add it to the design and sweep "
-                                    "into another folder.")
+        raise InputFileError(folder, f"its design has no [{TABLE}], so none are stored. Add it to the design and sweep "
+                                     "into another folder.")
     if "clean" in manifest:
-        raise TestFileError(folder, "its rows are measured; the fields stand in the clean set that they were made "
-                                    f"from, {manifest['clean']['folder']}.")
+        raise InputFileError(folder, "its rows are measured; the fields stand in the clean set that they were made "
+                                     f"from, {manifest['clean']['folder']}.")
     stored = fields_from({key: value for key, value in raw.items() if value is not None})
     body = scene_from({"body": manifest["design"]["tables"].get("body", {})}).body
     where: dict[int, tuple[Path, int]] = {}
@@ -154,6 +154,7 @@ def _checked(path: Path, read: Callable[[], Any]) -> Any:
         raise _damaged(path, f"it is cut or no file of fields ({error})") from None
 
 
-def _damaged(path: Path, problem: str) -> TestFileError:
-    return TestFileError(path, f"{problem}. Remove {path.stem}.parquet beside it and continue the sweep: both are made "
-                               "again.")
+def _damaged(path: Path, problem: str) -> InputFileError:
+    return InputFileError(
+        path, f"{problem}. Remove {path.stem}.parquet beside it and continue the sweep: both are made again."
+    )

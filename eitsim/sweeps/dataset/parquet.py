@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eitsim.sweeps.dataset.sweep_record import Account
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
 SCHEMA = 2
@@ -61,8 +61,8 @@ class Dataset:
         _require_columns(self.folder, table, FIXED)
         if table["scene"].duplicated().any():
             twice = int(table.loc[table["scene"].duplicated(), "scene"].iloc[0])
-            raise TestFileError(self.folder, f"scene {twice} stands in it twice. Remove the part that does not belong "
-                                             "to it.")
+            raise InputFileError(self.folder, f"scene {twice} stands in it twice. Remove the part that does not belong "
+                                              "to it.")
         return table
 
     @property
@@ -130,8 +130,8 @@ def columns_of(path: Path) -> list[str]:
         raise _damaged(path, error) from None
 
 
-def _damaged(path: Path, error: BaseException) -> TestFileError:
-    return TestFileError(path, f"the part is damaged ({str(error).splitlines()[0]}). Remove it, and sweep again.")
+def _damaged(path: Path, error: BaseException) -> InputFileError:
+    return InputFileError(path, f"the part is damaged ({str(error).splitlines()[0]}). Remove it, and sweep again.")
 
 
 def joined(contents: Sequence[bytes]) -> bytes:
@@ -188,16 +188,16 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """The manifest of a data set; TestFileError where there is none or it is of another schema."""
     path = folder / MANIFEST
     if not path.is_file():
-        raise TestFileError(folder, f"not a data set: it holds no {MANIFEST}. A data set is the folder that "
-                                    "`eitsim sweep --out` writes.")
+        raise InputFileError(folder, f"not a data set: it holds no {MANIFEST}. A data set is the folder that "
+                                     "`eitsim sweep --out` writes.")
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
-        raise TestFileError(path, f"not JSON: {error.msg}. It was changed or cut short: restore it from a copy, or "
-                                  "sweep again into another folder.", line=error.lineno) from None
+        raise InputFileError(path, f"not JSON: {error.msg}. It was changed or cut short: restore it from a copy, or "
+                                   "sweep again into another folder.", line=error.lineno) from None
     if manifest.get("schema") not in _READABLE:
-        raise TestFileError(path, f"data set schema {manifest.get('schema')!r} is none of "
-                                  f"{', '.join(map(str, _READABLE))}. Sweep again.")
+        raise InputFileError(path, f"data set schema {manifest.get('schema')!r} is none of "
+                                   f"{', '.join(map(str, _READABLE))}. Sweep again.")
     return manifest
 
 
@@ -226,13 +226,13 @@ def open_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Da
     >>> import eitsim
     >>> eitsim.open_dataset("nowhere")
     Traceback (most recent call last):
-    touchcal.errors.TestFileError: nowhere: not a data set: it holds no design.json. A data set is the folder that \
+    touchcal.errors.InputFileError: nowhere: not a data set: it holds no design.json. A data set is the folder that \
 `eitsim sweep --out` writes.
     """
     folder = Path(folder)
     manifest = read_manifest(folder)
     if not parts(folder):
-        raise TestFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
+        raise InputFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
     return Dataset(folder, manifest, columns)
 
 
@@ -245,4 +245,4 @@ def read_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Da
 
 def _require_columns(folder: Path, table: pd.DataFrame, names: Iterable[str]) -> None:
     if missing := [name for name in names if name not in table.columns]:
-        raise TestFileError(folder, f"the column {missing[0]} is missing from its Parquet parts.")
+        raise InputFileError(folder, f"the column {missing[0]} is missing from its Parquet parts.")

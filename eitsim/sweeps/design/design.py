@@ -16,7 +16,7 @@ from eitsim.sweeps.design.card_draws import Material, material_from
 from eitsim.sweeps.design.sampling import FIXED, row_tables
 from eitsim.sweeps.design.variables import Layout, Variable, layout_of
 from eitsim.sweeps.measurement.instrument_table import as_table, measurement_from
-from touchcal.errors import TestFileError, unknown_key
+from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 
 SAMPLERS = ("random", *FIXED, nested_design.SAMPLER)
@@ -58,7 +58,7 @@ def read_design(path: Path | str, scenes: int | None = None) -> Design:
     try:
         return design_from(with_matrices(raw, path.parent), scenes)
     except ValueError as error:
-        raise TestFileError(path, str(error)) from None
+        raise InputFileError(path, str(error)) from None
 
 
 def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eitsim.sweeps.measurement.instrument import BITS, CHANNELS, REFERENCES, Measurement
-from touchcal.errors import TestFileError, unknown_key
+from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 
 TABLE = "measurement"
@@ -30,7 +30,7 @@ def read_measurement(path: Path | str) -> Measurement:
                              f"{', '.join(raw) or 'nothing'}.")
         return measurement_from(raw[TABLE])
     except ValueError as error:
-        raise TestFileError(path, str(error)) from None
+        raise InputFileError(path, str(error)) from None
 
 
 def measurement_from(raw: Any) -> Measurement:

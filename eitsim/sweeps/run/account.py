@@ -16,7 +16,7 @@ from eitsim.sweeps.dataset.hdf5_fields import SUFFIX
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.dataset.sweep_record import Run, runs_of
 from eitsim.sweeps.run.omissions import Omission, omissions_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.number_words import counted
 
 _WANTED = "accuracy_signal"
@@ -88,7 +88,7 @@ def account_of(folder: Path) -> Accounted:
     where it is none or holds no rows."""
     manifest, parts = parquet.read_manifest(folder), parquet.parts(folder)
     if not parts:
-        raise TestFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
+        raise InputFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
     counts, stages = OutcomeCounts(), pd.DataFrame()
     found, above = [], 0
     wanted = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)

@@ -12,9 +12,9 @@ from eitsim.mechanics.load_paths.build_law_family import build_family, with_rim
 from eitsim.mechanics.load_paths.build_table import Run
 from eitsim.mechanics.load_paths.law_family import Family, places_among
 from eitsim.mechanics.load_paths.load_path import Deviation
-from eitsim.mechanics.load_paths.reduced_basis import Span, span_of
+from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis, reduced_basis
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law
-from eitsim.mechanics.load_paths.types import Shape, Table
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.simulation import reuse
 from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import table_for
@@ -30,10 +30,10 @@ from touchcal import cache
 LAW_REPAYS, CHECK_REPAYS = 35, 30
 
 
-def span_for(design: Design, cards: Cards) -> tuple[Shape, Span]:
+def span_for(design: Design, cards: Cards) -> tuple[DimensionlessProblem, ReducedBasis]:
     """The shape of the central one of a design's laws, and the laws that span them, whatever the number of rows;
     ValueError where no load paths serve the design."""
-    span = span_of(list(_laws(design, cards)))
+    span = reduced_basis(list(_laws(design, cards)))
     return of_law(design_shape(design, cards.card), span.central), span
 
 
@@ -47,7 +47,7 @@ def _laws(design: Design, cards: Cards) -> Iterator[Hyperfoam]:
             continue
 
 
-def family_repays(design: Design, shape: Shape, span: Span) -> bool:
+def family_repays(design: Design, shape: DimensionlessProblem, span: ReducedBasis) -> bool:
     """Whether solving a design's touches afresh costs more than tables for its laws."""
     solved = len(shape.solved)
     cost = REPAYS * solved + LAW_REPAYS * len(span.chosen) * len(places_among(solved))
@@ -55,7 +55,9 @@ def family_repays(design: Design, shape: Shape, span: Span) -> bool:
     return design.scenes * len(representative_scene(design).punches) >= cost
 
 
-def family_for(shape: Shape, span: Span, run: Run = map, *, rim: bool = False) -> tuple[Family, str]:
+def family_for(
+    shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, *, rim: bool = False
+) -> tuple[Family, str]:
     """The family of a span's laws, from the cache or solved and put there; as reuse.table_for."""
     table, note = table_for(shape, run, rim=rim)
     key = {"shape": asdict(shape), "depths": reuse.DEPTHS,
@@ -89,7 +91,7 @@ def _rim_told(family: Family) -> dict[str, Any]:
     return {"told": rim.told, "cpu_s": np.array(rim.cpu_s)}
 
 
-def _family(table: Table, span: Span, arrays: Mapping[str, Any]) -> Family:
+def _family(table: Table, span: ReducedBasis, arrays: Mapping[str, Any]) -> Family:
     table = replace(as_deep_as(table, int(arrays["count"])), error=Deviation(*arrays["error"].tolist()),
                     checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
     return Family(table, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))

@@ -23,7 +23,7 @@ from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import GROWING, Design, same_or_grown
 from matcal.card import card_identity
 from touchcal.cache import key_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.provenance import versions
 
 
@@ -60,7 +60,7 @@ def begun(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any] | None:
     if (folder / parquet.MANIFEST).exists():
         return parquet.read_manifest(folder)
     if parquet.parts(folder):
-        raise TestFileError(folder, f"it holds Parquet parts but no {parquet.MANIFEST}. Choose an empty folder.")
+        raise InputFileError(folder, f"it holds Parquet parts but no {parquet.MANIFEST}. Choose an empty folder.")
     parquet.write_manifest(folder, manifest)
     return None
 
@@ -162,7 +162,7 @@ def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:
         first, count = int(table["scene"].iloc[0]), len(table)
         whole = list(range(first, first + count)) == table["scene"].tolist() and count <= rows_per_part
         if path != parquet.part_path(folder, first) or first % rows_per_part or first + count > scenes or not whole:
-            raise TestFileError(path, "the part does not belong to this sweep. Remove it, and sweep again.")
+            raise InputFileError(path, "the part does not belong to this sweep. Remove it, and sweep again.")
         stays = (table["outcome"] != "crashed").to_numpy()
         there[first:first + count] = stays
         counts, crashed = counts + count_outcomes(table.loc[stays]), crashed + int((~stays).sum())

@@ -91,7 +91,7 @@ def _made(make: Callable[..., tuple[Table | Family, str]], run: CheckpointedMap,
         return found, f"no table of what the rim changes: {error}"
 
 
-def told(method: Mapping[str, Any], found: Table | Family | None, note: str) -> str:
+def describe_method(method: Mapping[str, Any], found: Table | Family | None, note: str) -> str:
     """How touches are solved, in words, with what a table of load paths may be off."""
     table = central_of(found)
     if table is None:

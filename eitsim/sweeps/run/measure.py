@@ -24,7 +24,7 @@ from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurem
 from eitsim.sweeps.measurement.noise_summary import Sums, volts
 from eitsim.sweeps.run.folder import begun, sole_writer
 from touchcal.cache import key_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -121,10 +121,10 @@ def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | 
     """The measurement, by default that of the design, made ready for the rows of a clean data set; TestFileError where
     there is none, or the rows are measured already."""
     if "clean" in manifest:
-        raise TestFileError(clean, "its rows are measured already. Give the clean set that they were made from.")
+        raise InputFileError(clean, "its rows are measured already. Give the clean set that they were made from.")
     if measurement is None:
         if not (given := manifest["design"].get(TABLE)):
-            raise TestFileError(clean, f"its design has no [{TABLE}]. Give one with --model measurement.toml.")
+            raise InputFileError(clean, f"its design has no [{TABLE}]. Give one with --model measurement.toml.")
         measurement = measurement_from(given)
     tables = manifest["design"]["tables"]
     try:
@@ -133,7 +133,7 @@ def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | 
         return Lab(measurement, channels_of(measurement, first.drive, first.electrodes.count),
                    _skin(clean, tables) if measurement.contact_impedance else None)
     except ValueError as error:
-        raise TestFileError(clean, str(error)) from None
+        raise InputFileError(clean, str(error)) from None
 
 
 def read(lab: Lab, touched_V: Array, signal_V: Array, scenes: Indices) -> Measured:

@@ -15,7 +15,7 @@ from eitsim.sweeps.design.design import Design, design_from, read_design, with_s
 from eitsim.sweeps.design.sampling import row_tables
 from eitsim.sweeps.design.variables import SENSOR, layout_of
 from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
 # Touches that a table may have columns for.
@@ -80,7 +80,7 @@ def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: i
             held[key] = {"rows": [_value(row, where, usual) for row in cells.rows]}
     count = len(cells.rows) if scenes is None else scenes
     if not 0 < count <= len(cells.rows):
-        raise TestFileError(path, f"it holds {len(cells.rows)} scenes; {count} are asked for.")
+        raise InputFileError(path, f"it holds {len(cells.rows)} scenes; {count} are asked for.")
     raw = {**tables, **beside, **({"touches": {"rows": counts}} if most > 1 else {})}
     return _checked(path, raw, count, cells.lines)
 
@@ -96,7 +96,7 @@ def _base(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
                              "Give one, or a column hold.time_s.")
         design_from({"scenes": 1, **tables, **beside})
     except ValueError as error:
-        raise TestFileError(path, str(error)) from None
+        raise InputFileError(path, str(error)) from None
     return tables, beside
 
 
@@ -106,17 +106,20 @@ def _read(path: Path) -> _Cells:
             reader = csv.reader(file)
             found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except FileNotFoundError:
-        raise TestFileError(path, "no such file. Check the name and the folder.") from None
+        raise InputFileError(path, "no such file. Check the name and the folder.") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise TestFileError(path, f"not a text file ({error}). Expected a CSV of scenes.") from None
+        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of scenes.") from None
     found = [(line, row) for line, row in found if any(row)]
     if len(found) < 2:
-        raise TestFileError(path, "it holds no scenes. Expected a header such as x_mm,y_mm,d_mm,F_N and one row a "
-                                  "scene.")
+        raise InputFileError(path, "it holds no scenes. Expected a header such as x_mm,y_mm,d_mm,F_N and one row a "
+                                   "scene.")
     (line, header), *rows = found
     if any(";" in cell or "\t" in cell for cell in header):
-        raise TestFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and points "
-                                  "in numbers.", line=line)
+        raise InputFileError(
+            path,
+            "its cells are separated by semicolons or tabs. Use commas between cells, and points in numbers.",
+            line=line,
+        )
     columns = _columns(path, header, line)
     return _Cells(columns, tuple(_row(path, columns, row, line) for line, row in rows), tuple(n for n, _ in rows))
 
@@ -125,16 +128,20 @@ def _columns(path: Path, header: list[str], line: int) -> dict[str, Where]:
     known, columns = _known_columns(), {}
     for name in header:
         if name not in known:
-            raise TestFileError(path, f"the column '{name}' is unknown; known: {', '.join(OWN.values())}, a key of "
-                                f"[punch] ({', '.join(scene_keys()['punch'])}), table.key as in skin.thickness_um, and "
-                                "of further touches x_2_mm or punch_2_profile.", line=line)
+            raise InputFileError(
+                path,
+                f"the column '{name}' is unknown; known: {', '.join(OWN.values())}, a key of "
+                f"[punch] ({', '.join(scene_keys()['punch'])}), table.key as in skin.thickness_um, and "
+                "of further touches x_2_mm or punch_2_profile.",
+                line=line,
+            )
         table, _, key = known[name]
         if (table, key) in SENSOR:
-            raise TestFileError(path, f"the column '{name}' decides which readings a row holds, and those of all rows "
-                                "stand in the same columns. Give it in a scene file (--scene).", line=line)
+            raise InputFileError(path, f"the column '{name}' decides which readings a row holds, and those of all rows "
+                                 "stand in the same columns. Give it in a scene file (--scene).", line=line)
         if known[name] in columns.values():
-            raise TestFileError(path, f"the column '{name}' says again what another one says. Leave one out.",
-                                line=line)
+            raise InputFileError(path, f"the column '{name}' says again what another one says. Leave one out.",
+                                 line=line)
         columns[name] = known[name]
     return columns
 
@@ -157,7 +164,7 @@ def _known_columns() -> dict[str, Where]:
 def _row(path: Path, columns: Mapping[str, Where], row: list[str], line: int) -> dict[Where, Any]:
     if len(row) != len(columns):
         commas = " A decimal comma parts a cell in two: use points in numbers." if len(row) > len(columns) else ""
-        raise TestFileError(path, f"{len(row)} cells, expected {len(columns)} as in the header.{commas}", line=line)
+        raise InputFileError(path, f"{len(row)} cells, expected {len(columns)} as in the header.{commas}", line=line)
     values = {}
     for (name, where), cell in zip(columns.items(), row, strict=True):
         if cell:
@@ -165,7 +172,7 @@ def _row(path: Path, columns: Mapping[str, Where], row: list[str], line: int) ->
             try:
                 check_value(where[0], where[2], values[where])
             except ValueError as error:
-                raise TestFileError(path, f"column {name}: {error}", line=line) from None
+                raise InputFileError(path, f"column {name}: {error}", line=line) from None
     return values
 
 
@@ -182,8 +189,8 @@ def _touches(path: Path, row: Mapping[Where, Any], line: int, least: int) -> int
     """The number of touches of a row: those of the scene file, and further ones that have a cell."""
     own = {k for table, k, _ in row if table == "punch" and k >= least}
     if own and (gap := set(range(least, max(own))) - own):
-        raise TestFileError(path, f"touch {max(own) + 1} is given and touch {min(gap) + 1} is not. Number the touches "
-                                  "of a row without gaps.", line=line)
+        raise InputFileError(path, f"touch {max(own) + 1} is given and touch {min(gap) + 1} is not. Number the touches "
+                                   "of a row without gaps.", line=line)
     return max(own, default=least - 1) + 1
 
 
@@ -211,9 +218,9 @@ def _checked(path: Path, raw: Mapping[str, Any], count: int, lines: tuple[int, .
         try:
             scene_from(row_tables(layout, "random", count, 0, index))
         except ValueError as error:
-            raise TestFileError(path, str(error), line=lines[index]) from None
+            raise InputFileError(path, str(error), line=lines[index]) from None
     source = {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
     try:
         return replace(design_from(raw, count), source=source)
     except ValueError as error:
-        raise TestFileError(path, str(error)) from None
+        raise InputFileError(path, str(error)) from None

@@ -19,7 +19,7 @@ from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
 from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.folder import Standing, keep_to_table, missing, sole_writer, start_or_continue
-from eitsim.sweeps.run.load_path_choice import method_for, table_of, told
+from eitsim.sweeps.run.load_path_choice import describe_method, method_for, table_of
 from eitsim.sweeps.run.omissions import omissions
 from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
@@ -219,7 +219,7 @@ def _rows(work: _Work, pool: WorkerPool, table: Loads, spent: Spent) -> OutcomeC
 def _how(work: _Work, table: Loads, note: str) -> str:
     """How the rows of this call were solved, in words."""
     crashed = work.before.crashed
-    return (told(work.method, table, note) + code_history.in_words(work.manifest)
+    return (describe_method(work.method, table, note) + code_history.in_words(work.manifest)
             + (f"; {crashed} rows that had crashed solved again" if crashed else ""))
 
 
@@ -227,7 +227,7 @@ def _account(work: _Work, counts: OutcomeCounts, run: Run | None) -> Account:
     before, kept = runs_of(work.manifest), work.before.counts.rows
     how = run or (before[-1] if before else None)
     return Account(counts.outcomes, {name: message for name, (_, message) in counts.first.items()}, counts.rows - kept,
-                   kept, told(work.method, None, "") if how is None else how.method, run)
+                   kept, describe_method(work.method, None, "") if how is None else how.method, run)
 
 
 def _entered(scheduler: Pool | None) -> AbstractContextManager[WorkerPool | None]:

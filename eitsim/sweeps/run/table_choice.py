@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
-from eitsim.mechanics.load_paths.types import Shape, Table
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.mechanics.rim.solve_near_rim import rim_problem
 from eitsim.scene.scene import Punch
 from eitsim.simulation.material import material_of
@@ -32,7 +32,7 @@ _APART = ("electrodes", "drive")
 RIM_REPAYS, _ROWS = 25, 200
 
 
-def design_shape(design: Design, card: MaterialCard) -> Shape:
+def design_shape(design: Design, card: MaterialCard) -> DimensionlessProblem:
     """The shape that serves every row of a design, whatever their number; ValueError where none does."""
     for table, key in drawn_keys(design):
         if table not in _APART and (table, key) not in _SERVED:
@@ -48,12 +48,12 @@ def design_shape(design: Design, card: MaterialCard) -> Shape:
     return shape_for(first, material_of(first, card).law, ends, spans)
 
 
-def diameters_of(shape: Shape) -> dict[str, Any]:
+def diameters_of(shape: DimensionlessProblem) -> dict[str, Any]:
     """What of a design's shape its later rows may change, as JSON."""
     return {"diameters": list(shape.diameters), "spans": shape.spans}
 
 
-def with_diameters(shape: Shape, kept: Mapping[str, Any] | None) -> Shape:
+def with_diameters(shape: DimensionlessProblem, kept: Mapping[str, Any] | None) -> DimensionlessProblem:
     """A shape with the diameters of `diameters_of`, so that rows that a sweep has grown by change no table; touches
     beyond them are solved afresh. None: the shape itself."""
     return shape if kept is None else replace(shape, diameters=tuple(kept["diameters"]), spans=kept["spans"])
@@ -74,12 +74,12 @@ def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
     return [end / 1e3 for end in distribution.ends], True
 
 
-def repays(design: Design, shape: Shape) -> bool:
+def repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches afresh costs more than the table."""
     return design.scenes * len(representative_scene(design).punches) >= REPAYS * len(shape.solved)
 
 
-def rim_repays(design: Design, shape: Shape) -> bool:
+def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches near the rim afresh costs more than a table of what the rim changes."""
     rows = list(valid_scenes(design, _ROWS))
     near = sum(not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))

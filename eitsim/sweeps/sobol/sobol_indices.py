@@ -20,7 +20,7 @@ from eitsim.sweeps.measurement.noise_summary import volts
 from eitsim.sweeps.run.measure import Lab, lab_of, read
 from eitsim.sweeps.run.row_columns import numbered
 from eitsim.sweeps.sobol.variance_components import Shares, Variances, beside, pooled, shares, variances
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
@@ -76,18 +76,18 @@ def read_blocks(folder: Path, measurement: Measurement | None = None) -> Blocks:
     """
     data = parquet.read_dataset(folder)
     if data.design["sampler"] != nested_design.SAMPLER:
-        raise TestFileError(
+        raise InputFileError(
             folder,
             f'its sampler is "{data.design["sampler"]}", and variances are parted from rows '
             f'that share a touch or a card. Sweep with sampler = "{nested_design.SAMPLER}" and a '
             "table [material].",
         )
     if "clean" in data.manifest:
-        raise TestFileError(folder, "its rows are measured, each with noise of its own. Give the clean set; the noise "
-                                    "of its design, or of --model, is then a factor.")
+        raise InputFileError(folder, "its rows are measured, each with noise of its own. Give the clean set; the noise "
+                                     "of its design, or of --model, is then a factor.")
     rows, failed, whole = _whole_blocks(data.table)
     if rows.empty:
-        raise TestFileError(
+        raise InputFileError(
             folder,
             f"no block of {nested_design.BLOCK} rows is ok ({failed} with a row that failed). Sweep "
             "more scenes, or mend the design.",

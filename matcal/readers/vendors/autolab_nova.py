@@ -17,7 +17,7 @@ from matcal.readers.decoding import lines_of
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.units import split_name
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 # lines in which the names of the columns are looked for
 _HEAD = 20
@@ -35,8 +35,11 @@ def _is_impedance(source: Source) -> bool:
 
 
 def _refuse_impedance(source: Source, selection: Selection | None = None) -> NoReturn:
-    raise TestFileError(source.path, "this is an impedance spectrum (frequency, Z', Z''), not a record of current over "
-                                     "time. Export the chronoamperometry of the test.")
+    raise InputFileError(
+        source.path,
+        "this is an impedance spectrum (frequency, Z', Z''), not a record of current over "
+        "time. Export the chronoamperometry of the test.",
+    )
 
 
 def _begins_as_impedance(rows: Sequence[Sequence[str]]) -> bool:
@@ -51,14 +54,14 @@ def _read_nova(source: Source, selection: Selection | None = None) -> Recording:
     at = _names_row(grid) or 0
     header = [split_name(cell) for cell in grid.rows[at]]
     if at + 1 == len(grid.rows):
-        raise TestFileError(grid.path, "no numbers stand below the names. Export the test again.", line=grid.lines[at])
+        raise InputFileError(grid.path, "no numbers stand below the names. Export the test again.", line=grid.lines[at])
     kept, said = _without_overload(grid, at, list(source.notes))
     got = read_columns(kept, Header(header, grid.lines[at], range(at + 1, len(kept.rows))), "nova", selection,
                        notes=said)
     wanted = () if selection is not None and selection.columns else ("time", "current")
     if missing := [q for q in wanted if q not in got.columns]:
         found = ", ".join(name for name, _ in header)
-        raise TestFileError(grid.path, f"no {missing[0]} column; found: {found}.", line=grid.lines[at])
+        raise InputFileError(grid.path, f"no {missing[0]} column; found: {found}.", line=grid.lines[at])
     if "time" in got.columns and got.columns["time"][0] != 0:
         got = replace(got, notes=(*got.notes, f"the procedure's clock starts at {got.columns['time'][0]:.6g} s."))
     return got
@@ -74,8 +77,8 @@ def _without_overload(grid: Grid, at: int, said: list[str]) -> tuple[Grid, list[
         return grid, said
     kept = [n for n in range(len(grid.rows)) if n <= at or "overload" not in grid.cell(n, column).lower()]
     if len(kept) == at + 1:
-        raise TestFileError(grid.path, "every row is flagged as current overload. Measure again in a wider current "
-                                       "range.")
+        raise InputFileError(grid.path, "every row is flagged as current overload. Measure again in a wider current "
+                                        "range.")
     if dropped := len(grid.rows) - len(kept):
         said.append(f"{dropped} rows flagged as current overload dropped.")
     return replace(grid, rows=[grid.rows[n] for n in kept], lines=[grid.lines[n] for n in kept]), said

@@ -14,7 +14,7 @@ from matcal.readers.columns import Header, read_columns
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import metadata_of, sizes_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 # lines in which the units are looked for
 _HEAD = 60
@@ -33,8 +33,8 @@ def _read_instron(source: Source, selection: Selection | None = None) -> Recordi
     grid = source.grid
     at, *more = _units_rows(grid)
     if more:
-        raise TestFileError(grid.path, f"{len(more) + 1} tables stand one below the other. Export each specimen to a "
-                                       "file of its own.", line=grid.lines[more[0]])
+        raise InputFileError(grid.path, f"{len(more) + 1} tables stand one below the other. Export each specimen to a "
+                                        "file of its own.", line=grid.lines[more[0]])
     units, names = grid.rows[at], grid.rows[at - 1]
     cells = [(re.sub(r"\s*[(（][^()（）]*[)）]$", "", name), units[n].strip("()（） ") if n < len(units) else "")
              for n, name in enumerate(names)]

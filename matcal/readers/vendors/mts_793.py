@@ -22,7 +22,7 @@ from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import metadata_of, sizes_of
 from matcal.readers.units import si_factor
 from matcal.readers.vocabulary import quantity_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 MARK = "MTS793|"
 _DELIMITERS = {"0": " ", "1": ",", "2": "\t"}
@@ -60,7 +60,7 @@ def _read_793(source: Source, selection: Selection | None = None) -> Recording:
     if selection is not None and selection.block is not None:
         filled = _chosen(grid, filled, selection.block)
     if not filled:
-        raise TestFileError(path, f"its {len(blocks)} blocks hold no numbers. Export the test again.")
+        raise InputFileError(path, f"its {len(blocks)} blocks hold no numbers. Export the test again.")
     if selection is not None and selection.columns:
         filled = _with_one_header(grid, filled, said)
     read = [(k, _read(grid, block, selection)) for k, block in filled]
@@ -77,8 +77,8 @@ def _layout(first: str, path: Path) -> tuple[str, Style]:
     fields = first.split("|")
     delimiter, decimal = (*fields, "", "", "", "", "", "")[4:6]
     if delimiter not in _DELIMITERS or decimal not in (".", ","):
-        raise TestFileError(path, "line 1 should give delimiter and decimal mark, as in MTS793|MPT|ENU|1|2|.|/|:|1, "
-                                  f"but is '{shown(first, 60)}'.", line=1)
+        raise InputFileError(path, "line 1 should give delimiter and decimal mark, as in MTS793|MPT|ENU|1|2|.|/|:|1, "
+                                   f"but is '{shown(first, 60)}'.", line=1)
     return _DELIMITERS[delimiter], Style(decimal)
 
 
@@ -98,25 +98,25 @@ def _titles(grid: Grid) -> list[int]:
     return [n for n, row in enumerate(grid.rows) if _is_title(grid, row)]
 
 
-def _no_block(grid: Grid) -> TestFileError:
+def _no_block(grid: Grid) -> InputFileError:
     """What was looked for, and how far the file got."""
     wanted = ("A block begins with a title that ends in a clock, such as 'Data Acquisition: Timed Time: 10.0 Sec "
               "1/28/15', and below it come names, units and numbers, parted as line 1 says")
     titles = _titles(grid)
     if not titles:
-        return TestFileError(grid.path, f"an MTS 793 file without a block of acquired numbers: no line is a title. "
-                                        f"{wanted}. Export the test again.", line=grid.lines[-1] if grid.lines else 1)
+        return InputFileError(grid.path, f"an MTS 793 file without a block of acquired numbers: no line is a title. "
+                                         f"{wanted}. Export the test again.", line=grid.lines[-1] if grid.lines else 1)
     heads = ", ".join(f"{grid.lines[n]}" for n in titles[:8])
-    return TestFileError(grid.path, f"an MTS 793 file without a block of acquired numbers: titles stand in line "
-                                    f"{heads}, but no names with units and numbers follow any of them. {wanted}. "
-                                    "Export the test again.", line=grid.lines[titles[0]])
+    return InputFileError(grid.path, f"an MTS 793 file without a block of acquired numbers: titles stand in line "
+                                     f"{heads}, but no names with units and numbers follow any of them. {wanted}. "
+                                     "Export the test again.", line=grid.lines[titles[0]])
 
 
 def _chosen(grid: Grid, filled: list[tuple[int, _Block]], wanted: int) -> list[tuple[int, _Block]]:
     kept = [(k, block) for k, block in filled if k == wanted]
     if not kept:
         there = ", ".join(f"{k} ({len(block.rows)} rows)" for k, block in filled)
-        raise TestFileError(grid.path, f"--columns asks for block {wanted}; blocks with numbers: {there or 'none'}.")
+        raise InputFileError(grid.path, f"--columns asks for block {wanted}; blocks with numbers: {there or 'none'}.")
     return kept
 
 
@@ -142,8 +142,8 @@ def _read(grid: Grid, block: _Block, selection: Selection | None) -> Recording:
     names, units = grid.rows[block.names], grid.rows[block.names + 1]
     line = grid.lines[block.names + 1]
     if len(units) != len(names):
-        raise TestFileError(grid.path, f"the line of units has {len(units)} cells, that of names {len(names)}.",
-                            line=line)
+        raise InputFileError(grid.path, f"the line of units has {len(units)} cells, that of names {len(names)}.",
+                             line=line)
     cells = [(name, unit.strip("()[]")) for name, unit in zip(names, units, strict=True)]
     return read_columns(grid, Header(cells, line, block.rows), "mts_793", selection)
 
@@ -177,11 +177,14 @@ def _alike(read: list[tuple[int, Recording]], blocks: list[_Block]) -> tuple[lis
 def _joined(parts: list[tuple[int, Recording]], notes: list[str]) -> Recording:
     for (k, before), (m, after) in pairwise(parts):
         if "time" in before.columns and after.columns["time"][0] < before.columns["time"][-1]:
-            raise TestFileError(after.paths[0], f"block {m} starts at {after.columns['time'][0]:g} s, before block {k} "
-                                                f"ends at {before.columns['time'][-1]:g} s: they have no common clock. "
-                                                f"Choose one, for example --columns \"{after.paths[0].name}="
-                                                f"block={k}\", or put each into a file of its own.",
-                                line=after.first_line)
+            raise InputFileError(
+                after.paths[0],
+                f"block {m} starts at {after.columns['time'][0]:g} s, before block {k} "
+                f"ends at {before.columns['time'][-1]:g} s: they have no common clock. "
+                f'Choose one, for example --columns "{after.paths[0].name}='
+                f'block={k}", or put each into a file of its own.',
+                line=after.first_line,
+            )
     first = parts[0][1]
     columns = {q: np.concatenate([part.columns[q] for _, part in parts]) for q in first.columns}
     columns["block"] = np.concatenate([np.full(part.rows, float(k)) for k, part in parts])

@@ -17,7 +17,7 @@ from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, read_columns
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def _is_testsuite(source: Source) -> bool:
@@ -30,12 +30,12 @@ def _read_testsuite(source: Source, selection: Selection | None = None) -> Recor
     path, grid = source.path, text_grid(source.text, source.path, "\t")
     start = next((n for n, row in enumerate(grid.rows) if len(row) > 1), len(grid.rows))
     if start + 2 >= len(grid.rows):
-        raise TestFileError(path, "a TestSuite head without numbers below it. Export the test again.",
-                            line=grid.lines[-1])
+        raise InputFileError(path, "a TestSuite head without numbers below it. Export the test again.",
+                             line=grid.lines[-1])
     names, units = grid.rows[start], grid.rows[start + 1]
     if len(units) < len(names) or grid.numeric(units):
-        raise TestFileError(path, "no line of units (such as mm, N, sec) below the column names.",
-                            line=grid.lines[start + 1])
+        raise InputFileError(path, "no line of units (such as mm, N, sec) below the column names.",
+                             line=grid.lines[start + 1])
     metadata = {}
     for row in grid.rows[:start]:
         key, colon, value = row[0].partition(":")
@@ -60,13 +60,13 @@ def join_parts(parts: Sequence[Recording], empty: Sequence[Path] = ()) -> Record
     for other in others:
         for key in ("Test", "Test Run", "Date"):
             if other.metadata.get(key) != first.metadata.get(key):
-                raise TestFileError(other.paths[0], f"'{key}: {other.metadata.get(key)}' is not that of "
-                                                    f"{first.paths[0].name}, '{first.metadata.get(key)}', so they are "
-                                                    "not parts of one test. Keep each test in a folder of its own.")
+                raise InputFileError(other.paths[0], f"'{key}: {other.metadata.get(key)}' is not that of "
+                                                     f"{first.paths[0].name}, '{first.metadata.get(key)}', so they are "
+                                                     "not parts of one test. Keep each test in a folder of its own.")
         if other.names != first.names:
-            raise TestFileError(other.paths[0], f"its columns differ from those of {first.paths[0].name}.")
+            raise InputFileError(other.paths[0], f"its columns differ from those of {first.paths[0].name}.")
     if others and "time" not in first.columns:
-        raise TestFileError(first.paths[0], "parts of a test can only be put in order by a Time column.")
+        raise InputFileError(first.paths[0], "parts of a test can only be put in order by a Time column.")
     ordered = sorted(parts, key=lambda part: part.columns["time"][0]) if others else list(parts)
     _check_overlap(ordered)
     columns = {q: np.concatenate([part.columns[q] for part in ordered]) for q in first.columns}
@@ -82,9 +82,9 @@ def join_parts(parts: Sequence[Recording], empty: Sequence[Path] = ()) -> Record
 def _check_overlap(ordered: Sequence[Recording]) -> None:
     for before, after in pairwise(ordered):
         if after.columns["time"][0] <= before.columns["time"][-1]:
-            raise TestFileError(after.paths[0], f"it starts at {after.columns['time'][0]:g} s, before "
-                                                f"{before.paths[0].name} ends at {before.columns['time'][-1]:g} s. "
-                                                "One of them is there twice.")
+            raise InputFileError(after.paths[0], f"it starts at {after.columns['time'][0]:g} s, before "
+                                                 f"{before.paths[0].name} ends at {before.columns['time'][-1]:g} s. "
+                                                 "One of them is there twice.")
 
 
 READER = Reader("mts_testsuite", "MTS TestSuite text export", _is_testsuite, _read_testsuite)

@@ -9,7 +9,7 @@ from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.units import split_name
 from matcal.readers.vocabulary import quantity_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 _EXPECTED = "strain and stress, or displacement and force (and time)"
 _EXAMPLE = "for example strain,stress and below it -,kPa"
@@ -20,8 +20,11 @@ def _read_plain(source: Source, selection: Selection | None = None) -> Recording
     grid = source.grid
     first = next((n for n, row in enumerate(grid.rows) if grid.numeric(row) > 1), None)
     if first is None:
-        raise TestFileError(grid.path, "no table of numbers in two or more columns was found. Expected a line of names "
-                                       "such as strain,stress, a line of units such as -,kPa, then the numbers.")
+        raise InputFileError(
+            grid.path,
+            "no table of numbers in two or more columns was found. Expected a line of names "
+            "such as strain,stress, a line of units such as -,kPa, then the numbers.",
+        )
     above = [n for n in range(first) if not grid.rows[n][0].startswith("#")]
     rows = range(first, len(grid.rows))
     header = _header(grid, above, rows) if above else _headerless(grid, rows, selection)
@@ -37,9 +40,9 @@ def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:
     """A header of columns without names, where the user says what they are; TestFileError where not."""
     header = Header([("", None)] * max(len(grid.rows[n]) for n in rows[:100]), grid.lines[rows.start], rows)
     if selection is None or not selection.columns:
-        raise TestFileError(grid.path, "no line of column names stands above the numbers, so the columns cannot be "
-                                       f"told apart. Name them {_EXPECTED}, {_EXAMPLE}, or say what they are, for "
-                                       f"example {flag_for(grid, header)}", line=grid.lines[rows.start])
+        raise InputFileError(grid.path, "no line of column names stands above the numbers, so the columns cannot be "
+                                        f"told apart. Name them {_EXPECTED}, {_EXAMPLE}, or say what they are, for "
+                                        f"example {flag_for(grid, header)}", line=grid.lines[rows.start])
     return header
 
 
@@ -53,8 +56,8 @@ def _header(grid: Grid, above: list[int], rows: range) -> Header:
         return Header(named, grid.lines[at], rows)
     units, line = grid.rows[below[0]], grid.lines[below[0]]
     if len(units) < max((n for n, (name, _) in enumerate(named, 1) if quantity_of(name) is not None), default=0):
-        raise TestFileError(grid.path, f"the line of units has {len(units)} cells, that of names {len(named)}.",
-                            line=line)
+        raise InputFileError(grid.path, f"the line of units has {len(units)} cells, that of names {len(named)}.",
+                             line=line)
     below_each = [*(cell.strip("()[]") for cell in units), *[""] * len(named)]
     return Header([(name, below_each[n] if unit is None else unit) for n, (name, unit) in enumerate(named)], line, rows)
 

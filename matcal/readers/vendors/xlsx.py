@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from matcal.readers.cells import Grid, shown, style_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 # more than any measurement needs, less than what fills the memory
 _MOST_BYTES, _MOST_CELLS, _MOST_ROWS = 400_000_000, 20_000_000, 1_048_576
@@ -25,14 +25,14 @@ def read_workbook(data: bytes, path: Path, sheet: str | None = None) -> tuple[Gr
     names = ", ".join(f"'{shown(name)}'" for name in grids)
     if sheet is not None:
         if sheet not in grids:
-            raise TestFileError(path, f"no sheet '{shown(sheet)}'; its sheets: {names}.")
+            raise InputFileError(path, f"no sheet '{shown(sheet)}'; its sheets: {names}.")
         return grids[sheet], (f"sheet '{shown(sheet)}' read, as given.",) if len(grids) > 1 else ()
     tables = {name: grid for name, grid in grids.items() if sum(grid.numeric(row) > 1 for row in grid.rows) > 1}
     if not tables:
-        raise TestFileError(path, f"no table of numbers in two or more columns on any sheet ({names}).")
+        raise InputFileError(path, f"no table of numbers in two or more columns on any sheet ({names}).")
     if len(tables) > 1:
-        raise TestFileError(path, f"{len(tables)} sheets hold tables: {', '.join(map(repr, map(shown, tables)))}. "
-                                  f"Choose one, for example --columns \"{path.name}=sheet={next(iter(tables))}\".")
+        raise InputFileError(path, f"{len(tables)} sheets hold tables: {', '.join(map(repr, map(shown, tables)))}. "
+                                   f"Choose one, for example --columns \"{path.name}=sheet={next(iter(tables))}\".")
     (name, grid), = tables.items()
     return grid, (f"sheet '{shown(name)}' read, the only one with a table.",) if len(grids) > 1 else ()
 
@@ -43,13 +43,13 @@ def _sheets(data: bytes, path: Path) -> dict[str, Grid]:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(part.file_size for part in archive.infolist())
         if size > _MOST_BYTES:
-            raise TestFileError(path, f"the workbook unpacks to {size / 1e6:.0f} MB. Export the test as CSV.")
+            raise InputFileError(path, f"the workbook unpacks to {size / 1e6:.0f} MB. Export the test as CSV.")
         return _parsed(data, path)
-    except (TestFileError, MemoryError):
+    except (InputFileError, MemoryError):
         raise
     except Exception as error:
-        raise TestFileError(path, "this workbook is damaged, or no xlsx workbook at all "
-                                  f"({type(error).__name__}). Save it again, or export the test as CSV.") from None
+        raise InputFileError(path, "this workbook is damaged, or no xlsx workbook at all "
+                                   f"({type(error).__name__}). Save it again, or export the test as CSV.") from None
 
 
 def _parsed(data: bytes, path: Path) -> dict[str, Grid]:
@@ -79,7 +79,7 @@ def _rows(sheet: Any, path: Path) -> Iterator[tuple[int, list[str]]]:
     for n, values in enumerate(sheet.iter_rows(values_only=True, max_row=_MOST_ROWS), 1):
         seen += len(values)
         if seen > _MOST_CELLS:
-            raise TestFileError(path, f"sheet '{shown(sheet.title)}' has more than {_MOST_CELLS:,} cells.", line=n)
+            raise InputFileError(path, f"sheet '{shown(sheet.title)}' has more than {_MOST_CELLS:,} cells.", line=n)
         cells = [_text(value) for value in values]
         while cells and not cells[-1]:
             cells.pop()

@@ -8,7 +8,7 @@ import pytest
 from eitsim.electrics.cem.assembly import SkinMesh, quadrature_points
 from eitsim.electrics.mesh.contact_line import with_contact_lines
 from eitsim.electrics.mesh.graded_mesh import LEAN, triangulation
-from eitsim.electrics.mesh.p2_triangles import halved
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
@@ -40,7 +40,7 @@ def across(mesh: SkinMesh) -> int:
 def test_no_element_lies_across_the_end_of_contact_but_near_the_cut():
     plain, line = meshes(((PUNCH, contact(REACH_M)),))
     assert across(plain) > 10
-    assert across(line) == across(halved(line)) == 0
+    assert across(line) == across(uniform_refinement(line)) == 0
 
 
 def test_rim_punch_and_what_is_far_stay():

@@ -16,7 +16,7 @@ from eitsim.cli import main
 from eitsim.electrics.interop.eidors import read_eidors
 from eitsim.electrics.interop.sheet_model import Solved, solve_model
 from eitsim.scene.drive import Drive, protocol, read_out
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 REFERENCE = Path(__file__).parents[3].parent / "shared" / "reference" / "eit"
@@ -127,7 +127,7 @@ def test_tensors_and_several_models(tmp_path: Path) -> None:
     tensor = np.broadcast_to(0.5 * np.eye(2), (72, 1, 2, 2))
     path = saved(tmp_path / "a.mat", img={"fwd_model": forward, "elem_data": tensor},
                  other={"fwd_model": forward, "elem_data": np.full(72, 0.5)})
-    with pytest.raises(TestFileError, match="several models: img, other"):
+    with pytest.raises(InputFileError, match="several models: img, other"):
         read_eidors(path)
     one, other = (read_eidors(path, name) for name in ("img", "other"))
     assert one.conductance_S is not None
@@ -140,7 +140,7 @@ def test_tensors_and_several_models(tmp_path: Path) -> None:
     assert wrong.conductance_S is not None
     with pytest.raises(ValueError, match="conductance must be symmetric"):
         solve_model(wrong.mesh, wrong.conductance_S, wrong.contact_impedance_Ohm_m)
-    with pytest.raises(TestFileError, match="no forward model named 'third'; models in the file: img, other"):
+    with pytest.raises(InputFileError, match="no forward model named 'third'; models in the file: img, other"):
         read_eidors(path, "third")
 
 
@@ -189,7 +189,7 @@ ONE = {"stim_pattern": np.array([1.0, -1, 0, 0]), "meas_pattern": np.array([0, 0
     ({"img": {"fwd_model": square(), "node_data": np.ones(49)}}, "holds node_data"),
     ({"x": 3.0}, "no forward model")])
 def test_models_that_cannot_be_are_refused(variables: dict[str, Any], message: str, tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=message):
+    with pytest.raises(InputFileError, match=message):
         read_eidors(saved(tmp_path / "model.mat", **variables))
 
 
@@ -200,7 +200,7 @@ def test_files_that_are_not_read_say_how_to_save_them(tmp_path: Path) -> None:
     (tmp_path / "cut.mat").write_bytes(Path(__file__).with_name("eidors_image.mat").read_bytes()[:3000])
     for name, message in (("new", "save -v7"), ("text", "not a MATLAB file"), ("absent", "no such file"),
                           ("cut", "cut short")):
-        with pytest.raises(TestFileError, match=message):
+        with pytest.raises(InputFileError, match=message):
             read_eidors(tmp_path / f"{name}.mat")
 
 

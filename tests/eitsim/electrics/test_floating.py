@@ -15,7 +15,7 @@ from eitsim.electrics.cem.ring_scattering import Scatterer, impedance_change
 from eitsim.electrics.forward.sheet_fields import skin_fields
 from eitsim.electrics.forward.solve_forward import following_mesh, solve
 from eitsim.electrics.mesh.graded_mesh import triangulation
-from eitsim.electrics.mesh.p2_triangles import halved
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import read_out
@@ -136,7 +136,7 @@ def test_a_poor_contact_is_none_and_a_good_one_a_metal_disc(electrodes):
         for punch in (replace(PUNCH, conductor=False), with_z(1e6), with_z(1e-8), with_z(1e-9)))
     assert relative(poor, bare) < 1e-6
     assert relative(good, best) < 1e-3
-    mesh = halved(triangulation(Body(), electrodes, ((PUNCH, touch),)))
+    mesh = uniform_refinement(triangulation(Body(), electrodes, ((PUNCH, touch),)))
     points, z = quadrature_points(mesh), contact_impedances(electrodes)
     sheet = touched_conductance(points, ((PUNCH, touch),), Skin(), LAW)
     metal = sheet + np.where(shunts(points, ((PUNCH, touch),))[0] > 0, 1e4, 0.0)[..., None, None] * np.eye(2)

@@ -14,7 +14,7 @@ from skfem.quadrature import get_quadrature
 from eitsim.electrics.cem.assembly import SkinMesh, gradients, impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.graded_mesh import LEAN, triangulation
-from eitsim.electrics.mesh.p2_triangles import halved, unfolded, with_quarter_points
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement, untangled, with_quarter_points
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.scene.electrodes import Electrodes
@@ -40,7 +40,7 @@ def area_m2(mesh: SkinMesh) -> np.ndarray:
 @pytest.mark.parametrize("electrodes", [LINES, PATCHES])
 def test_halving_keeps_the_cells_and_what_lies_under_each_electrode(electrodes: Electrodes):
     mesh = triangulation(Body(), electrodes, ((Punch(0.03, 0.02), TOUCH),), grading=LEAN)
-    fine = halved(mesh)
+    fine = uniform_refinement(mesh)
     assert len(fine.cells) == 4 * len(mesh.cells)
     assert area_m2(fine).min() > 0
     np.testing.assert_allclose(area_m2(fine).reshape(-1, 4).sum(axis=1), area_m2(mesh), rtol=1e-12)
@@ -55,7 +55,7 @@ def test_halving_keeps_the_cells_and_what_lies_under_each_electrode(electrodes: 
 def test_halved_meshes_hold_the_potentials_of_the_coarser_ones():
     """So the power that currents need grows from each to the next, for any currents, and towards a limit."""
     mesh = with_quarter_points(triangulation(Body(), LINES, ((Punch(0.03, 0.02), TOUCH),), grading=LEAN))
-    meshes = [mesh, halved(mesh), halved(halved(mesh))]
+    meshes = [mesh, uniform_refinement(mesh), uniform_refinement(uniform_refinement(mesh))]
     z = [impedance(m, np.full(len(m.cells), 6e-4), 1.0) for m in meshes]
     steps = [np.sort(np.linalg.eigvalsh(fine - coarse)) for coarse, fine in itertools.pairwise(z)]
     assert all(step[0] > -1e-10 * np.abs(z[0]).max() for step in steps)
@@ -66,14 +66,14 @@ def test_quarter_points_gain_digits_of_the_untouched_impedance():
     exact = solve_rim(Body(), LINES, 6e-4).impedance_Ohm
     plain = triangulation(Body(), LINES, ((Punch(0.03, 0.02), TOUCH),), grading=LEAN)
     errors = [np.linalg.norm(impedance(m, np.full(len(m.cells), 6e-4), 1.0) - exact) / np.linalg.norm(exact)
-              for m in (halved(plain), halved(with_quarter_points(plain)))]
+              for m in (uniform_refinement(plain), uniform_refinement(with_quarter_points(plain)))]
     print(f"plain {errors[0]:.1e}, with quarter points {errors[1]:.1e}")
     assert errors[1] < errors[0] / 3
 
 
 def test_only_quadratic_triangles_are_halved():
     with pytest.raises(ValueError, match="Q2"):
-        halved(template(Body(), LINES, Punch(), TOUCH))
+        uniform_refinement(template(Body(), LINES, Punch(), TOUCH))
 
 
 def test_scenes_that_are_alike_get_meshes_that_are():
@@ -106,7 +106,7 @@ def test_no_element_folds_over_however_close_the_contact_comes_to_the_rim(electr
         punch = Punch(away * math.cos(angle), away * math.sin(angle), diameter)
         radius = diameter / 2 + rng.uniform(0.5, 1.3) * gap
         mesh = alike_mesh(Body(), electrodes, ((punch, contact(radius)),))
-        for part in (mesh, halved(mesh), halved(halved(mesh))):
+        for part in (mesh, uniform_refinement(mesh), uniform_refinement(uniform_refinement(mesh))):
             assert least_turn(part) > 0, (gap, diameter, radius)
 
 
@@ -115,10 +115,10 @@ def test_only_the_triangles_that_fold_over_get_plain_nodes():
     nodes = mesh.nodes_m.copy()
     cell = mesh.cells[50]
     nodes[cell[3]] = nodes[cell[2]]
-    repaired = unfolded(replace(mesh, nodes_m=nodes), mesh.nodes_m)
+    repaired = untangled(replace(mesh, nodes_m=nodes), mesh.nodes_m)
     assert np.array_equal(repaired.nodes_m, mesh.nodes_m)
     with pytest.raises(NotConverged, match="move the punch"):
-        unfolded(replace(mesh, nodes_m=nodes), nodes)
+        untangled(replace(mesh, nodes_m=nodes), nodes)
 
 
 def test_ends_that_two_electrodes_share_get_quarter_points():

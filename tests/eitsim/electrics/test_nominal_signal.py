@@ -10,7 +10,7 @@ import pytest
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.correction import Change, told
+from eitsim.mechanics.rim.correction import RimCorrection, with_error
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene
 from eitsim.simulation.simulate import ELECTRICS_SHARE, readings_of
@@ -65,9 +65,9 @@ def test_lengths_may_be_over_the_thickness(touch: Touch) -> None:
 
 def test_a_field_that_leaves_no_skin_is_infinitely_far(touch: Touch) -> None:
     assert apart(touch, 0.0, 2.5) == np.inf
-    whole, torn = (Change(field(size), 0.0, 1.0, 1.0, 1.0, 0.0, ()) for size in (0.0, 2.5))
+    whole, torn = (RimCorrection(field(size), 0.0, 1.0, 1.0, 1.0, 0.0, ()) for size in (0.0, 2.5))
     with pytest.raises(NotConverged, match="turned inside out"):
-        told(touch, whole, torn, Body(), PUNCH, "normal")
+        with_error(touch, whole, torn, Body(), PUNCH, "normal")
 
 
 def test_readings_are_no_finer_than_the_touch_is_known(touch: Touch) -> None:

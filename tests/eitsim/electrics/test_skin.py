@@ -22,7 +22,7 @@ from eitsim.electrics.sheet.sheet_conductance import (
     surface_metric,
     untouched_conductance,
 )
-from eitsim.mechanics.harmonics.arcs import Outline
+from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, Skin
 from matcal.laws.conductivity import Conductivity, conductivity, strip_conductivity
@@ -131,7 +131,7 @@ def rim_field(towards: np.ndarray | None) -> RimField:
 def sampled(rim: RimField, local: np.ndarray, samples: np.ndarray, unchanged: np.ndarray) -> np.ndarray:
     """Array by array, what the compiled loop does point by point."""
     radius = np.linalg.norm(local, axis=-1)
-    start, angle = Outline(rim.disc_m, rim.offset_m).start(radius), np.arctan2(np.abs(local[..., 1]), local[..., 0])
+    start, angle = OffsetDisc(rim.disc_m, rim.offset_m).start(radius), np.arctan2(np.abs(local[..., 1]), local[..., 0])
     share = np.clip((angle - start) / (np.pi - start), 0, 1)
     on_circles = np.moveaxis(CubicSpline(rim.share, samples, axis=1)(share), 0, -2)
     inside = np.clip(radius, *rim.radius_m[[0, -1]])

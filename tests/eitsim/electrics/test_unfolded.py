@@ -6,7 +6,7 @@ import numpy as np
 from skfem import ElementTriP2
 
 from eitsim.electrics.cem.assembly import SkinMesh
-from eitsim.electrics.mesh.p2_triangles import straight, unfolded
+from eitsim.electrics.mesh.p2_triangles import straight, untangled
 
 
 def loose(count: int) -> SkinMesh:
@@ -32,7 +32,7 @@ def least_jacobian(mesh: SkinMesh, per_side: int) -> np.ndarray:
 
 def test_a_triangle_is_straightened_where_it_folds_over():
     mesh = loose(2000)
-    straightened = np.any((unfolded(mesh, straight(mesh)).nodes_m != mesh.nodes_m).reshape(-1, 12), axis=1)
+    straightened = np.any((untangled(mesh, straight(mesh)).nodes_m != mesh.nodes_m).reshape(-1, 12), axis=1)
     least = least_jacobian(mesh, 49)
     assert 0.2 < np.mean(straightened) < 0.8
     assert not straightened[least > 0].any()

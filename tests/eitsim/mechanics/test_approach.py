@@ -9,10 +9,10 @@ from eitsim.mechanics.axisymmetric.continuation import (
     BOTTOM,
     BottomedOut,
     carried_over,
-    from_rest,
-    in_steps,
-    near,
-    towards,
+    cold_start,
+    load_continuation,
+    load_steps,
+    warm_start,
 )
 from eitsim.mechanics.axisymmetric.indentation import (
     Equilibrium,
@@ -48,10 +48,10 @@ def coarse():
 
 
 def test_steps_up_and_down_end_where_one_solve_ends(coarse):
-    ends = [from_rest(coarse, force) for force in (0.2, 2.0)]
-    assert in_steps(coarse, ends[0], 2.0).depth == pytest.approx(ends[1].depth, rel=1e-8)
-    assert in_steps(coarse, ends[1], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-8)
-    assert near(coarse, ends[0], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-10)
+    ends = [cold_start(coarse, force) for force in (0.2, 2.0)]
+    assert load_steps(coarse, ends[0], 2.0).depth == pytest.approx(ends[1].depth, rel=1e-8)
+    assert load_steps(coarse, ends[1], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-8)
+    assert warm_start(coarse, ends[0], 0.2).depth == pytest.approx(ends[0].depth, rel=1e-10)
 
 
 def test_the_next_force_towards_a_depth_stays_between_those_that_miss_it():
@@ -59,20 +59,20 @@ def test_the_next_force_towards_a_depth_stays_between_those_that_miss_it():
         return Equilibrium(np.zeros(1), np.array([slope]), force, depth, ())
 
     short, beyond = state(1.0, 0.30, 0.1), state(4.0, 0.50, 1e-3)
-    assert towards(0.305, short, None, None, np.inf) == pytest.approx(np.exp(0.05))
-    assert towards(0.45, short, None, None, np.inf) == pytest.approx(np.exp(0.5))
-    assert towards(0.305, short, short, beyond, np.inf) == pytest.approx(np.exp(0.05))
-    assert towards(0.45, beyond, short, beyond, np.inf) == pytest.approx(4 * np.exp(-0.5))
-    assert towards(0.305, short, short, beyond, 6e-3) == pytest.approx(2.0)
+    assert load_continuation(0.305, short, None, None, np.inf) == pytest.approx(np.exp(0.05))
+    assert load_continuation(0.45, short, None, None, np.inf) == pytest.approx(np.exp(0.5))
+    assert load_continuation(0.305, short, short, beyond, np.inf) == pytest.approx(np.exp(0.05))
+    assert load_continuation(0.45, beyond, short, beyond, np.inf) == pytest.approx(4 * np.exp(-0.5))
+    assert load_continuation(0.305, short, short, beyond, 6e-3) == pytest.approx(2.0)
     flat = state(1.0, 0.30, 1e-3)
-    assert towards(0.45, flat, flat, state(1.2, 0.50, 1e-3), np.inf) == pytest.approx(np.sqrt(1.2))
+    assert load_continuation(0.45, flat, flat, state(1.2, 0.50, 1e-3), np.inf) == pytest.approx(np.sqrt(1.2))
 
 
 def test_a_state_squeezed_flat_is_carried_to_a_finer_mesh():
     """The coarse state itself turns the fine mesh inside out; no path from rest is needed all the same."""
     punch, force = Punch(diameter_m=0.0164), 9.88
     levels = [indentation_problem(SOFT, Body(), punch, size, Flat.default_penalty) for size in (0.24e-3, 0.12e-3)]
-    state = from_rest(levels[0], force)
+    state = cold_start(levels[0], force)
     assert not np.isfinite(energy(levels[1], force, transferred(state.x, levels[0].grid, levels[1].grid)))
     fine = carried_over(levels[0], state, levels[1])
     assert len(fine.residuals) < 35
@@ -91,9 +91,9 @@ def test_hard_touches_are_reached(law, share):
 
 def test_a_failure_tells_what_was_reached():
     model = indentation_problem(TABLE_1, Body(), Punch(), 1e-3, Flat.default_penalty)
-    start = from_rest(model, 0.1)
+    start = cold_start(model, 0.1)
     with pytest.raises(NotConverged, match="of the force") as caught:
-        in_steps(model, start, 1e5)
+        load_steps(model, start, 1e5)
     reached = caught.value.load_fraction
     assert reached is not None
     assert 0 < reached < 1
@@ -104,7 +104,7 @@ def test_a_failure_tells_what_was_reached():
 def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
     model = indentation_problem(TABLE_1, Body(), Punch(), 1e-3, Flat.default_penalty)
     with pytest.raises(BottomedOut, match="of the force") as caught:
-        from_rest(model, 1e5)
+        cold_start(model, 1e5)
     assert caught.value.estimate[-1] > BOTTOM
 
     def solved(*args, **keys):

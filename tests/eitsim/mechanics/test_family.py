@@ -16,7 +16,7 @@ from eitsim.mechanics.load_paths.build_law_family import build_family, with_rim
 from eitsim.mechanics.load_paths.build_rim_table import Grid, build_rim
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.law_family import places, table_of
-from eitsim.mechanics.load_paths.reduced_basis import span_of
+from eitsim.mechanics.load_paths.reduced_basis import reduced_basis
 from eitsim.mechanics.load_paths.rim_table import near_rim_from
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
@@ -54,7 +54,7 @@ LAWS = [replace(FOAM, mu_Pa=mu) for mu in moduli()]
 @pytest.fixture(scope="module")
 def family():
     """Its error is told by a few touches, so that it is made in seconds."""
-    span = span_of(LAWS)
+    span = reduced_basis(LAWS)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(build_table, "_CHECKS", 4)
         patch.setattr(build_law_family, "_CHECKS", 3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric import friction_increments
-from eitsim.mechanics.axisymmetric.continuation import from_rest
+from eitsim.mechanics.axisymmetric.continuation import cold_start
 from eitsim.mechanics.axisymmetric.hold import solve_hold
 from eitsim.mechanics.axisymmetric.indentation import contact_state, nearest, seen
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, solve_path, solve_touch
@@ -78,7 +78,7 @@ def test_derivatives_of_the_potential_equal_differences(coefficient):
 
 def test_a_vanishing_coefficient_is_no_friction_and_a_large_one_sticks():
     model = coarse()
-    free = from_rest(model, 0.5 / force_unit(TABLE_1, Body())).depth
+    free = cold_start(model, 0.5 / force_unit(TABLE_1, Body())).depth
     assert pressed(model, 1e-7, 0.5).state.depth == pytest.approx(free, rel=1e-4)
     stick = pressed(model, np.inf, 0.5, 32)
     assert pressed(model, 1e3, 0.5, 32).state.depth == pytest.approx(stick.state.depth, rel=1e-4)

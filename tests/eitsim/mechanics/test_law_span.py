@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.mechanics.load_paths.reduced_basis import span_of
+from eitsim.mechanics.load_paths.reduced_basis import reduced_basis
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
@@ -21,7 +21,7 @@ def mixed(count: int, spread: float = 0.01, seed: int = 0) -> list[Hyperfoam]:
 
 
 def test_laws_that_differ_in_stiffness_alone_are_one() -> None:
-    span = span_of([replace(FOAM, mu_Pa=FOAM.mu_Pa * factor) for factor in (1.0, 0.5, 30.0)])
+    span = reduced_basis([replace(FOAM, mu_Pa=FOAM.mu_Pa * factor) for factor in (1.0, 0.5, 30.0)])
     assert (span.chosen, span.held_out) == ((), ())
     weights = span.weights(replace(FOAM, mu_Pa=7 * FOAM.mu_Pa))
     assert weights is not None
@@ -30,7 +30,7 @@ def test_laws_that_differ_in_stiffness_alone_are_one() -> None:
 
 def test_a_weighted_mean_has_the_stress_of_its_law() -> None:
     laws = mixed(30)
-    span = span_of(laws)
+    span = reduced_basis(laws)
     assert len(span.chosen) == 2
     assert span.missed < 1e-9
     strain = np.random.default_rng(1).uniform(-1, 0.3, (5, 3))
@@ -50,7 +50,7 @@ def test_a_weighted_mean_has_the_stress_of_its_law() -> None:
 def test_a_wider_posterior_takes_more_laws_and_tells_what_it_misses() -> None:
     rng = np.random.default_rng(2)
     laws = [replace(law, alpha=law.alpha * np.exp(0.02 * rng.standard_normal(3))) for law in mixed(60)]
-    span, narrow = span_of(laws), span_of(mixed(60, 1e-5))
+    span, narrow = reduced_basis(laws), reduced_basis(mixed(60, 1e-5))
     assert len(narrow.chosen) < 2 < len(span.chosen) <= 6
     assert 0 < span.missed < 5e-3
     used = (span.central, *span.chosen)
@@ -59,17 +59,17 @@ def test_a_wider_posterior_takes_more_laws_and_tells_what_it_misses() -> None:
 
 
 def test_a_law_farther_off_is_none() -> None:
-    span = span_of(mixed(30))
+    span = reduced_basis(mixed(30))
     assert span.weights(replace(FOAM, alpha=FOAM.alpha * 1.01)) is None
     assert span.weights(replace(FOAM, mu_Pa=FOAM.mu_Pa * [1.2, 1, 1])) is None
 
 
 def test_where_every_law_is_chosen_they_tell_the_error_themselves() -> None:
-    span = span_of(mixed(3))
+    span = reduced_basis(mixed(3))
     assert len(span.chosen) == 2
     assert set(map(id, span.held_out)) == set(map(id, span.chosen))
 
 
 def test_no_law_is_no_span() -> None:
     with pytest.raises(ValueError, match="none of the drawn cards"):
-        span_of([])
+        reduced_basis([])

@@ -13,12 +13,12 @@ from eitsim.electrics.sheet.sheet_conductance import changes, sheet_conductance,
 from eitsim.mechanics.axisymmetric import friction_increments
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, solve_touch, under_force
 from eitsim.mechanics.contact.punch_contact import pressure
-from eitsim.mechanics.harmonics.arcs import Outline, circles
+from eitsim.mechanics.harmonics.arcs import OffsetDisc, circles
 from eitsim.mechanics.harmonics.clipped_disc import amplitudes, clipped_disc, unknowns_of
 from eitsim.mechanics.harmonics.equilibrium import contact_state, energy, linearised, product, seen, solve
-from eitsim.mechanics.harmonics.fourier_fields import Points, forces, gradients, operators, stiffened
+from eitsim.mechanics.harmonics.fourier_fields import Points, apply_tangent, forces, gradients, operators
 from eitsim.mechanics.rim.correction import within_face
-from eitsim.mechanics.rim.solve_near_rim import COARSE, Fineness, corrected, rim_change, rim_problem, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, corrected, rim_change, rim_problem, solve_near_rim
 from eitsim.mechanics.solid import hyperfoam_3d
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import Body, Punch, Scene, Skin
@@ -31,14 +31,14 @@ from touchcal.errors import NotConverged
 FOAM = Hyperfoam(np.array([14.42e3, 16.78e3, -21.67e3]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 BODY = Body()
 SKIN = Conductivity(30.0, np.array([-2.0, 0.0, 0.0]), (-0.5, 0.5))
-TINY, NARROW = Fineness(12.0, 4, 9), Fineness(4.0, 5, 10)
+TINY, NARROW = Resolution(12.0, 4, 9), Resolution(4.0, 5, 10)
 
 
 def at_gap(gap_m: float, force_N: float = 0.1) -> Punch:
     return Punch(x_m=0.093 - gap_m, force_N=force_N)
 
 
-def disc_at(gap_m: float, fineness: Fineness, force_N: float = 0.1, reach: float = 4.0, *, sticks: bool = False):
+def disc_at(gap_m: float, fineness: Resolution, force_N: float = 0.1, reach: float = 4.0, *, sticks: bool = False):
     (model,) = mesh_hierarchy(FOAM, BODY, Punch(), fineness.element * 6e-5, None)[-1:]
     force = force_N / force_unit(FOAM, BODY)
     if sticks:
@@ -46,7 +46,7 @@ def disc_at(gap_m: float, fineness: Fineness, force_N: float = 0.1, reach: float
         model, state = replace(model, springs=found.springs), found.state
     else:
         (state,) = under_force([model], force)
-    return clipped_disc(model, state, Outline(10.0, 9.3 - gap_m * 100), fineness.harmonics, fineness.angles, reach)
+    return clipped_disc(model, state, OffsetDisc(10.0, 9.3 - gap_m * 100), fineness.harmonics, fineness.angles, reach)
 
 
 def strains(*gradient):
@@ -119,7 +119,7 @@ def test_the_kernels_do_what_numpy_does():
         tangent
     )
     pulled = forces_plainly(disc.foam, np.einsum("pklj,plj->pkj", full, strain), amplitude)
-    assert np.abs(stiffened(disc.foam, tangent, amplitude) - pulled).max() < 1e-12 * np.abs(pulled).max()
+    assert np.abs(apply_tangent(disc.foam, tangent, amplitude) - pulled).max() < 1e-12 * np.abs(pulled).max()
 
 
 def stress_and_tangent_plainly(law, strain, scale, weight):
@@ -151,7 +151,7 @@ def stress_and_tangent_plainly(law, strain, scale, weight):
 
 
 def test_cut_circles_fill_the_disc():
-    outline = Outline(10.0, 9.2)
+    outline = OffsetDisc(10.0, 9.2)
     t, w = np.polynomial.legendre.leggauss(400)
     edges = [0.0, 0.8, 19.2]
     area = 0.0
@@ -195,7 +195,7 @@ def test_gradient_and_hessian_belong_to_the_energy(sticks):
 
 
 def test_at_the_centre_the_disc_finds_the_axisymmetric_touch_from_another_one():
-    fineness = Fineness(4.0, 4, 9)
+    fineness = Resolution(4.0, 4, 9)
     low, high = (disc_at(0.093, fineness, force, reach=10.0) for force in (0.4, 0.5))
     found = solve(replace(low, force=high.force)).x
     u = low.base + amplitudes(low, found[:-1])
@@ -243,7 +243,7 @@ def test_the_rim_deepens_a_touch_the_more_the_nearer():
 
 
 def test_harmonics_converge_geometrically():
-    added = [float(solve(disc_at(0.003, Fineness(8.0, count, 16))).x[-1]) for count in (3, 5, 7, 9)]
+    added = [float(solve(disc_at(0.003, Resolution(8.0, count, 16))).x[-1]) for count in (3, 5, 7, 9)]
     steps = np.abs(np.diff(added)) / added[-1]
     print("relative steps of the added depth", steps)
     assert np.all(steps[1:] < steps[:-1] / 3)
@@ -266,7 +266,7 @@ def test_where_the_rim_is_left_out_the_field_jumps_by_less_than_the_plan_says():
     gap = float(next(g for g in gaps if not near_rim(Scene(), at_gap(float(g)))))
     touch = solve_touch(FOAM, BODY, Punch(force_N=1.0))
     change = rim_change(FOAM, BODY, at_gap(gap, 1.0), COARSE)
-    radius, share = change.field.radius_m, 1 - Outline(0.1, 0.093 - gap).start(change.field.radius_m) / np.pi
+    radius, share = change.field.radius_m, 1 - OffsetDisc(0.1, 0.093 - gap).start(change.field.radius_m) / np.pi
     weight = (radius * np.gradient(radius) * share)[:, None]
     before = stretches(touch, radius)[2][:, None]
     jump = np.sqrt(np.sum(weight * (before * (change.field.normal - 1)) ** 2)

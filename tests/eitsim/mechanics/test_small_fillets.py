@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.mechanics.axisymmetric.continuation import carried_over, from_rest, sharpened
+from eitsim.mechanics.axisymmetric.continuation import carried_over, cold_start, fillet_continuation
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, at_rest, energy, equilibrium
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy
 from eitsim.mechanics.solid.grid import default_element_m, foam_grid
@@ -48,7 +48,7 @@ def test_the_smallest_fillets_take_no_more_elements():
 def test_a_deep_touch_with_a_small_fillet_agrees_between_coarse_meshes():
     coarse, fine = mesh_hierarchy(TABLE_1, Body(), SHARP, None, None)[:2]
     force = 3.0 / force_unit(TABLE_1, Body())
-    rough = from_rest(coarse, force)
+    rough = cold_start(coarse, force)
     found = carried_over(coarse, rough, fine)
     assert found.residuals[-1] <= 1e-10
     assert rough.depth == pytest.approx(found.depth, rel=3e-3)
@@ -57,18 +57,18 @@ def test_a_deep_touch_with_a_small_fillet_agrees_between_coarse_meshes():
 @pytest.mark.parametrize(("fillet_m", "force_N"), [(1e-4, 0.2), (2e-4, 1.0)])
 def test_rounder_edges_lead_to_where_one_solve_leads(fillet_m, force_N):
     model, force = problem(Punch(fillet_m=fillet_m, force_N=force_N))
-    once, led = equilibrium(model, force, at_rest(model, force)), sharpened(model, force)
+    once, led = equilibrium(model, force, at_rest(model, force)), fillet_continuation(model, force)
     assert led.depth == pytest.approx(once.depth, rel=1e-8)
 
 
 def test_rounder_edges_leave_foam_that_catches_on_the_fillet():
     """The solve from rest stops at a minimum of the coarse mesh where an element's end hangs on the fillet."""
     model, force = problem(Punch(fillet_m=1e-4, force_N=1.0))
-    once, led = equilibrium(model, force, at_rest(model, force)), sharpened(model, force)
+    once, led = equilibrium(model, force, at_rest(model, force)), fillet_continuation(model, force)
     assert energy(model, force, led.x) <= energy(model, force, once.x)
     assert led.depth >= once.depth
 
 
 def test_a_round_edge_has_no_rounder_ones():
     with pytest.raises(NotConverged, match="round already"):
-        sharpened(*problem(Punch(force_N=1.0)))
+        fillet_continuation(*problem(Punch(force_N=1.0)))

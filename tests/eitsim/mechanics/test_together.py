@@ -11,7 +11,7 @@ from eitsim.electrics.sheet.sheet_conductance import surface_metric, touched_con
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.axis_transfer import cubics, view
 from eitsim.mechanics.rim.interaction import clusters, interaction
-from eitsim.mechanics.rim.solve_near_rim import COARSE, Fineness
+from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution
 from eitsim.mechanics.rim.two_punches import solved_together
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Skin, scene_from
@@ -25,7 +25,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])
 LAW = Conductivity(30.0, [-2.0, 2.0, -1.0], (0.0, 0.4))
 CARD = MaterialCard("Table 1", FOAM, None, LAW)
-TINY, TINIEST = Fineness(12.0, 4, 9), Fineness(16.0, 3, 7)
+TINY, TINIEST = Resolution(12.0, 4, 9), Resolution(16.0, 3, 7)
 # Depth added to a pair of 14 mm punches under 1 N by the neighbour, relative, by gap in mm: a patch of hexahedra whose
 # end is the plane of symmetry between both (the signed values of test_neighbours.TOGETHER)
 REFERENCE = {30: -3.7e-4, 20: -1.75e-3, 15: -3.2e-3, 10: -2.1e-3, 6: 1.11e-2}
@@ -37,7 +37,7 @@ def alone(punch: Punch) -> Touch:
 
 
 @cache
-def solved(one: Punch, other: Punch, coarse: Fineness = TINY, fine: Fineness = COARSE) -> tuple[Touch, Touch]:
+def solved(one: Punch, other: Punch, coarse: Resolution = TINY, fine: Resolution = COARSE) -> tuple[Touch, Touch]:
     return solved_together((alone(one), alone(other)), FOAM, Body(), (one, other), coarse=coarse, fine=fine)
 
 

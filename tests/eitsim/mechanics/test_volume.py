@@ -12,7 +12,7 @@ import pytest
 from eitsim.mechanics.axisymmetric.hold import relaxed
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.half_disc_fields import volume_fields
-from eitsim.mechanics.rim.solve_near_rim import FINE, Fineness, corrected
+from eitsim.mechanics.rim.solve_near_rim import FINE, Resolution, corrected
 from eitsim.scene.results import Section, Volume
 from eitsim.scene.scene import Body, Punch
 from eitsim.simulation.foam_fields import section_fields, write_vtu
@@ -29,7 +29,7 @@ TOP = {"hexahedron": [(4, 5, 6), (4, 6, 7)], "wedge": [(3, 5, 4)]}
 
 def near_rim(punch):
     touch = solve_touch(LAW, BODY, punch, element_m=0.24e-3)
-    return corrected(touch, LAW, BODY, punch, coarse=Fineness(12.0, 4, 9), fine=FINE)
+    return corrected(touch, LAW, BODY, punch, coarse=Resolution(12.0, 4, 9), fine=FINE)
 
 
 @pytest.fixture(scope="module")

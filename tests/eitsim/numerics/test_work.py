@@ -141,7 +141,7 @@ def test_the_rims_change_has_its_bound(monkeypatch):
     punch = Punch(diameter_m=0.014, force_N=1.0, x_m=0.091)
     monkeypatch.setattr(solve_near_rim, "FACTORISATIONS", 20)
     with pytest.raises(NotConverged, match="given up after the work of 20 factorisations"):
-        solve_near_rim.rim_change(law(-21670.0), Body(), punch, solve_near_rim.Fineness(8.0, 3, 8, 1.0))
+        solve_near_rim.rim_change(law(-21670.0), Body(), punch, solve_near_rim.Resolution(8.0, 3, 8, 1.0))
 
 
 @pytest.mark.slow

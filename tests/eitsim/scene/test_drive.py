@@ -11,7 +11,7 @@ import pytest
 from eitsim.scene.drive import Drive, protocol, read_out
 from eitsim.scene.scene import read_scene, scene_from, scene_tables
 from eitsim.sweeps.design.design import read_design
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 NAMED = ("adjacent", "opposite", "skip-2", "skip-3")
 
@@ -126,10 +126,10 @@ def test_files_of_matrices_stand_beside_the_scene_or_the_design(tmp_path: Path):
     np.testing.assert_allclose(read_out(drive, z)[0, 0], 5e-3 * (z[2] - z[3]) @ [1, -1, 0, 0])
     assert read_design(tmp_path / "design.toml").tables["drive"]["currents"] == [[1, -1, 0, 0], [0, 0, 1, -1]]
     (tmp_path / "pairs.csv").write_text("pattern,a,b,c,d\n0,0,0,1,-1\n2,1,-1,0,0\n")
-    with pytest.raises(TestFileError, match=r"pairs\.csv: pattern 1 has no rows"):
+    with pytest.raises(InputFileError, match=r"pairs\.csv: pattern 1 has no rows"):
         read_scene(tmp_path / "scene.toml")
     (tmp_path / "currents.csv").write_text("1,-1,0,0\n0,0,one,-1\n")
-    with pytest.raises(TestFileError, match=r"currents\.csv, line 2: column 3 holds 'one'"):
+    with pytest.raises(InputFileError, match=r"currents\.csv, line 2: column 3 holds 'one'"):
         read_scene(tmp_path / "scene.toml")
 
 
@@ -164,5 +164,5 @@ def test_opposite_needs_an_even_number():
 
 def test_what_is_read_cannot_be_drawn(tmp_path: Path):
     (tmp_path / "design.toml").write_text('scenes = 2\n[drive]\npattern = {choice = ["adjacent", "opposite"]}\n')
-    with pytest.raises(TestFileError, match=r"pattern in \[drive\] is drawn"):
+    with pytest.raises(InputFileError, match=r"pattern in \[drive\] is drawn"):
         read_design(tmp_path / "design.toml")

@@ -15,7 +15,7 @@ from eitsim.scene.electrodes import Electrodes, among_all, present
 from eitsim.scene.frames import read_frames, write_frames
 from eitsim.scene.results import Readings
 from eitsim.scene.scene import Scene
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def solved(seed: int, baseline_V: np.ndarray) -> Readings:
@@ -54,7 +54,7 @@ def test_columns_are_found_by_name_and_blank_lines_left_out(frames: list[Reading
     ("1,2\n3,inf\n", "line 2: column 2 holds 'inf'"), ("1,2\n3,\n", "line 2: column 2 holds ''")])
 def test_frames_that_cannot_be_are_refused(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "frames.csv").write_text(text)
-    with pytest.raises(TestFileError, match=message):
+    with pytest.raises(InputFileError, match=message):
         read_frames(tmp_path / "frames.csv", 2)
 
 
@@ -66,9 +66,9 @@ def test_readings_of_a_missing_electrode_are_empty_cells(frames: list[Readings],
     whole = np.array([frame.touched_V.ravel() for frame in frames])
     read = read_frames(tmp_path / "frames.csv", 12, unread)
     np.testing.assert_array_equal(read.volts[1:], np.where(unread, 0.0, whole))
-    with pytest.raises(TestFileError, match="line 2: v_004 is empty, and its electrodes are all there"):
+    with pytest.raises(InputFileError, match="line 2: v_004 is empty, and its electrodes are all there"):
         read_frames(tmp_path / "frames.csv", 12, np.arange(12) == 5)
-    with pytest.raises(TestFileError, match="line 2: column 5 holds ''"):
+    with pytest.raises(InputFileError, match="line 2: column 5 holds ''"):
         read_frames(tmp_path / "frames.csv", 12)
 
 
@@ -80,5 +80,5 @@ def test_frames_of_a_ring_with_a_missing_electrode_are_imaged(tmp_path: Path) ->
     images, told = images_of(tmp_path / "frames.csv", scene)
     assert np.isfinite(images.change).all()
     assert told["conductance_S"] == pytest.approx(1e-3, rel=1e-2)
-    with pytest.raises(TestFileError, match="line 2: v_002 is empty"):
+    with pytest.raises(InputFileError, match="line 2: v_002 is empty"):
         images_of(tmp_path / "frames.csv", Scene())

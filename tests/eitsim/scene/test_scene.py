@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eitsim.scene.scene import Scene, read_scene, scene_from, scene_tables
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def test_every_key_is_optional() -> None:
@@ -48,5 +48,5 @@ def test_mistakes_are_named(raw: dict, named: str) -> None:
 
 def test_a_bad_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text("[punch\nx_mm = 1")
-    with pytest.raises(TestFileError, match=r"scene\.toml.*TOML"):
+    with pytest.raises(InputFileError, match=r"scene\.toml.*TOML"):
         read_scene(tmp_path / "scene.toml")

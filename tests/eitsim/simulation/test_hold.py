@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.mechanics.axisymmetric.hold import Course, Step, solve_hold, states_over, stepped_through
+from eitsim.mechanics.axisymmetric.hold import HoldHistory, Step, solve_hold, states_over, stepped_through
 from eitsim.mechanics.axisymmetric.indentation import at_rest, contact_state, equilibrium, indentation_problem, system
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import reached, solve_touch
 from eitsim.mechanics.axisymmetric.viscoelastic import loaded_at_once, remembered, stepped, steps_s, unloaded
@@ -41,7 +41,7 @@ def model_of(law=TABLE_1, penalty=Flat.default_penalty):
 
 def crept(model, times_s, per_decade=4, series=SERIES, force=FORCE):
     loaded = equilibrium(model, force, at_rest(model, force))
-    course = Course(series, force, None, Hold(tuple(times_s)))
+    course = HoldHistory(series, force, None, Hold(tuple(times_s)))
     return states_over(model, course, per_decade, loaded)
 
 
@@ -142,7 +142,7 @@ def test_a_depth_hold_keeps_the_deformation_and_relaxes_as_the_series():
     later = stepped(model, SERIES, loaded_at_once(model, SERIES, loaded.x), 180.0)
     later = replace(later, punch=replace(model.punch, stiffness=share * model.punch.stiffness))
     assert np.linalg.norm(system(later, share * FORCE, loaded.x)[0]) < 1e-9 * FORCE
-    course = Course(SERIES, None, loaded.depth, Hold((2.0, 180.0), "depth"))
+    course = HoldHistory(SERIES, None, loaded.depth, Hold((2.0, 180.0), "depth"))
     forces = [state.force / FORCE for state in states_over(model, course, 2, loaded)]
     assert forces == pytest.approx(relaxation(SERIES, [0.0, 2.0, 180.0]), rel=3e-4)
 

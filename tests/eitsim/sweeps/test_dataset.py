@@ -18,7 +18,7 @@ from eitsim.sweeps.dataset.parquet import (
     write_manifest,
     write_part,
 )
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def row(scene: int, outcome: str = "ok") -> dict[str, object]:
@@ -51,14 +51,14 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_damage_is_named(tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match="not a data set"):
+    with pytest.raises(InputFileError, match="not a data set"):
         read_dataset(tmp_path)
     write_manifest(tmp_path, {"design": {}, "card": {}})
-    with pytest.raises(TestFileError, match="no rows"):
+    with pytest.raises(InputFileError, match="no rows"):
         read_dataset(tmp_path)
     write_part(tmp_path, [row(0), row(1)])
     write_part(tmp_path, [row(1)])
-    with pytest.raises(TestFileError, match="scene 1 stands in it twice"):
+    with pytest.raises(InputFileError, match="scene 1 stands in it twice"):
         read_dataset(tmp_path)
 
 

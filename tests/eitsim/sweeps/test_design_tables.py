@@ -10,7 +10,7 @@ import pytest
 from eitsim.scene.scene import Scene, scene_from
 from eitsim.sweeps.design.design import same_or_grown, scene_at
 from eitsim.sweeps.run.scene_table import read_scene_table
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 def written(folder: Path, *lines: str) -> Path:
@@ -63,7 +63,7 @@ def test_the_scene_file_may_hold_what_designs_hold_beside(tmp_path: Path) -> Non
                         ("[material]\nnumber = 3\n", "number"), ("[hold]\ntime_s = [2, 60]\n", "several times"),
                         ("[fields]\nonly = 1\n", "only")):
         (tmp_path / "base.toml").write_text(text)
-        with pytest.raises(TestFileError, match=named):
+        with pytest.raises(InputFileError, match=named):
             read_scene_table(tmp_path / "scenes.csv", tmp_path / "base.toml")
 
 
@@ -88,7 +88,7 @@ def test_hash_and_content_are_kept_and_rows_may_be_added(tmp_path: Path) -> None
     other = read_scene_table(written(tmp_path, "x_mm,F_N", "1,0.5", "2.5,", "3,0.1"))
     assert not same_or_grown(old.tables, other.tables)
     assert read_scene_table(written(tmp_path, *lines), scenes=1).scenes == 1
-    with pytest.raises(TestFileError, match="it holds 2 scenes; 3 are asked for"):
+    with pytest.raises(InputFileError, match="it holds 2 scenes; 3 are asked for"):
         read_scene_table(tmp_path / "scenes.csv", scenes=3)
 
 
@@ -103,14 +103,14 @@ def test_hash_and_content_are_kept_and_rows_may_be_added(tmp_path: Path) -> None
     (["F_N,depth_mm", "1,2"], 2, "both force_N and depth_mm"), (["x_mm,x_3_mm", "0,40"], 2, "touch 2 is not"),
     (["x_mm"], None, "no scenes"), (["electrodes.count", "16"], 1, "decides which readings")])
 def test_mistakes_name_line_and_column(tmp_path: Path, lines: list[str], line: int | None, named: str) -> None:
-    with pytest.raises(TestFileError, match=named) as caught:
+    with pytest.raises(InputFileError, match=named) as caught:
         read_scene_table(written(tmp_path, *lines))
     assert caught.value.line == line
 
 
 def test_files_that_are_no_tables_are_told(tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match="no such file"):
+    with pytest.raises(InputFileError, match="no such file"):
         read_scene_table(tmp_path / "absent.csv")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(TestFileError, match="not a text file"):
+    with pytest.raises(InputFileError, match="not a text file"):
         read_scene_table(tmp_path / "binary.csv")

@@ -19,7 +19,7 @@ from eitsim.sweeps.run.measure import measure
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
 LAW = Conductivity(30.0, [-2, 2, -1], (0, 0.4))
@@ -57,9 +57,9 @@ def test_every_row_has_the_fields_of_its_touch(card: Path, tmp_path: Path) -> No
     assert (apart[solved] < 7 + 5).all()
     backwards = stored.read("strain", [3, 0, 2])
     assert np.array_equal(backwards, strain[[3, 0, 2]], equal_nan=True)
-    with pytest.raises(TestFileError, match="not stored; stored: strain, pressure"):
+    with pytest.raises(InputFileError, match="not stored; stored: strain, pressure"):
         stored.read("displacement", [0])
-    with pytest.raises(TestFileError, match="scene 4 is not in the data set"):
+    with pytest.raises(InputFileError, match="scene 4 is not in the data set"):
         stored.read("strain", [4])
 
 
@@ -100,7 +100,7 @@ def test_without_the_table_nothing_is_stored(card: Path, tmp_path: Path) -> None
     plain = {key: value for key, value in RAW.items() if key != "fields"}
     sweeps.sweep(design_from(plain, 2), card, tmp_path / "a")
     assert files(tmp_path / "a") == {}
-    with pytest.raises(TestFileError, match=r"has no \[fields\]"):
+    with pytest.raises(InputFileError, match=r"has no \[fields\]"):
         read_fields(tmp_path / "a")
     swept(card, tmp_path / "b", 2)
     a, b = (parquet.read_dataset(tmp_path / name).table.drop(columns=list(parquet.COST)) for name in "ab")
@@ -114,10 +114,10 @@ def test_damage_is_named_with_the_mend(card: Path, tmp_path: Path) -> None:
     stored = read_fields(tmp_path / "a")
     for damage in (content[:len(content) // 2], b"", b"no HDF5"):
         path.write_bytes(damage)
-        with pytest.raises(TestFileError, match=rf"{path.stem}.parquet beside it and continue the sweep"):
+        with pytest.raises(InputFileError, match=rf"{path.stem}.parquet beside it and continue the sweep"):
             stored.read("strain", [0])
     path.unlink()
-    with pytest.raises(TestFileError, match="it is missing"):
+    with pytest.raises(InputFileError, match="it is missing"):
         read_fields(tmp_path / "a")
     parquet.parts(tmp_path / "a")[0].unlink()
     swept(card, tmp_path / "a", 4)
@@ -127,5 +127,5 @@ def test_damage_is_named_with_the_mend(card: Path, tmp_path: Path) -> None:
 def test_measured_rows_point_to_the_clean_set(card: Path, tmp_path: Path) -> None:
     swept(card, tmp_path / "a", 2)
     measure(tmp_path / "a", tmp_path / "b", Measurement(noise_V=1e-3))
-    with pytest.raises(TestFileError, match="stand in the clean set"):
+    with pytest.raises(InputFileError, match="stand in the clean set"):
         read_fields(tmp_path / "b")

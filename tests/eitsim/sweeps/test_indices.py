@@ -22,7 +22,7 @@ from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.posterior.draws import Draws, write_draws
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 RAW = {"seed": 7, "sampler": "nested", "punch": {"x_mm": [-25, 25], "y_mm": [-25, 25], "diameter_mm": 14,
                                                  "force_N": [0.15, 0.3]},
@@ -162,7 +162,7 @@ def test_blocks_that_are_not_whole_are_dropped_and_counted(tmp_path: Path) -> No
     whole = read_blocks(made(tmp_path / "b", 20))
     kept = [i for i in range(20) if i not in (1, 10, 19)]
     assert np.array_equal(blocks.values, whole.values[kept])
-    with pytest.raises(TestFileError, match="no block of 4 rows is ok"):
+    with pytest.raises(InputFileError, match="no block of 4 rows is ok"):
         read_blocks(made(tmp_path / "c", 1, failed=(2,)))
 
 
@@ -180,12 +180,12 @@ def test_every_touch_that_all_rows_have_is_an_output(tmp_path: Path) -> None:
 
 
 def test_other_data_sets_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=r"sampler = \"nested\" and a table \[material\]"):
+    with pytest.raises(InputFileError, match=r"sampler = \"nested\" and a table \[material\]"):
         read_blocks(made(tmp_path / "a", 3, sampler="random"))
     measured = made(tmp_path / "b", 3)
     manifest = json.loads((measured / "design.json").read_text())
     write_manifest(measured, manifest | {"clean": {}})
-    with pytest.raises(TestFileError, match="Give the clean set"):
+    with pytest.raises(InputFileError, match="Give the clean set"):
         read_blocks(measured)
 
 

@@ -21,7 +21,7 @@ from eitsim.sweeps.measurement.instrument import measured
 from eitsim.sweeps.measurement.instrument_table import measurement_from, read_measurement
 from eitsim.sweeps.measurement.noise_summary import Told, in_words
 from eitsim.sweeps.run.measure import measure
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 SENSOR, SHEET_S, ROWS = Scene(), 6e-4, 20
 NOISY = {"seed": 5, "snr_db": 70, "relative_to": "largest", "bits": 20, "full_scale_V": 5.0}
@@ -140,11 +140,11 @@ def test_other_frames_than_the_sensors_are_refused(clean: Path, tmp_path: Path) 
     manifest = json.loads((clean / parquet.MANIFEST).read_text())
     manifest["design"]["tables"] = {"electrodes": {"width_mm": 20.0}}
     (clean / parquet.MANIFEST).write_text(json.dumps(manifest))
-    with pytest.raises(TestFileError, match="not made with them"):
+    with pytest.raises(InputFileError, match="not made with them"):
         done(clean, tmp_path / "a", contact_impedance=0.05)
     manifest["design"]["tables"] = {"electrodes": {"contact_impedance_Ohm_m": {"choice": [1.0, 2.0]}}}
     (clean / parquet.MANIFEST).write_text(json.dumps(manifest))
-    with pytest.raises(TestFileError, match=r"contact_impedance_Ohm_m in \[electrodes\] varies"):
+    with pytest.raises(InputFileError, match=r"contact_impedance_Ohm_m in \[electrodes\] varies"):
         done(clean, tmp_path / "a", contact_impedance=0.05)
     assert done(clean, tmp_path / "b", noise_V=1e-3).rows == ROWS - 1
     assert not (tmp_path / "a").exists()
@@ -170,7 +170,7 @@ def test_folders_are_not_mixed(clean: Path, tmp_path: Path) -> None:
     done(clean, folder, **NOISY)
     with pytest.raises(ValueError, match=r"was measured with .*'snr_db': 70"):
         done(clean, folder, noise_V=1e-3)
-    with pytest.raises(TestFileError, match="measured already"):
+    with pytest.raises(InputFileError, match="measured already"):
         done(folder, tmp_path / "twice", **NOISY)
     with pytest.raises(ValueError, match="the clean data set itself"):
         done(clean, clean, **NOISY)
@@ -193,7 +193,7 @@ def test_of_a_damaged_set_nothing_is_begun(clean: Path, tmp_path: Path) -> None:
     part = parquet.parts(clean)[-1]
     whole = part.read_bytes()
     part.write_bytes(whole[:100] + bytes([whole[100] ^ 1]) + whole[101:])
-    with pytest.raises(TestFileError, match="the part is damaged"):
+    with pytest.raises(InputFileError, match="the part is damaged"):
         done(clean, tmp_path / "noisy", **NOISY)
     assert not (tmp_path / "noisy").exists()
 
@@ -220,7 +220,7 @@ def test_the_share_of_clipped_samples_is_of_all_that_were_read(clean: Path, tmp_
 
 
 def test_a_design_without_a_measurement_asks_for_one(clean: Path, tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=r"has no \[measurement\]. Give one with --model"):
+    with pytest.raises(InputFileError, match=r"has no \[measurement\]. Give one with --model"):
         next(measure(clean, tmp_path / "a"))
     assert not (tmp_path / "a").exists()
 
@@ -237,10 +237,10 @@ def test_the_designs_own_measurement_is_the_default(clean: Path, tmp_path: Path)
 def test_a_file_of_its_own_names_itself(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     path.write_text("[measurement]\nnoise = 3\n")
-    with pytest.raises(TestFileError, match=r"m.toml.*unknown key 'noise'"):
+    with pytest.raises(InputFileError, match=r"m.toml.*unknown key 'noise'"):
         read_measurement(path)
     path.write_text("noise_V = 3\n")
-    with pytest.raises(TestFileError, match=r"one table \[measurement\] and nothing else, got noise_V"):
+    with pytest.raises(InputFileError, match=r"one table \[measurement\] and nothing else, got noise_V"):
         read_measurement(path)
     path.write_text("[measurement]\nnoise_V = 3e-3\n")
     assert read_measurement(path).noise_V == 3e-3

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from eitsim.sweeps.dataset import parquet
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 README = Path(__file__).parents[3] / "README.md"
 ROWS = 40
@@ -51,5 +51,5 @@ def test_duckdb_reads_the_set(beside: None) -> None:
 def test_a_manifest_cut_short_says_how_to_mend_it(beside: None) -> None:
     path = Path("sweep") / parquet.MANIFEST
     path.write_text(path.read_text()[:-9])
-    with pytest.raises(TestFileError, match=r"design\.json, line .* not JSON.*restore it from a copy"):
+    with pytest.raises(InputFileError, match=r"design\.json, line .* not JSON.*restore it from a copy"):
         parquet.read_manifest(Path("sweep"))

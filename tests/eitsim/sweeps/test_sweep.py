@@ -36,7 +36,7 @@ from eitsim.sweeps.run.sweep import Progress, sweep
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.parallel.pool import WorkerLost
 
 RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": [12, 16], "force_N": [0.2, 1.0]},
@@ -139,10 +139,10 @@ def test_leftovers_are_swept_and_strangers_named(card: Path, tmp_path: Path) -> 
     (part,) = parts(tmp_path / "a")
     content = part.read_bytes()
     part.write_bytes(content[:len(content) // 2] + bytes(len(content) - len(content) // 2))
-    with pytest.raises(TestFileError, match="part is damaged"):
+    with pytest.raises(InputFileError, match="part is damaged"):
         account(design_from(RAW, 1), card, tmp_path / "a")
     part.rename(part.with_name("part-000000007.parquet")).write_bytes(content)
-    with pytest.raises(TestFileError, match="does not belong to this sweep"):
+    with pytest.raises(InputFileError, match="does not belong to this sweep"):
         account(design_from(RAW, 1), card, tmp_path / "a")
 
 

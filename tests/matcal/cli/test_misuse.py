@@ -17,7 +17,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record.cautions import cautions
 from matcal.reduction.loading_direction import densifies, named_direction
 from matcal.reduction.reduce import reduce_tests
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.terminal import check_apart, check_out
 
 DATA = Path(__file__).parents[3] / "data_raw"
@@ -94,7 +94,7 @@ def test_inspect_takes_a_kind(tmp_path: Path) -> None:
 def test_sizes_that_cannot_be_are_named(sizes: str, says: str, tmp_path: Path) -> None:
     specimen = tmp_path / "s.toml"
     specimen.write_text(f"[uniaxial]\n{sizes}\n")
-    with pytest.raises(TestFileError, match=says):
+    with pytest.raises(InputFileError, match=says):
         reduce_tests([("uniaxial", (DATA / "mts_uniaxial.txt",))], specimen)
 
 

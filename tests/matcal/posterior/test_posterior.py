@@ -28,7 +28,7 @@ from matcal.posterior.ensembles import ESS, RHAT, run_ensembles
 from matcal.posterior.hyperfoam_posterior import law_part, log_law, series_effect
 from matcal.posterior.sample import sample
 from matcal.reduction.experiment import Experiment
-from touchcal.errors import NotConverged, TestFileError
+from touchcal.errors import InputFileError, NotConverged
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])
 
@@ -234,7 +234,7 @@ def test_draws_come_back_from_the_file_as_cards(tmp_path) -> None:
     card = MaterialCard("c", TABLE_1, Prony([0.1, 0.1], [1.0, 10.0]), Conductivity(30.0, [-2, 2, -1.0], (0.0, 0.4)),
                         posterior={"file": "c.d/posterior.nc", "n": 8})
     write_card(card, tmp_path / "c.json")
-    with pytest.raises(TestFileError, match="is not there"):
+    with pytest.raises(InputFileError, match="is not there"):
         read_draws(tmp_path / "c.json")
     write_draws(draws, tmp_path / "c.d" / "posterior.nc", derived_of(draws))
     stored = arviz.from_netcdf(str(tmp_path / "c.d" / "posterior.nc"))

@@ -11,7 +11,7 @@ import pytest
 from matcal.readers.column_options import Selection, parse_selection, selections_of
 from matcal.readers.detect import read
 from matcal.reduction.reduce import reduce_tests
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 SHARED = Path(__file__).parents[4] / "shared" / "rawsamples"
 E = np.linspace(0, -0.6, 25)
@@ -55,7 +55,7 @@ def test_which_input_it_belongs_to() -> None:
     ("strain=1,stress=2:frob", "unit 'frob' by --columns, which is not known. Units of stress: Pa, kPa"),
     ("strain=1,stress=2:furlong", "which measures displacement, not stress. Units of stress")])
 def test_options_that_cannot_be_right_are_refused(option: str, says: str, tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=says):
+    with pytest.raises(InputFileError, match=says):
         read(_write(tmp_path, "a,b\n" + _rows(E, P)), parse_selection(option))
 
 
@@ -66,7 +66,7 @@ def test_headerless_columns_by_number(tmp_path: Path) -> None:
     for wrong, says in (("stress=7:MPa,stretch=2", "'7' is no column"), ("stress=1,stretch=2", "has no unit"),
                         ("stress=1:mm,stretch=2", "measures displacement, not stress"),
                         ("stress=x:Pa,stretch=2", "'x' is no column")):
-        with pytest.raises(TestFileError, match=says):
+        with pytest.raises(InputFileError, match=says):
             read(path, parse_selection(wrong))
 
 
@@ -76,7 +76,7 @@ def test_headerless_columns_by_number(tmp_path: Path) -> None:
     "strain,stress (kPa),strain,stress (kPa)\n" + _rows(E, P / 1e3, 0.5 * E, P / 2e3)])
 def test_every_refusal_suggests_an_option_that_reads_the_file(text: str, tmp_path: Path) -> None:
     path = _write(tmp_path, text)
-    with pytest.raises(TestFileError) as caught:
+    with pytest.raises(InputFileError) as caught:
         read(path)
     found = re.search(r'--columns "([^"]+)"', str(caught.value))
     assert found is not None
@@ -91,14 +91,14 @@ def test_every_refusal_suggests_an_option_that_reads_the_file(text: str, tmp_pat
     "displacement,force\nN,mm\n" + _rows(E, P), "strain,stress\nkPa,-\n" + _rows(E, P),
     "time (mm),displacement (s),force (N)\n" + _rows(-E, E, P), "displacement (m),force (N)\n" + _rows(P, E)])
 def test_swapped_columns_are_refused_with_the_option_that_helps(text: str, tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=r'exchanged.*--columns "uniaxial\.csv='):
+    with pytest.raises(InputFileError, match=r'exchanged.*--columns "uniaxial\.csv='):
         read(_write(tmp_path, text))
 
 
 def test_what_the_user_says_is_not_doubted_where_a_unit_mends_it(tmp_path: Path) -> None:
     stretched = np.sqrt(np.linspace(0, 0.4, 25))
     path = _write(tmp_path, "strain,stress (kPa)\n" + _rows(stretched, np.linspace(0, 50, 25)))
-    with pytest.raises(TestFileError, match="advances in equal steps"):
+    with pytest.raises(InputFileError, match="advances in equal steps"):
         read(path)
     assert read(path, parse_selection("strain=1,stress=2")).rows == 25
 
@@ -110,7 +110,7 @@ def test_scatter_and_lateral_strain_reach_the_experiment(tmp_path: Path) -> None
     assert experiment.lateral is not None
     np.testing.assert_allclose(experiment.deviation, 500.0)
     np.testing.assert_allclose(experiment.lateral, -E / 10, atol=1e-8)
-    with pytest.raises(TestFileError, match="falls below 0"):
+    with pytest.raises(InputFileError, match="falls below 0"):
         reduce_tests([(None, (_write(tmp_path, text.replace(",0.5,", ",-0.5,")),))])
 
 
@@ -118,7 +118,7 @@ def test_the_real_headerless_table() -> None:
     path = SHARED / "Treloar1944_UT.txt"
     if not path.exists():
         pytest.skip("real files are not beside the checkout")
-    with pytest.raises(TestFileError, match=r"stress=1:MPa,stretch=2"):
+    with pytest.raises(InputFileError, match=r"stress=1:MPa,stretch=2"):
         read(path)
     got = read(path, parse_selection("stress=1:MPa,stretch=2"))
     assert (got.rows, got.columns["stretch"][-1], got.columns["stress"][0]) == (24, 7.6, pytest.approx(25500))

@@ -21,7 +21,7 @@ from matcal.readers.column_options import parse_selection
 from matcal.readers.detect import read
 from matcal.readers.vendors import xlsx
 from matcal.reduction.reduce import reduce_tests
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 ROWS = 120
 # CPU seconds that no small file may need, whatever is in it
@@ -202,7 +202,7 @@ def _survives(path: Path, data: bytes, rng: np.random.Generator, reduce: bool) -
         assert got.rows > 0
         assert all(np.all(np.isfinite(values)) for values in got.columns.values())
         read_well = True
-    except TestFileError:
+    except InputFileError:
         pass
     if reduce:
         _reduced(path, rng)
@@ -217,7 +217,7 @@ def _reduced(path: Path, rng: np.random.Generator) -> None:
         for experiment in reduce_tests([(kind, (path,))]):
             assert np.all(np.isfinite(experiment.strain))
             assert np.all(np.isfinite(experiment.value))
-    except TestFileError:
+    except InputFileError:
         pass
 
 
@@ -225,7 +225,7 @@ def test_whole_files_are_read(tmp_path: Path) -> None:
     for name, make in SEEDS.items():
         (tmp_path / name).write_bytes(make())
         if name == "headerless.txt":
-            with pytest.raises(TestFileError, match="--columns"):
+            with pytest.raises(InputFileError, match="--columns"):
                 read(tmp_path / name)
         else:
             assert read(tmp_path / name).rows >= ROWS - 1
@@ -271,5 +271,5 @@ def test_workbook_that_unpacks_to_more_than_the_memory_is_refused(tmp_path: Path
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for n in range(5):
             archive.writestr(f"xl/part{n}.xml", b"0" * 1_000_000)
-    with pytest.raises(TestFileError, match="unpacks to 5 MB"):
+    with pytest.raises(InputFileError, match="unpacks to 5 MB"):
         read(path)

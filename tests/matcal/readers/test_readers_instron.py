@@ -10,7 +10,7 @@ import pytest
 
 from matcal.readers.detect import read
 from matcal.reduction.reduce import reduce_tests
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 TIMES = np.arange(40) * 0.5
 TRAVELS, FORCES = TIMES * 0.4, 3000 * TIMES / 20
@@ -57,7 +57,7 @@ def test_decimal_commas_in_quotes_are_told_from_thousands(tmp_path: Path) -> Non
     np.testing.assert_allclose(got.columns["force"], FORCES)
     assert got.properties == {"diameter": pytest.approx(0.014)}
     np.testing.assert_array_equal(got.columns["cycle"], 1)
-    with pytest.raises(TestFileError, match="'2,535' may have a decimal comma or groups of thousands"):
+    with pytest.raises(InputFileError, match="'2,535' may have a decimal comma or groups of thousands"):
         read(_write(tmp_path, 'Time,Load\n(s),(N)\n"0","1,424"\n"1","2,535"\n'))
 
 
@@ -68,7 +68,7 @@ def test_two_displacements_that_say_the_same_are_one_and_others_are_refused(tmp_
 
     got = read(_write(tmp_path, text(118.0 - TRAVELS)))
     assert any("'Position' left out (the same with its sign turned, shifted by 0.118 m)" in note for note in got.notes)
-    with pytest.raises(TestFileError, match=r"are both displacement and differ.*--columns"):
+    with pytest.raises(InputFileError, match=r"are both displacement and differ.*--columns"):
         read(_write(tmp_path, text(np.sqrt(TRAVELS))))
 
 
@@ -80,7 +80,7 @@ def test_sizes_without_a_unit_or_of_something_else_are_not_used(tmp_path: Path) 
 
 def test_several_tables_in_one_file_are_refused(tmp_path: Path) -> None:
     table = "Time,Load\n(s),(N)\n0.5,1.5\n1.0,2.5\n"
-    with pytest.raises(TestFileError, match="2 tables stand one below the other"):
+    with pytest.raises(InputFileError, match="2 tables stand one below the other"):
         read(_write(tmp_path, table + "\n" + table))
 
 

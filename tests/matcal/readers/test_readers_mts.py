@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from matcal.readers.detect import files_of, read
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 REAL = Path(__file__).parents[4] / "shared" / "rawsamples" / "mts_testsuite"
 DATA = Path(__file__).parents[3] / "data_raw"
@@ -54,18 +54,18 @@ def test_parts_out_of_order_with_an_empty_one_equal_the_whole(tmp_path: Path) ->
 def test_parts_of_two_tests_or_twice_the_same_are_refused(tmp_path: Path) -> None:
     _part(tmp_path, "", [0.0, 1.0])
     other = _part(tmp_path, "1", [2.0, 3.0], run="Run 2")
-    with pytest.raises(TestFileError, match="not parts of one test"):
+    with pytest.raises(InputFileError, match="not parts of one test"):
         read(tmp_path)
     other.unlink()
     _part(tmp_path, "1", [0.5, 3.0])
-    with pytest.raises(TestFileError, match="there twice"):
+    with pytest.raises(InputFileError, match="there twice"):
         read(tmp_path)
 
 
 def test_strangers_in_a_folder_are_refused(tmp_path: Path) -> None:
     _part(tmp_path, "", [0.0, 1.0])
     (tmp_path / "notes.txt").write_text("strain,stress (kPa)\n0,0\n0.1,1\n")
-    with pytest.raises(TestFileError, match=r"notes.txt.*not a part"):
+    with pytest.raises(InputFileError, match=r"notes.txt.*not a part"):
         read(tmp_path)
 
 
@@ -80,7 +80,7 @@ def test_strangers_in_a_folder_are_refused(tmp_path: Path) -> None:
 def test_broken_files_are_named_by_line(body: str, says: str, line: int, tmp_path: Path) -> None:
     path = tmp_path / "mts.txt"
     path.write_bytes((HEAD.format(run="1").split("Crosshead")[0] + body).encode())
-    with pytest.raises(TestFileError, match=says) as caught:
+    with pytest.raises(InputFileError, match=says) as caught:
         read(path)
     assert caught.value.line == line
 

@@ -9,7 +9,7 @@ import pytest
 
 from matcal.readers.column_options import parse_selection
 from matcal.readers.detect import read
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 TIMES, TRAVELS, FORCES = np.arange(12) / 4, -np.arange(12) * 0.3, -np.arange(12) * 0.0021
 WORDS = {
@@ -93,23 +93,23 @@ def test_a_title_with_lines_about_the_station_below_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(got.columns["displacement"], TRAVELS * 1e-3)
     assert got.metadata["Station Name"] == "rig 2"
     path.write_text(text.replace("Running Time", "9").replace("Axial", "7"), encoding="cp1252")
-    with pytest.raises(TestFileError, match=r"line 3: .*titles stand in line 3, 8, but no names .* ends in a clock"):
+    with pytest.raises(InputFileError, match=r"line 3: .*titles stand in line 3, 8, but no names .* ends in a clock"):
         read(path)
 
 
 def test_blocks_with_clocks_of_their_own_are_chosen_one_by_one(tmp_path: Path) -> None:
     path = _file(tmp_path)
     path.write_text(path.read_text(encoding="cp1252").replace("\n1.25\t", "\n0.25\t"), encoding="cp1252")
-    with pytest.raises(TestFileError) as refused:
+    with pytest.raises(InputFileError) as refused:
         read(path)
     option = str(refused.value).partition('--columns "')[2].partition('"')[0].partition("=")[2]
     got = read(path, parse_selection(option))
     np.testing.assert_allclose(got.columns["force"], FORCES[:5] * 1e3)
     assert any("block 1 of 2 read, as given" in note for note in got.notes)
-    with pytest.raises(TestFileError, match=r"block 5; blocks with numbers: 1 \(5 rows\), 2 \(7 rows\)"):
+    with pytest.raises(InputFileError, match=r"block 5; blocks with numbers: 1 \(5 rows\), 2 \(7 rows\)"):
         read(path, parse_selection("block=5"))
     (tmp_path / "a.csv").write_text("strain,stress\n-,Pa\n0,0\n0.1,1\n")
-    with pytest.raises(TestFileError, match="only MTS 793 files have blocks"):
+    with pytest.raises(InputFileError, match="only MTS 793 files have blocks"):
         read(tmp_path / "a.csv", parse_selection("block=1"))
 
 
@@ -124,5 +124,5 @@ def test_broken_files_are_named(change: tuple[str, str], says: str, tmp_path: Pa
     if says == "without a block":
         text = text.partition('"Data Acquisition"')[0]
     path.write_text(text.replace(*change), encoding="cp1252")
-    with pytest.raises(TestFileError, match=says):
+    with pytest.raises(InputFileError, match=says):
         read(path)

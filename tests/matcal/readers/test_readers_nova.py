@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from matcal.readers.detect import read
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 REAL = Path(__file__).parents[4] / "shared" / "rawsamples" / "autolab_nova"
 HEAD = "Potential applied (V);Time (s);WE(1).Current (A);WE(1).Potential (V);Index;Current range\n"
@@ -43,7 +43,7 @@ def test_overloads_are_dropped_and_counted(tmp_path: Path) -> None:
     got = read(_write(tmp_path, HEAD.strip() + ";Overload\n" + rows))
     assert got.rows == 2
     assert got.notes[0] == "1 rows flagged as current overload dropped."
-    with pytest.raises(TestFileError, match="every row is flagged"):
+    with pytest.raises(InputFileError, match="every row is flagged"):
         read(_write(tmp_path, HEAD.strip() + ";Overload\n" + rows.replace("µA;", "µA;Current overload")))
 
 
@@ -57,7 +57,7 @@ def test_overloads_are_dropped_and_counted(tmp_path: Path) -> None:
     ("Index;Frequency (Hz);Z' (Ω);-Z'' (Ω);Z (Ω)\n1;1000;1;2;3\n", "impedance spectrum", None),
 ])
 def test_what_is_no_record_of_current_is_refused(text: str, says: str, line: int | None, tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=says) as caught:
+    with pytest.raises(InputFileError, match=says) as caught:
         read(_write(tmp_path, text))
     assert caught.value.line == line
 
@@ -68,5 +68,5 @@ def test_real_exports() -> None:
     assert got.rows == 399
     assert got.columns["time"][0] == pytest.approx(1131.93820914213)
     assert got.columns["current"][0] == pytest.approx(-6.7169189453125e-05)
-    with pytest.raises(TestFileError, match="impedance spectrum"):
+    with pytest.raises(InputFileError, match="impedance spectrum"):
         read(REAL / "impedancepy_exampleDataAutolab.txt")

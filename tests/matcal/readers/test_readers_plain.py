@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from matcal.readers.detect import read
 from matcal.readers.units import si_factor, split_name
 from matcal.readers.vocabulary import quantity_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 SHARED = Path(__file__).parents[4] / "shared" / "rawsamples"
 STRAIN, STRESS = [0.0, -0.1, -0.25], [0.0, -1612.5, -2900.0]
@@ -86,23 +86,23 @@ BAD = {
 @pytest.mark.parametrize(("text", "says", "line"), BAD.values(), ids=BAD.keys())
 def test_doubt_is_refused_by_name_and_line(text: str, says: str, line: int | None, tmp_path: Path) -> None:
     path = _write(tmp_path, text)
-    with pytest.raises(TestFileError, match=says) as caught:
+    with pytest.raises(InputFileError, match=says) as caught:
         read(path)
     assert caught.value.line == line
     assert str(path) in str(caught.value)
 
 
 def test_missing_file_folder_workbook_and_foreign_machine(tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match="no such file"):
+    with pytest.raises(InputFileError, match="no such file"):
         read(tmp_path / "absent.csv")
-    with pytest.raises(TestFileError, match="no such file"):
+    with pytest.raises(InputFileError, match="no such file"):
         read(tmp_path / "nowhere" / "absent (Timed).txt")
-    with pytest.raises(TestFileError, match="no TestSuite text file"):
+    with pytest.raises(InputFileError, match="no TestSuite text file"):
         read(tmp_path)
     (tmp_path / "book.xlsx").write_bytes(b"PK\x03\x04 and so on")
-    with pytest.raises(TestFileError, match="workbook"):
+    with pytest.raises(InputFileError, match="workbook"):
         read(tmp_path / "book.xlsx")
-    with pytest.raises(TestFileError, match="MTS 793"):
+    with pytest.raises(InputFileError, match="MTS 793"):
         read(_write(tmp_path, "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n"))
 
 
@@ -143,5 +143,5 @@ def test_real_foam_tables() -> None:
     shear = read(SHARED / "foam_leap" / "foam_leap_SS.csv")
     assert shear.columns["strain"][0] == -0.15
     assert any("read as strain" in note for note in shear.notes)
-    with pytest.raises(TestFileError, match="no line of column names"):
+    with pytest.raises(InputFileError, match="no line of column names"):
         read(SHARED / "Treloar1944_UT.txt")

@@ -10,7 +10,7 @@ import pytest
 from matcal.readers.recording import Recording
 from matcal.reduction.specimen import Block
 from matcal.reduction.specimen_sizes import specimen_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 DISC = "[uniaxial]\ndiameter_mm = 50\nheight_mm = 20\ncompliance_mm_per_N = 0.001\n"
 
@@ -33,9 +33,9 @@ def test_the_files_own_sizes_serve_alone(tmp_path: Path) -> None:
     assert used == ()
     sheet, _, _ = specimen_of("planar", _recording(tmp_path, length=0.02, width=0.1, thickness=0.005), None)
     assert isinstance(sheet, Block)
-    with pytest.raises(TestFileError):
+    with pytest.raises(InputFileError):
         specimen_of("shear", _recording(tmp_path, length=0.02), None)
-    with pytest.raises(TestFileError, match=r"press.csv does not state it.*Give --specimen"):
+    with pytest.raises(InputFileError, match=r"press.csv does not state it.*Give --specimen"):
         specimen_of("uniaxial", _recording(tmp_path), None)
 
 
@@ -47,7 +47,9 @@ def test_what_agrees_is_used_with_its_compliance_and_what_differs_is_refused_or_
     assert "agrees with what the file itself states" in said[0]
     assert used == (beside,)
     other = _recording(tmp_path, diameter=0.05, height=0.03)
-    with pytest.raises(TestFileError, match=r"a length of 30 mm instead of .* 20 mm, as \[uniaxial\] of specimen.toml"):
+    with pytest.raises(
+        InputFileError, match=r"a length of 30 mm instead of .* 20 mm, as \[uniaxial\] of specimen.toml"
+    ):
         specimen_of("uniaxial", other, None)
     block, said, used = specimen_of("uniaxial", other, beside)
     assert isinstance(block, Block)
@@ -88,12 +90,12 @@ def test_the_file_serves_where_the_given_table_is_of_other_tests(tmp_path: Path)
 def test_sizes_that_contradict_or_do_not_suffice_are_refused(table: str, own: dict[str, float], says: str,
                                                              tmp_path: Path) -> None:
     given = _toml(tmp_path, "s.toml", f"[uniaxial]\n{table}")
-    with pytest.raises(TestFileError, match=says):
+    with pytest.raises(InputFileError, match=says):
         specimen_of("uniaxial", _recording(tmp_path, **own), given)
 
 
 def test_a_file_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=r"press.csv: .*two cross-sections"):
+    with pytest.raises(InputFileError, match=r"press.csv: .*two cross-sections"):
         specimen_of("uniaxial", _recording(tmp_path, area=4e-4, diameter=0.05, height=0.02), None)
-    with pytest.raises(TestFileError, match=r"needs the key height_mm. .* \[uniaxial\] in --specimen .* completes it"):
+    with pytest.raises(InputFileError, match=r"needs the key height_mm. .* \[uniaxial\] in --specimen .* completes it"):
         specimen_of("uniaxial", _recording(tmp_path, diameter=0.05), None)

@@ -10,7 +10,7 @@ import pytest
 
 from matcal.cli.main import main
 from matcal.reduction.inspect import inspect, print_description
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 DATA = Path(__file__).parents[3] / "data_raw"
 
@@ -30,7 +30,7 @@ def test_file_of_no_clear_kind_is_described_all_the_same(tmp_path: Path) -> None
     got = inspect(tmp_path / "foam.csv")
     assert got["kind"] is None
     assert "Write KIND=foam.csv" in got["kind_reason"]
-    with pytest.raises(TestFileError, match="no such file"):
+    with pytest.raises(InputFileError, match="no such file"):
         inspect(tmp_path / "absent.csv")
 
 

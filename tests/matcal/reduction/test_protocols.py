@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.reduce import reduce_tests
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 DATA = Path(__file__).parents[3] / "data_raw"
 REAL = Path(__file__).parents[4] / "shared" / "rawsamples"
@@ -115,7 +115,7 @@ def test_kind_is_taken_from_flag_then_file_then_sidecar_then_name(tmp_path: Path
     assert "from its own line 'Test:" in got.decisions[0]
     with pytest.raises(ValueError, match="'tortion' is unknown; known: uniaxial"):
         _reduced(plain, kind="tortion")
-    with pytest.raises(TestFileError, match=r"Write KIND=foam.csv"):
+    with pytest.raises(InputFileError, match=r"Write KIND=foam.csv"):
         _reduced(_written(tmp_path, "foam.csv", CURVE))
     assert _reduced(plain, kind="planar").kind == "planar"
 
@@ -153,11 +153,11 @@ def test_plain_tables_stand_as_they_are(tmp_path: Path) -> None:
                                .replace("stress\n,kPa", "stress\n-,kPa")))
     assert turned.strain.tolist() == [0.0, -0.1, -0.2]
     assert any("both signs turned" in sentence for sentence in turned.decisions)
-    with pytest.raises(TestFileError, match="opposite signs"):
+    with pytest.raises(InputFileError, match="opposite signs"):
         _reduced(_written(tmp_path, "uniaxial.csv", CURVE.replace("-1.6", "1.6").replace("-2.7", "2.7")))
-    with pytest.raises(TestFileError, match="needs a stress column"):
+    with pytest.raises(InputFileError, match="needs a stress column"):
         _reduced(_written(tmp_path, "uniaxial.csv", "strain,time\n-,s\n0,0\n0.1,1\n"))
-    with pytest.raises(TestFileError, match="given by gamma"):
+    with pytest.raises(InputFileError, match="given by gamma"):
         _reduced(_written(tmp_path, "shear.csv", "stretch,stress (kPa)\n1,0\n1.1,1\n"))
 
 
@@ -183,7 +183,7 @@ def test_direction_and_preload_of_the_specimen(tmp_path: Path) -> None:
     force = np.maximum(travel - 1.0, 0.0)
     file = _frame(tmp_path, "uniaxial.csv", {"displacement": travel, "force": force, "time": np.arange(2100) / 100})
     size = "[uniaxial]\ndiameter_mm = 20\nheight_mm = 30\n"
-    with pytest.raises(TestFileError, match=r"direction = .compression. or .tension."):
+    with pytest.raises(InputFileError, match=r"direction = .compression. or .tension."):
         _reduced(file, specimen=_written(tmp_path, "s.toml", size))
     found = _reduced(file, specimen=_written(tmp_path, "s.toml", size + 'direction = "compression"\n'))
     assert found.strain.min() < -0.25
@@ -206,24 +206,24 @@ def test_direction_and_preload_of_the_specimen(tmp_path: Path) -> None:
     ("[uniaxial]\ndiameter_mm = 50\nheight_mm = 2\n", "Check height_mm, in mm"),
 ])
 def test_a_specimen_that_does_not_serve_is_refused(table: str, says: str, tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=says):
+    with pytest.raises(InputFileError, match=says):
         _reduced(DATA / "mts_uniaxial.txt", specimen=_written(tmp_path, "specimen.toml", table))
 
 
 def test_machine_files_without_what_they_need_are_refused(tmp_path: Path) -> None:
     alone = tmp_path / "mts_uniaxial.txt"
     shutil.copy(DATA / "mts_uniaxial.txt", alone)
-    with pytest.raises(TestFileError, match="Give --specimen"):
+    with pytest.raises(InputFileError, match="Give --specimen"):
         _reduced(alone)
-    with pytest.raises(TestFileError, match="no such file"):
+    with pytest.raises(InputFileError, match="no such file"):
         _reduced(alone, specimen=tmp_path / "absent.toml")
-    with pytest.raises(TestFileError, match="conductivity=FRAME_FILE,POTENTIOSTAT_FILE"):
+    with pytest.raises(InputFileError, match="conductivity=FRAME_FILE,POTENTIOSTAT_FILE"):
         _reduced(STRIP[0])
-    with pytest.raises(TestFileError, match="no hold to fit"):
+    with pytest.raises(InputFileError, match="no hold to fit"):
         _reduced(DATA / "mts_uniaxial.txt", kind="relaxation")
     sizes = (DATA / "specimen.toml").read_text().replace("voltage_V = 0.5", "voltage_V = 5")
     other = _written(tmp_path, "s.toml", sizes)
-    with pytest.raises(TestFileError, match="voltage_V = 5"):
+    with pytest.raises(InputFileError, match="voltage_V = 5"):
         _reduced(*STRIP, specimen=other)
 
 

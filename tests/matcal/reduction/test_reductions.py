@@ -10,7 +10,7 @@ import pytest
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import find_holds
 from matcal.reduction.reduce import read_and_reduce
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 REAL = Path(__file__).parents[4] / "shared" / "rawsamples"
 NAMES = {"displacement": "displacement (mm)", "force": "force (N)", "time": "time (s)"}
@@ -68,12 +68,12 @@ def test_volumetric_by_fluid_and_in_a_sleeve(tmp_path: Path) -> None:
     assert slope == pytest.approx(bulk, rel=0.01)
     assert fluid.strain.min() == pytest.approx(1 - area * 3.5 / volume, abs=1e-3)
     sleeve = "[volumetric]\nmethod = \"confined\"\ndiameter_mm = 10\nheight_mm = 20\n"
-    with pytest.raises(TestFileError, match="add lateral_ratio"):
+    with pytest.raises(InputFileError, match="add lateral_ratio"):
         _reduced(file, "volumetric", _written(tmp_path, "b.toml", sleeve))
     confined = _reduced(file, "volumetric", _written(tmp_path, "b.toml", sleeve + "lateral_ratio = 0.4\n"))
     axial = 100.0 / area * 20 * 1e6
     assert np.polyfit(confined.strain[1:] - 1, confined.value[1:], 1)[0] == pytest.approx(0.6 * axial, rel=0.01)
-    with pytest.raises(TestFileError, match="does not tell what the force is"):
+    with pytest.raises(InputFileError, match="does not tell what the force is"):
         _reduced(file, "volumetric", _written(tmp_path, "c.toml", "[volumetric]\ndiameter_mm = 10\nheight_mm = 20\n"))
 
 
@@ -172,7 +172,7 @@ def test_records_without_a_test_are_refused(spoil: dict[str, np.ndarray], says: 
     travel = np.interp(time, [0, 5, 60], [0, 0, 6])
     columns = {"displacement": travel, "force": 30 * np.maximum(travel - 0.5, 0), "time": time} | spoil
     sizes = _written(tmp_path, "s.toml", "[uniaxial]\nwidth_mm = 20\ndepth_mm = 20\nheight_mm = 20\n")
-    with pytest.raises(TestFileError, match=says):
+    with pytest.raises(InputFileError, match=says):
         _reduced(_frame(tmp_path, "compression.csv", **columns), "uniaxial", sizes)
 
 
@@ -188,7 +188,7 @@ def test_records_without_a_test_are_refused(spoil: dict[str, np.ndarray], says: 
     ("relaxation", "time (s),strain,stress (kPa)\n0,0,0\n1,-0.5,-2\n1,-0.5,-3\n", "does not grow"),
 ])
 def test_tables_that_cannot_be_are_refused(kind: str, text: str, says: str, tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=says):
+    with pytest.raises(InputFileError, match=says):
         _reduced(_written(tmp_path, "table.csv", text), kind)
 
 

@@ -16,7 +16,7 @@ from reports.benchmarks.precision import report
 from reports.benchmarks.precision_figures import seconds
 from reports.benchmarks.stored_tables import write
 from touchcal.code_version import ROOT, script_hash
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Reader = Callable[[Path], Any]
 
@@ -156,7 +156,7 @@ def test_the_points_drawn_lie_beside_the_page(tmp_path: Path) -> None:
 
 def test_errors_name_file_column_and_folder(tmp_path: Path) -> None:
     (tmp_path / "mechanics.csv").write_text("touch,element_um,cpu_s\nflat,240,0.1\n")
-    with pytest.raises(TestFileError, match=r"mechanics\.csv.*'depth_error'.*benchmarks/mechanics\.py"):
+    with pytest.raises(InputFileError, match=r"mechanics\.csv.*'depth_error'.*benchmarks/mechanics\.py"):
         write(report, tmp_path, tmp_path / "p.pdf")
     with pytest.raises(ValueError, match="no such folder of results"):
         write(report, tmp_path / "nowhere", tmp_path / "p.pdf")

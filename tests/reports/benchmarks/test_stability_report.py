@@ -15,7 +15,7 @@ from reports.benchmarks.stability_numerics import _cell as digits_cell
 from reports.benchmarks.stability_readings import _cell as reading_cell
 from reports.benchmarks.state_map import CAUTION, KEPT, LOST
 from reports.benchmarks.stored_tables import write
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Reader = Callable[[Path], Any]
 TABLES: dict[str, dict[str, Any]] = {
@@ -70,7 +70,7 @@ def test_what_was_not_measured_is_said(tmp_path: Path) -> None:
     assert set(made.absent) == {"laws", "functions", "scenes", "relaxation", "electrics", "readings"}
     assert made.absent["readings"].endswith("Run benchmarks/surrogate_noise.py, which writes it.")
     (tmp_path / "stiff.csv").write_text("case\nx\n")
-    with pytest.raises(TestFileError, match=r"stiff\.csv.*'outcome'.*benchmarks/stiff\.py"):
+    with pytest.raises(InputFileError, match=r"stiff\.csv.*'outcome'.*benchmarks/stiff\.py"):
         report(tmp_path)
     with pytest.raises(ValueError, match="no such folder"):
         write(report, tmp_path / "nowhere", tmp_path / "s.pdf")

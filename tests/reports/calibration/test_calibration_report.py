@@ -26,7 +26,7 @@ from reports.calibration import calibration_report
 from reports.calibration.calibration_report import write
 from reports.calibration.card_record import Test
 from reports.calibration.stress_figures import along_history
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Reader = Callable[[Path], Any]
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3), "longterm",
@@ -236,8 +236,8 @@ def test_a_cubic_that_turns_negative_is_said(card_path: Path) -> None:
 def test_errors_name_the_file(tmp_path: Path, card_path: Path) -> None:
     table = pd.read_parquet(card_path.parent / "card.d" / "shear_1.parquet").drop(columns="stress_Pa")
     table.to_parquet(card_path.parent / "card.d" / "shear_1.parquet")
-    with pytest.raises(TestFileError, match=r"shear_1\.parquet.*stress_Pa"):
+    with pytest.raises(InputFileError, match=r"shear_1\.parquet.*stress_Pa"):
         write(card_path, tmp_path / "c.pdf")
     card_path.write_text("{}")
-    with pytest.raises(TestFileError, match="not a card"):
+    with pytest.raises(InputFileError, match="not a card"):
         write(card_path, tmp_path / "c.pdf")

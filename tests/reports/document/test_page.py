@@ -17,21 +17,21 @@ from pypdf import PdfReader
 from pypdf.generic import DictionaryObject
 
 from reports.document import provenance, style
-from reports.document.page import Plate, Report, Table, write_pdf
+from reports.document.page import Report, ReportFigure, Table, write_pdf
 
 Reader = Callable[[Path], Any]
 
 
-def plate(name: str, x: str = "Time (s)") -> Plate:
+def plate(name: str, x: str = "Time (s)") -> ReportFigure:
     with style.house():
         figure = style.sheet(40)
         axes = figure.subplots()
         axes.plot([0, 1], [2, -3])
         style.label(axes, x, "Force (N)")
-    return Plate(name, figure, "It falls by 5 N.", {name: pd.DataFrame({"t_s": [0, 1], "F_N": [2, -3]})})
+    return ReportFigure(name, figure, "It falls by 5 N.", {name: pd.DataFrame({"t_s": [0, 1], "F_N": [2, -3]})})
 
 
-def make_report(tmp_path: Path, *plates: Plate, **changes: Any) -> Report:
+def make_report(tmp_path: Path, *plates: ReportFigure, **changes: Any) -> Report:
     source = tmp_path / "input.json"
     source.write_text("{}")
     footer = provenance.footer([provenance.source(source)], provenance.seed_words(11))

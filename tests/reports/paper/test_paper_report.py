@@ -21,7 +21,7 @@ from reports.paper import paper_report
 from reports.paper.learning import OUTPUTS
 from reports.paper.meshes import course
 from reports.paper.network import hidden_units
-from reports.paper.section import FULL, KEY, Number, Section, comparison, paper_value, stated
+from reports.paper.section import FULL, KEY, Number, Section, comparison, paper_value, published
 from reports.paper.stages import RECORD, content, key
 from reports.paper.stages_plan import QUICK, Run, planned
 from reports.paper.touches import conducting_share
@@ -152,7 +152,7 @@ def test_committed_numbers_of_the_full_run_answer_all_that_the_paper_states() ->
     assert not full.duplicated(KEY).any()
     assert np.isfinite(full["value"]).all()
     known = set(zip(full["figure"], full["quantity"], full["unit"], strict=True))
-    asked = stated()
+    asked = published()
     assert set(zip(asked["figure"], asked["quantity"], asked["unit"], strict=True)) <= known
 
 

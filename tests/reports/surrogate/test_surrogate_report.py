@@ -16,7 +16,7 @@ from reports.document import style
 from reports.surrogate import parity_figures
 from reports.surrogate.surrogate_report import report, write
 from surrogate.statistics.metrics import score
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Reader = Callable[[Path], Any]
 UNITS = {"x0": "mm", "A_c": "mm2"}
@@ -112,7 +112,7 @@ def test_the_floor_of_the_physics_stands_beside_the_errors_under_noise(tmp_path:
     limits.assign(dataset="00" * 32).to_csv(tmp_path / "model" / "limits.csv", index=False)
     assert "limits.csv is of another data set" in str(report(tmp_path / "model").prose["limits"])
     limits.drop(columns="limit").to_csv(tmp_path / "model" / "limits.csv", index=False)
-    with pytest.raises(TestFileError, match="column limit is missing"):
+    with pytest.raises(InputFileError, match="column limit is missing"):
         report(tmp_path / "model")
 
 
@@ -134,7 +134,7 @@ def test_maps_of_the_limit_are_drawn_by_level(tmp_path: Path) -> None:
     titles = [axes.get_title("left") for axes in quiet.figure.axes[:4]]
     assert titles == ["Position x", "Position y", "Punch diameter", "Force"]
     rows[0].drop(columns="sd_F_N").to_csv(tmp_path / "model" / "limit_map.csv", index=False)
-    with pytest.raises(TestFileError, match="column sd_F_N is missing"):
+    with pytest.raises(InputFileError, match="column sd_F_N is missing"):
         report(tmp_path / "model")
 
 
@@ -160,7 +160,7 @@ def test_the_training_of_networks_is_drawn(tmp_path: Path, read_pdf: Reader) -> 
 def test_a_folder_that_is_no_model_is_named(tmp_path: Path, name: str) -> None:
     write_model(tmp_path / "model")
     (tmp_path / "model" / name).unlink()
-    with pytest.raises(TestFileError, match=f"holds no {name}"):
+    with pytest.raises(InputFileError, match=f"holds no {name}"):
         write(tmp_path / "model", tmp_path / "s.pdf")
     assert not (tmp_path / "s.pdf").exists()
 

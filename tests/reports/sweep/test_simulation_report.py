@@ -13,7 +13,7 @@ import pytest
 from eitsim.sweeps.dataset.parquet import read_dataset
 from reports.sweep import sweep_report
 from reports.sweep.dispatch import write
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Make = Callable[..., Path]
 Reader = Callable[[Path], Any]
@@ -139,7 +139,7 @@ def test_errors_and_equal_ratios_are_told_in_words(tmp_path: Path, write_result:
 @pytest.mark.parametrize(("name", "content"), [("a.json", "not json"), ("a.json", '{"mu_Pa": 1}'), ("a.json", "[1]")])
 def test_a_file_that_is_no_result_is_named(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
-    with pytest.raises(TestFileError, match=name):
+    with pytest.raises(InputFileError, match=name):
         write(tmp_path / name, tmp_path / "t.pdf")
     assert not (tmp_path / "t.pdf").exists()
 
@@ -199,5 +199,5 @@ def test_one_solved_scene_is_enough(tmp_path: Path, write_set: Make, read_pdf: R
 
 
 def test_a_folder_that_is_no_set_is_named(tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=r"design\.json"):
+    with pytest.raises(InputFileError, match=r"design\.json"):
         write(tmp_path, tmp_path / "set.pdf")

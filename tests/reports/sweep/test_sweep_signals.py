@@ -9,7 +9,7 @@ import pytest
 
 from eitsim.sweeps.dataset import parquet
 from reports.sweep.signals import rms_of
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def test_sizes_of_signals_are_those_of_the_rows(folder: Path) -> None:
     table = parquet.read_dataset(folder).table.set_index("scene")[["dv_000", "dv_001", "dv_002"]]
     scenes = np.array([5, 0, 4, 1])
     assert rms_of(folder, scenes).tolist() == np.sqrt((table.loc[scenes]**2).mean(axis=1)).tolist()
-    with pytest.raises(TestFileError, match="no columns dv_000"):
+    with pytest.raises(InputFileError, match="no columns dv_000"):
         rms_of(folder, np.array([2]))
 
 

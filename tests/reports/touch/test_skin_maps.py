@@ -14,7 +14,7 @@ import pytest
 
 from reports.sweep.dispatch import write
 from reports.touch import skin_maps
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 from touchcal.provenance import file_identity
 
 Make = Callable[..., Path]
@@ -82,8 +82,8 @@ def test_maps_of_another_run_are_not_shown(tmp_path: Path, write_result: Make, r
 
 
 def test_a_file_without_the_fields_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match="contact_pressure_Pa"):
+    with pytest.raises(InputFileError, match="contact_pressure_Pa"):
         skin_maps.read(write_skin(tmp_path / "skin.vtu", contact_pressure_Pa=None))
     (tmp_path / "text.vtu").write_text("no mesh")
-    with pytest.raises(TestFileError, match=r"text\.vtu"):
+    with pytest.raises(InputFileError, match=r"text\.vtu"):
         skin_maps.read(tmp_path / "text.vtu")

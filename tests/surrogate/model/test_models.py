@@ -20,7 +20,7 @@ from surrogate.model.evaluate import evaluate, parts_of
 from surrogate.model.model import Model
 from surrogate.model.train import train
 from surrogate.model.trained import calibrated, estimate, interval_scale
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 NAMES = ("x0", "F", "delta_max")
 EPOCHS = {"trainbr": 60, "network": 30, "mlp": 300}
@@ -137,7 +137,7 @@ def test_rows_of_several_touches_are_refused(make_dataset: Callable[..., Path], 
     folder = make_dataset(tmp_path / "pairs", 25, 99)
     table = parquet.read_dataset(folder).table
     parquet.write_part(folder, table.assign(touches=np.where(table["scene"] == 7, 2, 1)).to_dict("records"))
-    with pytest.raises(TestFileError, match=r"1 rows have several touches \(scene 7: 2\).*one touch a row"):
+    with pytest.raises(InputFileError, match=r"1 rows have several touches \(scene 7: 2\).*one touch a row"):
         read_samples(folder)
 
 
@@ -208,23 +208,23 @@ def test_degenerate_rows(samples: Samples) -> None:
 
 
 def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path: Path) -> None:
-    with pytest.raises(TestFileError, match=r"not a model: it holds no model\.json"):
+    with pytest.raises(InputFileError, match=r"not a model: it holds no model\.json"):
         surrogate.load(tmp_path)
     models["ridge"].save(tmp_path / "model")
     text = json.loads((tmp_path / "model" / "model.json").read_text())
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "schema": 99}))
-    with pytest.raises(TestFileError, match="schema 99"):
+    with pytest.raises(InputFileError, match="schema 99"):
         surrogate.load(tmp_path / "model")
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "method": "forward"}))
-    with pytest.raises(TestFileError, match="do not belong"):
+    with pytest.raises(InputFileError, match="do not belong"):
         surrogate.load(tmp_path / "model")
     for spoilt, said in (("[1, 2]", "no JSON object"), (json.dumps({**text, "outputs": [{"name": "x9"}]}), "x9")):
         (tmp_path / "model" / "model.json").write_text(spoilt)
-        with pytest.raises(TestFileError, match=said):
+        with pytest.raises(InputFileError, match=said):
             surrogate.load(tmp_path / "model")
     (tmp_path / "model" / "model.json").write_text(json.dumps(text))
     (tmp_path / "model" / "arrays.npz").write_text("no arrays")
-    with pytest.raises(TestFileError, match="do not belong together, or one is damaged"):
+    with pytest.raises(InputFileError, match="do not belong together, or one is damaged"):
         surrogate.load(tmp_path / "model")
 
 

@@ -19,7 +19,7 @@ from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare, table_of
 from surrogate.model.stream import answer
 from surrogate.model.train import train
-from touchcal.errors import TestFileError
+from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 Synthetic = Callable[[int, int], tuple[Array, Array]]
@@ -85,7 +85,7 @@ def test_a_header_of_other_names_is_refused(ridge: Model, untouched_V: Array, tm
         with pytest.raises(ValueError, match=message):
             answered(ridge, text, untouched_V)
         (tmp_path / "frames.csv").write_text(text)
-        with pytest.raises(TestFileError, match=message):
+        with pytest.raises(InputFileError, match=message):
             read_lines(tmp_path / "frames.csv", 208)
 
 
