@@ -72,12 +72,12 @@ def arcs(radius_m: float, electrodes: Electrodes) -> Array:
     if gaps.min() >= -TOUCHING:
         return ends
     k = int(np.argmin(gaps))
-    mend = "place them further apart or make them narrower"
+    fix = "place them further apart or make them narrower"
     if not electrodes.angles_rad and np.ndim(electrodes.width_m) == 0:
         widest = math.floor(2e6 * math.pi * radius_m / electrodes.count) / 1e3
-        mend = f"{electrodes.count} of them at radius_mm = {radius_m * 1e3:g} may be {widest:.3f} wide at most"
+        fix = f"{electrodes.count} of them at radius_mm = {radius_m * 1e3:g} may be {widest:.3f} wide at most"
     raise ValueError(f"width_mm in [electrodes]: electrodes {k} and {(k + 1) % electrodes.count} (from 0) overlap by "
-                     f"{-gaps[k] * radius_m * 1e3:.3g} mm; {mend}.")
+                     f"{-gaps[k] * radius_m * 1e3:.3g} mm; {fix}.")
 
 
 def identical(electrodes: Electrodes) -> bool:

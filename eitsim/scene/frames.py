@@ -34,7 +34,7 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
     names the line of a wrong width or a missing number, and a header's name that is no reading.
     """
     table = read_numbers(path, readings, what="voltages", blanks=unread is not None)
-    volts, wanted = table.values, voltage_columns(readings)
+    volts, requested = table.values, voltage_columns(readings)
     if table.names:
         try:
             volts = volts[:, column_order(table.names, readings)]
@@ -43,8 +43,12 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
     if unread is not None:
         empty = np.argwhere(np.isnan(volts) & ~unread)
         if len(empty):
-            raise InputFileError(path, f"{wanted[empty[0, 1]]} is empty, and its electrodes are all there. Mend it, or "
-                                       "name what is missing in [electrodes].", line=int(table.line[empty[0, 0]]))
+            raise InputFileError(
+                path,
+                f"{requested[empty[0, 1]]} is empty, and its electrodes are all there. Mend it, or "
+                "name what is missing in [electrodes].",
+                line=int(table.line[empty[0, 0]]),
+            )
         volts = np.where(unread, 0.0, volts)
     return Frames(volts, table.line)
 
@@ -52,18 +56,18 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
 def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
     """(readings,) column of each reading under a header that names v_000 ... in any order; ValueError for one that
     names anything else, or not each of them once."""
-    wanted = voltage_columns(readings)
+    requested = voltage_columns(readings)
     place = {name: column for column, name in enumerate(names)}
-    mend = f"Name the columns {wanted[0]} to {wanted[-1]}, or leave the header out where they are in that order."
-    if foreign := [name for name in place if name not in wanted]:
+    fix = f"Name the columns {requested[0]} to {requested[-1]}, or leave the header out where they are in that order."
+    if foreign := [name for name in place if name not in requested]:
         raise ValueError(f"the header names '{foreign[0][:20]}' in column {place[foreign[0]] + 1}, which is no "
-                         f"reading. {mend}")
-    if lacking := [name for name in wanted if name not in place]:
-        raise ValueError(f"the header lacks {lacking[0]}. {mend}")
+                         f"reading. {fix}")
+    if lacking := [name for name in requested if name not in place]:
+        raise ValueError(f"the header lacks {lacking[0]}. {fix}")
     if len(place) < len(names):
         twice = next(name for column, name in enumerate(names) if place[name] != column)
-        raise ValueError(f"the header names {twice} twice. {mend}")
-    return np.array([place[name] for name in wanted], np.intp)
+        raise ValueError(f"the header names {twice} twice. {fix}")
+    return np.array([place[name] for name in requested], np.intp)
 
 
 def write_frames(path: Path | str, frames: Sequence[Readings]) -> None:

@@ -74,7 +74,7 @@ class RimField:
     # (2,) direction to the neighbour, beyond whose plane nothing is changed; None for the rim
     towards: Array | None = None
     # how far depth and signal may be off those solved afresh, relative; None where they are
-    told: tuple[float, float] | None = None
+    error_estimate: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -19,20 +19,22 @@ def numerical_errors(touches: tuple[Touch, ...], readings: Readings) -> dict[str
     "sigma_max", "A_c" and "strain" where every touch tells them."""
     out = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
            "depth": max(t.depth_error for t in touches)}
-    for key, told in {"sigma_max": [t.sigma_max_error for t in touches],
-                      "A_c": [t.contact_area_error for t in touches],
-                      "strain": [t.strain_error for t in touches]}.items():
-        known = [error for error in told if error is not None]
-        if len(known) == len(told):
+    for key, error_estimate in {"sigma_max": [t.sigma_max_error for t in touches],
+                                "A_c": [t.contact_area_error for t in touches],
+                                "strain": [t.strain_error for t in touches]}.items():
+        known = [error for error in error_estimate if error is not None]
+        if len(known) == len(error_estimate):
             out[key] = max(known)
     return out
 
 
-def explain_excess(wanted: float, told: float, numerical: float, plan: Plan) -> str:
-    """What keeps the signal's error from the wanted one; empty where nothing does."""
-    if told <= wanted:
+def explain_excess(requested: float, error_estimate: float, numerical: float, plan: Plan) -> str:
+    """What keeps the signal's error from the requested one; empty where nothing does."""
+    if error_estimate <= requested:
         return ""
     largest = max(plan.decisions, key=lambda d: d.error_bound)
-    return (f"the signal's error may be {told:.2g}, more than the {wanted:g} asked for (signal in [accuracy]): "
-            f"{numerical:.2g} is numerical, {plan.error_bound:.2g} what the plan left out, most of that "
-            f"\"{largest.decision}\".")
+    return (
+        f"the signal's error may be {error_estimate:.2g}, more than the {requested:g} asked for (signal in [accuracy]): "
+        f"{numerical:.2g} is numerical, {plan.error_bound:.2g} what the plan left out, most of that "
+        f'"{largest.decision}".'
+    )

@@ -133,11 +133,13 @@ def _apart_refusal(scene: Scene, group: Sequence[int], problem: str) -> str:
     gap, i, j = min((edge_gap_m(scene.punches[i], scene.punches[j]), i, j)
                     for i, j in itertools.combinations(group, 2))
     allowed = _NEIGHBOUR_SHARE * scene.accuracy.signal
-    apart = gap_for(allowed / (len(scene.punches) - 1), scene.body.thickness_m) * 1e3
-    return (f"the edges of touches {i + 1} and {j + 1} are {gap * 1e3:.1f} mm apart: solving each touch as if it were "
-            f"alone may cost {expected(scene.body, scene.punches):.2g} of the signal, allowed is {allowed:.2g} (half "
-            f"of signal in [accuracy]), and {problem}. Move them apart to {apart:.0f} mm or ask for less accuracy (a "
-            "larger signal in [accuracy]).")
+    separation = gap_for(allowed / (len(scene.punches) - 1), scene.body.thickness_m) * 1e3
+    return (
+        f"the edges of touches {i + 1} and {j + 1} are {gap * 1e3:.1f} mm apart: solving each touch as if it were "
+        f"alone may cost {expected(scene.body, scene.punches):.2g} of the signal, allowed is {allowed:.2g} (half "
+        f"of signal in [accuracy]), and {problem}. Move them apart to {separation:.0f} mm or ask for less accuracy (a "
+        "larger signal in [accuracy])."
+    )
 
 
 def together(scene: Scene, *, exact: bool = False) -> tuple[tuple[int, ...], ...]:
@@ -321,9 +323,9 @@ def _together_decision(scene: Scene, group: Sequence[int]) -> Decision:
 
 
 def _neighbour_decision(scene: Scene, groups: Sequence[Sequence[int]]) -> Decision:
-    apart = [(i, j) for i, j in itertools.combinations(range(len(scene.punches)), 2)
-             if not any(i in group and j in group for group in groups)]
-    gap = min(edge_gap_m(scene.punches[i], scene.punches[j]) for i, j in apart)
+    separation = [(i, j) for i, j in itertools.combinations(range(len(scene.punches)), 2)
+                  if not any(i in group and j in group for group in groups)]
+    gap = min(edge_gap_m(scene.punches[i], scene.punches[j]) for i, j in separation)
     others = " not solved together" if groups else ""
     return Decision(f"{len(scene.punches)} touches, each{others} solved as if it were alone",
                     f"the closest two{others} have {gap * 1e3:.1f} mm between their edges, "

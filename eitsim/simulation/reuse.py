@@ -24,8 +24,10 @@ from touchcal import cache
 # Part of the wanted signal error that a table's own may use up.
 TABLE_SHARE = 0.25
 # Arrays of a table and of what the rim changes.
-_PATHS = ("depths", "radius", "values", "slopes", "told")
-_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "told")
+_PATHS = ("depths", "radius", "values", "slopes", "error_estimate")
+_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "error_estimate")
+# Names under which arrays are kept, where they are not the fields' own.
+_KEPT_AS = {"error_estimate": "told"}
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
@@ -38,25 +40,25 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
     and a note where the cache cannot be used."""
     key = {"shape": asdict(shape), "depths": DEPTHS}
     arrays, note = cache.kept(cache.key_of(key), lambda: _arrays(build(shape, run, DEPTHS)))
-    part = {name: np.asarray(arrays[name]) for name in _PATHS}
+    part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _PATHS}
     table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["told"],
                   Deviation(*arrays["error"].tolist()), int(arrays["checks"]), float(arrays["cpu_s"]))
     if not rim:
         return table, note
     key |= {"rim": asdict(GRID)}
     arrays, note = cache.kept(cache.key_of(key), lambda: _rim_arrays(build_rim(table, run, GRID)))
-    part = {name: np.asarray(arrays[name]) for name in _CHANGES}
+    part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _CHANGES}
     return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note
 
 
 def _arrays(table: Table) -> dict[str, Any]:
-    kept = {name: getattr(table, name) for name in _PATHS}
+    kept = {_KEPT_AS.get(name, name): getattr(table, name) for name in _PATHS}
     return kept | {"error": np.array(astuple(table.error)), "checks": np.array(table.checks),
                    "cpu_s": np.array(table.cpu_s)}
 
 
 def _rim_arrays(rim: RimTable) -> dict[str, Any]:
-    kept = {name: getattr(rim, name) for name in _CHANGES}
+    kept = {_KEPT_AS.get(name, name): getattr(rim, name) for name in _CHANGES}
     return kept | {"cpu_s": np.array(rim.cpu_s)}
 
 
@@ -110,15 +112,17 @@ def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
         where += (f", for this law a weighted mean of those of {table.laws} drawn laws (what the rim changes that of "
                   "one)")
     bound, rim = max(error.depth, error.signal), ""
-    if touch.rim is not None and touch.rim.told is not None:
-        depth, signal = touch.rim.told
+    if touch.rim is not None and touch.rim.error_estimate is not None:
+        depth, signal = touch.rim.error_estimate
         bound += max(depth, signal)
         rim = (f"; what the rim changes, from a table too, was at most {depth:.1e} off in depth and {signal:.1e} in "
                "signal about this gap and depth")
     bound *= _SAFETY
-    told = (f"the bound is {_SAFETY:g} times the larger of depth and response; the table took {table.whole_cpu_s:.0f} "
-            "CPU s, once, not counted in the cost of a touch")
+    error_estimate = (
+        f"the bound is {_SAFETY:g} times the larger of depth and response; the table took {table.whole_cpu_s:.0f} "
+        "CPU s, once, not counted in the cost of a touch"
+    )
     return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
                     f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
                     f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "
-                    f"{error.strain:.1e} in L2{rim}; {told}", bound, strain_bound=_SAFETY * error.strain)
+                    f"{error.strain:.1e} in L2{rim}; {error_estimate}", bound, strain_bound=_SAFETY * error.strain)

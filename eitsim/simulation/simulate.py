@@ -175,11 +175,19 @@ def _told(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Readin
     """What was solved, with its errors, and what is wrong with it."""
     neighbours, unplanned = _neighbours(scene, touches, exact)
     numerical = numerical_errors(touches, readings)
-    told = error_budget(plan, numerical, unplanned)
+    error_estimate = error_budget(plan, numerical, unplanned)
     too_deep = _too_deep(touches, scene.body)
-    return Result("bottomed_out" if too_deep else "ok", plan, touches, readings, moments,
-                  too_deep or explain_excess(scene.accuracy.signal, told["signal"], numerical["signal"], plan),
-                  interaction=neighbours, error_estimate=told, numerical_error=numerical)
+    return Result(
+        "bottomed_out" if too_deep else "ok",
+        plan,
+        touches,
+        readings,
+        moments,
+        too_deep or explain_excess(scene.accuracy.signal, error_estimate["signal"], numerical["signal"], plan),
+        interaction=neighbours,
+        error_estimate=error_estimate,
+        numerical_error=numerical,
+    )
 
 
 def _neighbours(scene: Scene, touches: tuple[Touch, ...], exact: bool) -> tuple[dict[str, float], dict[str, float]]:

@@ -134,10 +134,10 @@ def _instantaneous_moduli(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array
     tau, tangent = kirchhoff(law, x), kirchhoff_tangent(law, x)
     diagonal = np.einsum("nii->ni", tangent)
     gap = x[:, :, None] - x[:, None, :]
-    apart = np.abs(gap) > 1e-6
-    safe = np.where(apart, gap, 1.0)
-    slope = np.where(apart, (tau[:, :, None] - tau[:, None, :]) / safe, (diagonal[:, :, None] - tangent))
-    shear = slope * np.where(apart, safe / -np.expm1(-2 * safe), 0.5)
+    separation = np.abs(gap) > 1e-6
+    safe = np.where(separation, gap, 1.0)
+    slope = np.where(separation, (tau[:, :, None] - tau[:, None, :]) / safe, (diagonal[:, :, None] - tangent))
+    shear = slope * np.where(separation, safe / -np.expm1(-2 * safe), 0.5)
     off = 1 - np.eye(3)
     return diagonal - tau, shear * off, (tangent + shear.transpose(0, 2, 1) - tau[:, None, :]) * off
 

@@ -115,8 +115,8 @@ def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np
         state = emcee.State(points, random_state=_legacy_state(rng))
         sampler.run_mcmc(state, _COOLING_STEPS, skip_initial_state_check=True)
         points = np.asarray(sampler.get_chain())[-1]
-    apart = points + 1e-4 * scale * rng.normal(size=points.shape)  # snooker moves need different walkers
-    return np.where(np.isfinite(density(apart, 1.0))[:, None], apart, points)
+    separation = points + 1e-4 * scale * rng.normal(size=points.shape)  # snooker moves need different walkers
+    return np.where(np.isfinite(density(separation, 1.0))[:, None], separation, points)
 
 
 def _rescued(states: Sequence[Any], scale: Array,
@@ -133,8 +133,8 @@ def _rescued(states: Sequence[Any], scale: Array,
     for state, density in zip(states, densities, strict=True):
         lost = np.flatnonzero(density < least)
         coords = np.array(state.coords)
-        apart = 1e-5 * scale * rng.normal(size=(lost.size, scale.size))
-        coords[lost] = good[rng.integers(good.shape[0], size=lost.size)] + apart
+        separation = 1e-5 * scale * rng.normal(size=(lost.size, scale.size))
+        coords[lost] = good[rng.integers(good.shape[0], size=lost.size)] + separation
         total += lost.size
         out.append(state if lost.size == 0 else emcee.State(coords, random_state=state.random_state))
     return out, total

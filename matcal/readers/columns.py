@@ -80,8 +80,8 @@ def _widened(grid: Grid, header: Header) -> Header:
 
 def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Column]:
     out: dict[str, _Column] = {}
-    for quantity, (wanted, unit) in selection.columns.items():
-        index = _index(grid, header, wanted)
+    for quantity, (requested, unit) in selection.columns.items():
+        index = _index(grid, header, requested)
         if before := next((q for q, column in out.items() if column.index == index), None):
             raise InputFileError(
                 grid.path,
@@ -98,14 +98,14 @@ def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Co
     return out
 
 
-def _index(grid: Grid, header: Header, wanted: str) -> int:
+def _index(grid: Grid, header: Header, requested: str) -> int:
     names = [name.casefold() for name, _ in header.cells]
-    if names.count(wanted.casefold()) == 1:
-        return names.index(wanted.casefold())
-    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
-        return int(wanted) - 1
-    problem = "is the name of several columns" if wanted.casefold() in names else "is no column"
-    raise InputFileError(grid.path, f"--columns: '{wanted}' {problem}. {_listed(header)}", line=header.line)
+    if names.count(requested.casefold()) == 1:
+        return names.index(requested.casefold())
+    if requested.isdecimal() and 1 <= int(requested) <= len(names):
+        return int(requested) - 1
+    problem = "is the name of several columns" if requested.casefold() in names else "is no column"
+    raise InputFileError(grid.path, f"--columns: '{requested}' {problem}. {_listed(header)}", line=header.line)
 
 
 def _listed(header: Header) -> str:

@@ -36,10 +36,10 @@ def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
     stretches that the fitted ones reached; a fitted mode goes no further than these either.
     """
     least, most = _stretches(fitted)
-    alike = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
+    identical = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
     out = {}
     for mode in MODES:
-        lo, hi = alike.get(mode, (least - 1, most - 1))
+        lo, hi = identical.get(mode, (least - 1, most - 1))
         if mode in fitted:
             low, high = fitted[mode]
             reach = 0.25 * (high - low)

@@ -75,10 +75,10 @@ def _long_term(card: MaterialCard) -> Iterator[str]:
 
 def _agreement(card: MaterialCard) -> Iterator[str]:
     drawn = card.posterior.get("derived", {})
-    apart = [name for name, row in card.fit.get("derived", {}).items()
-             if name in drawn and not overlaps((row["lo"], row["hi"]), (drawn[name]["lo"], drawn[name]["hi"]))]
-    if apart:
-        yield (f"Fit and posterior disagree beyond their 95 % intervals in {', '.join(apart)}: the law does not "
+    separation = [name for name, row in card.fit.get("derived", {}).items()
+                  if name in drawn and not overlaps((row["lo"], row["hi"]), (drawn[name]["lo"], drawn[name]["hi"]))]
+    if separation:
+        yield (f"Fit and posterior disagree beyond their 95 % intervals in {', '.join(separation)}: the law does not "
                "describe all tests at once; trust neither before the misfit is understood.")
 
 

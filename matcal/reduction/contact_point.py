@@ -150,8 +150,8 @@ def _weights(means: _Means, grid: Array, length_m: float, reach: float) -> Array
 def _bends_together(u: Array) -> Array:
     """(k, m, m) covariance of the twice integrated Wiener process, int_0^min (u - s)^2 (v - s)^2/4 ds."""
     low = np.minimum(u[:, :, None], u[:, None, :])
-    apart = np.abs(u[:, :, None] - u[:, None, :])
-    return low**3 * (low**2 / 5 + apart * low / 2 + apart**2 / 3) / 4
+    separation = np.abs(u[:, :, None] - u[:, None, :])
+    return low**3 * (low**2 / 5 + separation * low / 2 + separation**2 / 3) / 4
 
 
 def _log_evidence(covariance: Array, rows: Array) -> Array:

@@ -12,7 +12,7 @@ from matcal.readers.recording import Recording
 from matcal.reduction.contact_point import Contact, find_contact
 from matcal.reduction.load_cycles import BRANCHES, Loading, one_loading
 from matcal.reduction.loading_direction import SIGNS, named_direction, words_about
-from matcal.reduction.size_checks import check_reach, check_sizes, mend_of_sizes
+from matcal.reduction.size_checks import check_reach, check_sizes, fix_of_sizes
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.statistics.block_means import block_means, sample_noise
@@ -49,7 +49,7 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     except ValueError as error:
         raise InputFileError(
             recording.paths[0],
-            f"{error}, so the contact cannot be found. Check {mend_of_sizes(kind)} "
+            f"{error}, so the contact cannot be found. Check {fix_of_sizes(kind)} "
             "and the unit of the displacement; if they are right, give preload_N "
             "and the height at it, or a record with more samples.",
         ) from None

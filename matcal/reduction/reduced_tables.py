@@ -56,8 +56,8 @@ def _strain_and_value(kind: str, recording: Recording, notes: list[str]) -> tupl
         notes.append(f"Column '{recording.names['stretch']}' is the stretch: strain = stretch - 1.")
     elif kind == "shear" and quantity_of(name := recording.names.get("strain", "")) == "stretch":
         notes.append(f"Column '{name}' runs through 0, which no stretch does: in this shear test it is gamma.")
-    wanted = {"conductivity": ("strain", "conductivity"), "relaxation": ("strain", "stress", "time")}
-    if missing := [q for q in wanted.get(kind, ("strain", "stress")) if q not in columns]:
+    requested = {"conductivity": ("strain", "conductivity"), "relaxation": ("strain", "stress", "time")}
+    if missing := [q for q in requested.get(kind, ("strain", "stress")) if q not in columns]:
         raise _missing(kind, recording, missing[0])
     return columns["strain"], columns["conductivity" if kind == "conductivity" else "stress"]
 

@@ -22,7 +22,7 @@ _KEYS = {"shear": ("thickness_mm", "faces, length_mm and width_mm"), "volumetric
 _DISC = ("height_mm", "diameter_mm or width_mm and depth_mm")
 
 
-def mend_of_sizes(kind: str) -> str:
+def fix_of_sizes(kind: str) -> str:
     """The keys of the specimen's table that a record of `kind` depends on, in words."""
     length, area = _KEYS.get(kind, _DISC)
     return f"{length}, {area} and compliance_mm_per_N"
@@ -61,7 +61,7 @@ def check_reach(kind: str, recording: Recording, strain: float) -> None:
     """TestFileError where a loading ends at a strain that no test of foam ends at."""
     if strain <= -1 or abs(strain) < _LEAST_STRAIN:
         raise _error(recording, f"the loading ends at a strain of {strain:.3g}. Check the sizes of the specimen "
-                                f"({mend_of_sizes(kind)}) and the unit of the displacement.")
+                                f"({fix_of_sizes(kind)}) and the unit of the displacement.")
 
 
 def _error(recording: Recording, problem: str) -> InputFileError:

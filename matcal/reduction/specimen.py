@@ -72,8 +72,8 @@ def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
     tables = {name: table for name, table in read_toml(path).items() if name != "kind"}
     if unknown := sorted(set(tables) - set(KEYS)):
         stray = any(unknown[0] in keys for keys in KEYS.values())
-        mend = f" Write it below the line of its test, for example [{next(iter(KEYS))}]." if stray else ""
-        raise InputFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.{mend}")
+        fix = f" Write it below the line of its test, for example [{next(iter(KEYS))}]." if stray else ""
+        raise InputFileError(path, f"unknown table or key '{unknown[0]}'; known tables: {', '.join(KEYS)}.{fix}")
     for kind, table in tables.items():
         if not isinstance(table, Mapping):
             raise InputFileError(path, f"'{kind}' must be a table: write [{kind}] and its keys below it.")

@@ -26,8 +26,8 @@ def log_blocks(time_s: Array, points: int) -> Edges:
     t = time_s - time_s[0]
     if t.size < 3:
         return np.arange(t.size + 1)
-    wanted = np.searchsorted(t, np.geomspace(t[1], 1.0001 * t[-1], points))
-    return np.unique(np.concatenate([[0], wanted, [t.size]]))
+    requested = np.searchsorted(t, np.geomspace(t[1], 1.0001 * t[-1], points))
+    return np.unique(np.concatenate([[0], requested, [t.size]]))
 
 
 def block_means(values: Array, edges: Edges) -> Array:

@@ -141,8 +141,8 @@ def derivatives_at(table: SlopeTable, place: int, d_mm: Array, force_N: Array) -
     return Derivatives(table.parameters, found, table.baseline_V)
 
 
-def _across(solved: Array, wanted: Array) -> Array:
+def _across(solved: Array, requested: Array) -> Array:
     """Lagrange's weights (D, n) in the logarithm of the diameter."""
-    x, at = np.log(solved), np.log(wanted)
+    x, at = np.log(solved), np.log(requested)
     return np.stack([np.prod([(at - x[k]) / (x[j] - x[k]) for k in range(len(x)) if k != j] or [np.ones_like(at)],
                              axis=0) for j in range(len(x))])

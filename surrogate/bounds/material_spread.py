@@ -83,9 +83,9 @@ def _foam_changes(cards: Cards) -> tuple[Array, float]:
     weight = 1 / (np.abs(own) + _SMALL * law.mu_0_Pa)
     tangent = weight[:, None] * _tangent(law)
     scale = 1 / np.maximum(np.linalg.norm(tangent, axis=0), np.finfo(float).tiny)
-    wanted = np.stack([weight * (_stress(require(one, "hyperfoam", "the limit")) - own) for one in _drawn(cards)])
-    change = np.linalg.lstsq(tangent * scale, wanted.T, rcond=_KEPT)[0].T * scale
-    left = np.sqrt(np.mean((wanted - change @ tangent.T) ** 2, axis=1))
+    requested = np.stack([weight * (_stress(require(one, "hyperfoam", "the limit")) - own) for one in _drawn(cards)])
+    change = np.linalg.lstsq(tangent * scale, requested.T, rcond=_KEPT)[0].T * scale
+    left = np.sqrt(np.mean((requested - change @ tangent.T) ** 2, axis=1))
     return change, float(left.max())
 
 

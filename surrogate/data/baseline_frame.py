@@ -37,11 +37,13 @@ def caution(trained_V: Array, baseline_V: Array) -> str:
     it may be."""
     finite = np.isfinite(baseline_V)
     trained, given = trained_V[finite], baseline_V[finite]
-    apart = _apart(given, trained)
-    if apart < OTHER_BASELINE:
+    separation = _apart(given, trained)
+    if separation < OTHER_BASELINE:
         return ""
-    return (f"the untouched frame differs by {apart:.0%} from that of the training: {_cause(trained, given)} Intervals "
-            "do not count such a difference.")
+    return (
+        f"the untouched frame differs by {separation:.0%} from that of the training: {_cause(trained, given)} Intervals "
+        "do not count such a difference."
+    )
 
 
 def _cause(trained: Array, given: Array) -> str:

@@ -33,10 +33,10 @@ def chosen(choice: str | Sequence[str]) -> tuple[str, ...]:
     known."""
     if choice == "all":
         return NAMES
-    wanted = [name.strip() for name in choice.split(",")] if isinstance(choice, str) else choice
-    if unknown := [name for name in wanted if name not in NAMES]:
+    requested = [name.strip() for name in choice.split(",")] if isinstance(choice, str) else choice
+    if unknown := [name for name in requested if name not in NAMES]:
         raise ValueError(f"output '{unknown[0]}' is unknown; known: all, {', '.join(NAMES)}.")
-    return tuple(name for name in NAMES if name in wanted)
+    return tuple(name for name in NAMES if name in requested)
 
 
 def of(name: str) -> Output:

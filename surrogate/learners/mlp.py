@@ -80,12 +80,12 @@ def _fitted(f: Array, y: Array, seed: int, steps: int) -> tuple[Layer, ...]:
         torch.manual_seed(seed)
         linear = [nn.Linear(a, b) for a, b in pairwise(sizes)]
     net = nn.Sequential(linear[0], nn.Tanh(), linear[1], nn.Tanh(), linear[2])
-    x, wanted = torch.from_numpy(f).float(), torch.from_numpy(y).float()
+    x, requested = torch.from_numpy(f).float(), torch.from_numpy(y).float()
     descent = torch.optim.Adam(net.parameters(), RATE)
     rate = torch.optim.lr_scheduler.CosineAnnealingLR(descent, steps)
     for _ in range(steps):
         descent.zero_grad()
-        mse_loss(net(x), wanted).backward()
+        mse_loss(net(x), requested).backward()
         descent.step()
         rate.step()
     return tuple(Layer(part.weight.detach().double().numpy(), part.bias.detach().double().numpy()) for part in linear)

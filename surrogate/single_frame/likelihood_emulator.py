@@ -33,7 +33,7 @@ class Emulator:
     factor: Array
 
 
-def wanted(unknowns: int) -> int:
+def requested(unknowns: int) -> int:
     """Points that a fit needs."""
     return POINTS * len(_products(unknowns))
 

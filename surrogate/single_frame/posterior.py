@@ -153,12 +153,12 @@ def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, s
 def _points(frame: _Frame, ridge: Ridge, rng: np.random.Generator) -> Array:
     """(n, 4) straightened touches about a ridge, enough for an emulator, some of them within the prior; NotConverged
     where these are not to be had."""
-    wanted, found = likelihood_emulator.wanted(4), np.empty((0, 4))
+    requested, found = likelihood_emulator.requested(4), np.empty((0, 4))
     for _ in range(TRIES):
-        points = diameter_profile.points_about(ridge, 2 * wanted, REACH, rng)
+        points = diameter_profile.points_about(ridge, 2 * requested, REACH, rng)
         found = np.vstack([found, points[frame.allowed(diameter_profile.bent(ridge, points), MARGIN)]])
-        if len(found) >= wanted and np.isfinite(log_prior(frame.forward, frame.prior,
-                                                          diameter_profile.bent(ridge, found))).any():
+        if len(found) >= requested and np.isfinite(log_prior(frame.forward, frame.prior,
+                                                             diameter_profile.bent(ridge, found))).any():
             return found
     raise NotConverged("no touch within the training range is near this frame, so that it has no posterior there. "
                        "Sweep and train on a wider range.")

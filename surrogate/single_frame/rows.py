@@ -103,10 +103,12 @@ def ones(predictor: Predictor, lines: Lines) -> Iterator[One]:
 
 def check_baseline(simulated_V: Array, baseline_V: Array) -> None:
     """ValueError where an untouched frame is not the simulator's."""
-    apart = float(np.linalg.norm(simulated_V - baseline_V) / np.linalg.norm(simulated_V))
-    if apart > OTHER_BASELINE:
-        raise ValueError(f"the untouched frame differs by {apart:.0%} from the simulator's: card, scene and frames are "
-                         "not of one sensor, drive and unit. Give the --card and --data or --scene of these frames.")
+    separation = float(np.linalg.norm(simulated_V - baseline_V) / np.linalg.norm(simulated_V))
+    if separation > OTHER_BASELINE:
+        raise ValueError(
+            f"the untouched frame differs by {separation:.0%} from the simulator's: card, scene and frames are "
+            "not of one sensor, drive and unit. Give the --card and --data or --scene of these frames."
+        )
 
 
 def direct_row(model: TrainedModel, simulator: Simulator, one: One, noise_V: float) -> Row:
@@ -178,7 +180,7 @@ def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | N
     cost = {"misfit": np.nan, "residual_V": np.nan, "left_out_error": np.nan, "simulations": 0, "cpu_s": np.nan}
     if own is not None:
         cost = {"misfit": own.misfit, "residual_V": float(np.sqrt(np.mean(own.residual_V**2))),
-                "left_out_error": own.told, "simulations": own.simulations, "cpu_s": own.cpu_s}
+                "left_out_error": own.error_estimate, "simulations": own.simulations, "cpu_s": own.cpu_s}
     return row | {"by": taken} | cost | {"flag": flag}
 
 

@@ -48,7 +48,7 @@ class Direct:
     unknowns: Unknowns
     slope: Array
     # relative error of the simulator's signal, with the bounds of what its plan leaves out, which no interval counts
-    told: float
+    error_estimate: float
     # scenes solved (derivatives once beside them), CPU time, s
     simulations: int
     cpu_s: float
@@ -98,7 +98,7 @@ def direct(simulator: Simulator, forward: ForwardMap, signal_V: Array, noise_V: 
     own = np.asarray(np.vstack([by_state / unknowns.white_V, np.diag(1 / width)]), np.float64)
     return Direct(_touch(forward, end.state), _covariance(end.jacobian, to_mm) * max(misfit, 1.0),
                   _covariance(own, to_mm), misfit, left, signal_V + left, unknowns, by_state @ np.linalg.inv(to_mm),
-                  first.told, end.solves + 1, time.process_time() - begun, end.close)
+                  first.error_estimate, end.solves + 1, time.process_time() - begun, end.close)
 
 
 def _descend(residual_at: Callable[[Array], Array], within: Callable[[Array], Array], state: Array, residual: Array,

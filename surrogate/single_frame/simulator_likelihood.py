@@ -42,7 +42,7 @@ class Solved:
     baseline_V: Array
     # relative error of the signal, 2-norm, that solving left, and with the bounds of what the plan left out
     numerical: float
-    told: float
+    error_estimate: float
 
 
 @dataclass(frozen=True, eq=False)

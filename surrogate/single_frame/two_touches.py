@@ -80,9 +80,9 @@ def _pair(forward: ForwardMap, end: Minimum, k: int, gain: float, misfit_of_one:
     rows = np.concatenate([4 * order[0] + np.arange(4), 4 * order[1] + np.arange(4)])
     touch, covariance = touch[order], covariance[np.ix_(rows, rows)]
     between = np.hstack([np.eye(2), np.zeros((2, 2)), -np.eye(2), np.zeros((2, 2))])
-    apart = touch[1, :2] - touch[0, :2]
-    near = apart @ np.linalg.solve(between @ covariance @ between.T, apart) < 4
-    overlap = np.linalg.norm(apart) < touch[:, 2].mean()
+    separation = touch[1, :2] - touch[0, :2]
+    near = separation @ np.linalg.solve(between @ covariance @ between.T, separation) < 4
+    overlap = np.linalg.norm(separation) < touch[:, 2].mean()
     return Pair(touch, covariance, gain, misfit, misfit_of_one, gain > STRONG, bool(near or overlap))
 
 
@@ -117,10 +117,10 @@ def _error(forward: ForwardMap, state: Array) -> Array:
 def _starts(forward: ForwardMap, signal_V: Array) -> Array:
     """(PAIRS, 8) scaled states: pairs of places whose dipoles together explain most, each a mean punch."""
     place, direction, size = candidates(forward, PLACES)
-    match, alike = direction @ signal_V, direction @ direction.T
+    match, identical = direction @ signal_V, direction @ direction.T
     i, j = np.triu_indices(len(place), 1)
-    free = np.maximum(1 - alike[i, j] ** 2, 1e-6)
-    first, second = (match[i] - alike[i, j] * match[j]) / free, (match[j] - alike[i, j] * match[i]) / free
+    free = np.maximum(1 - identical[i, j] ** 2, 1e-6)
+    first, second = (match[i] - identical[i, j] * match[j]) / free, (match[j] - identical[i, j] * match[i]) / free
     explained = np.where((first > 0) & (second > 0), first * match[i] + second * match[j], -np.inf)
     out: list[Array] = []
     for k in np.argsort(-explained):

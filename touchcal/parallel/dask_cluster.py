@@ -94,12 +94,12 @@ def _code() -> tuple[str, dict[str, str]]:
     return key_of({}), versions()
 
 
-def _compare(wanted: str, key: str, worker: str, there: dict[str, str]) -> None:
-    if key != wanted:
+def _compare(requested: str, key: str, worker: str, there: dict[str, str]) -> None:
+    if key != requested:
         told = ", ".join(f"{name} {version}" for name, version in there.items())
         raise PoolUnavailable(
             f"{worker} runs other code or libraries than the sweep ({told}, {key[:12]}; wanted "
-            f"{wanted[:12]}). Install the same there, restart it, and start again: what is finished is kept.")
+            f"{requested[:12]}). Install the same there, restart it, and start again: what is finished is kept.")
 
 
 class _Cluster:
@@ -175,6 +175,6 @@ class _Cluster:
             answer.set_exception(error)
 
 
-def _called(wanted: str, task: Task, item: Any) -> Any:
-    _compare(wanted, key_of({}), "a dask worker that joined", versions())
+def _called(requested: str, task: Task, item: Any) -> Any:
+    _compare(requested, key_of({}), "a dask worker that joined", versions())
     return task(item)

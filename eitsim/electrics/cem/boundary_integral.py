@@ -157,8 +157,8 @@ def _panels_to(gap: float, width: float) -> int:
     far = gap / (width / 2)
     if far >= 2 * _FAR:
         return 0
-    wanted = 1 + max(math.ceil(math.log2(_FAR / far)), 0) if far > 0 else math.inf
-    return int(wanted) if wanted <= _SMOOTH_PANELS else -1
+    requested = 1 + max(math.ceil(math.log2(_FAR / far)), 0) if far > 0 else math.inf
+    return int(requested) if requested <= _SMOOTH_PANELS else -1
 
 
 @lru_cache(maxsize=256)
@@ -169,8 +169,8 @@ def _alone(half: float, layer: float, before: int, after: int) -> _Alone:
     smooth, onto = _smooth_nodes(panels, before, after)
     waves: Complex = np.exp(1j * np.outer(half * t, np.arange(1, HARMONICS + 1)))
     drive = np.column_stack([np.ones(len(t)), onto, waves.real, waves.imag])
-    apart = half * np.abs(np.subtract.outer(t, t)) / 2
-    curve = np.log(np.sinc(apart / np.pi))
+    separation = half * np.abs(np.subtract.outer(t, t)) / 2
+    curve = np.log(np.sinc(separation / np.pi))
     kernel = half * ((-curve - math.log(half)) * weight - _logarithm(panels))
     gram = half * (weight[:, None] * drive).T @ np.linalg.solve(kernel + layer * np.eye(len(t)), drive)
     gram = (gram + gram.T) / 2

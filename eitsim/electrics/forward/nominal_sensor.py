@@ -78,8 +78,8 @@ def _difference(body: Body, electrodes: Electrodes, punch: Punch, touches: list[
         if sheet is None:
             return math.inf
         found.append(read_out(Drive(), impedance(mesh, sheet, z, order=order) - untouched))
-    signal, apart = np.linalg.norm(found[1]), np.linalg.norm(found[1] - found[0])
-    return float(apart / signal) if apart > 0 else 0.0
+    signal, separation = np.linalg.norm(found[1]), np.linalg.norm(found[1] - found[0])
+    return float(separation / signal) if separation > 0 else 0.0
 
 
 def _conductance(mesh: SkinMesh, punch: Punch, touch: Touch, strain: str) -> Array | None:

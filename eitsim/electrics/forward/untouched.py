@@ -60,10 +60,10 @@ def conductance_of(sensor: Scene, baseline_V: Array) -> float:
         if not 0 < ratio < np.inf or abs(ratio - 1) < _CLOSE:
             break
         sheet /= ratio
-    apart = float(np.linalg.norm(untouched_readings(sensor, sheet)[read] - baseline_V[read])
-                  / np.linalg.norm(baseline_V[read]))
-    if not apart <= _OTHER:
-        raise ValueError(f"the untouched readings differ by {apart:.1e} from those of its electrodes on any sheet "
+    separation = float(np.linalg.norm(untouched_readings(sensor, sheet)[read] - baseline_V[read])
+                       / np.linalg.norm(baseline_V[read]))
+    if not separation <= _OTHER:
+        raise ValueError(f"the untouched readings differ by {separation:.1e} from those of its electrodes on any sheet "
                          "conductance; the set was not made with them.")
     return sheet
 

@@ -81,20 +81,20 @@ def _variables(path: Path) -> dict[str, Any]:
     return {name: value for name, value in raw.items() if not name.startswith("__")}
 
 
-def _chosen(variables: Mapping[str, Any], wanted: str | None) -> tuple[str, Any]:
+def _chosen(variables: Mapping[str, Any], requested: str | None) -> tuple[str, Any]:
     """The one variable, or the one wanted, that is or holds a forward model; nodes and elems may also stand alone."""
     if {"nodes", "elems"} <= variables.keys():
         variables = {"fwd_model": _structure(variables), **variables}
     models = {name: value for name, value in variables.items() if isinstance(value, mat_struct)
               and hasattr(getattr(value, "fwd_model", value), "nodes")}
-    if wanted is not None and wanted not in models:
-        raise ValueError(f"no forward model named '{wanted}'; models in the file: {', '.join(models) or 'none'}.")
+    if requested is not None and requested not in models:
+        raise ValueError(f"no forward model named '{requested}'; models in the file: {', '.join(models) or 'none'}.")
     if not models:
         raise ValueError("no forward model: a structure with nodes and elems, or one with such a fwd_model. Save the "
                          "fwd_model or the image itself.")
-    if wanted is None and len(models) > 1:
+    if requested is None and len(models) > 1:
         raise ValueError(f"several models: {', '.join(models)}; say which one with --variable.")
-    name = wanted if wanted is not None else next(iter(models))
+    name = requested if requested is not None else next(iter(models))
     return name, models[name]
 
 

@@ -45,9 +45,9 @@ def with_contact_lines(mesh: SkinMesh, body: Body, electrodes: Electrodes,
 def _outside(touches: tuple[tuple[Punch, Touch], ...], k: int) -> float:
     """Radius, m, about touch k beyond which nodes stay."""
     punch, own = touches[k][0], touches[k][1].contact_radius_m
-    apart = [abs(position(punch) - position(other)) - own - max(other.diameter_m / 2, pressed.contact_radius_m)
-             for other, pressed in (*touches[:k], *touches[k + 1:])]
-    return own + _GIVES_WAY * min([own, *apart])
+    separation = [abs(position(punch) - position(other)) - own - max(other.diameter_m / 2, pressed.contact_radius_m)
+                  for other, pressed in (*touches[:k], *touches[k + 1:])]
+    return own + _GIVES_WAY * min([own, *separation])
 
 
 def _moved_out(nodes: Complex, punch: Punch, touch: Touch, drawn: float, rim: float, outside: float) -> Complex:

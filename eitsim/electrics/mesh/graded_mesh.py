@@ -110,11 +110,11 @@ def _gaps(touches: Touches, patches: Array) -> tuple[Touches, Array]:
     touches = tuple((punch, touch) for (punch, _), touch in zip(touches, kept, strict=True))
     radius = np.array([max(punch.diameter_m / 2, touch.contact_radius_m) for punch, touch in touches])
     centre = np.array([position(punch) for punch, _ in touches])
-    apart = np.abs(np.subtract.outer(centre, centre)) - np.add.outer(radius, radius)
-    np.fill_diagonal(apart, np.inf)
-    if apart.min() <= 0:
-        raise ValueError(f"two punches or their contacts overlap by {-apart.min() * 1e3:.1f} mm; move them apart.")
-    return touches, np.minimum(to_rim, apart.min(axis=1) / 2)
+    separation = np.abs(np.subtract.outer(centre, centre)) - np.add.outer(radius, radius)
+    np.fill_diagonal(separation, np.inf)
+    if separation.min() <= 0:
+        raise ValueError(f"two punches or their contacts overlap by {-separation.min() * 1e3:.1f} mm; move them apart.")
+    return touches, np.minimum(to_rim, separation.min(axis=1) / 2)
 
 
 def _circle(punch: Punch, touch: Touch, gap: float, level: int, thinner: int, grading: Grading) -> _Circle:
@@ -237,14 +237,14 @@ def _smoothed(fill: Array, points: Array, cells: Indices) -> Array:
 
 def _check_outline(circles: list[_Circle], on_rim: int, cells: Indices) -> None:
     """NotConverged where a circle or the rim is not made of edges of one triangle each."""
-    start, wanted = 0, []
+    start, requested = 0, []
     for count in [*(circle.sectors for circle in circles), on_rim]:
         loop = start + np.arange(count)
-        wanted.append(np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1))
+        requested.append(np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1))
         start += count
     size = int(cells.max(initial=start)) + 1
     edges, seen = np.unique(_keys(_edges(cells), size), return_counts=True)
-    if not np.array_equal(edges[seen == 1], np.unique(_keys(np.vstack(wanted), size))):
+    if not np.array_equal(edges[seen == 1], np.unique(_keys(np.vstack(requested), size))):
         raise NotConverged("no mesh of the skin between these touches was found; move them apart or ask for a larger "
                            "signal in [accuracy].")
 

@@ -19,7 +19,7 @@ from eitsim.mechanics.load_paths.build_table import Run, compared, course_at, ta
 from eitsim.mechanics.load_paths.law_family import Family, places, table_of
 from eitsim.mechanics.load_paths.load_path import NUMBERS, Deviation, Node, alongside, course_of, first_node
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
-from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, near_rim_from, told_by
+from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, near_rim_from, with_cell_errors
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, state, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.mechanics.rim.solve_near_rim import corrected
@@ -148,7 +148,7 @@ def with_rim(family: Family, table: Table, run: Run = map) -> Family:
     assert own is not None
     cells = [(i, j) for i, j in cells_of(rim) if i % _EVERY[0] == 0 and j % _EVERY[1] == 1]
     found = list(run(partial(_deviation, own), middles_of(rim, cells, rim.diameters.tolist())))
-    rim = told_by(rim, {cell: off for cell, (off, _) in zip(cells, found, strict=True)})
+    rim = with_cell_errors(rim, {cell: off for cell, (off, _) in zip(cells, found, strict=True)})
     spent = rim.cpu_s + sum(cpu for _, cpu in found)
     return replace(family, table=replace(family.table, rim=replace(rim, cpu_s=spent)))
 

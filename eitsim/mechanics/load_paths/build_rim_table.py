@@ -29,7 +29,7 @@ from eitsim.mechanics.load_paths.rim_table import (
     changed_diameters,
     extended,
     middles_of,
-    told_by,
+    with_cell_errors,
 )
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
@@ -139,10 +139,10 @@ def _end(nodes: _Nodes) -> float:
 
 def _untold(nodes: _Nodes) -> Array:
     """Deviations (gaps - 1, depths, 2): none yet, and infinite where a node about a cell is missing."""
-    told = np.zeros((len(nodes.gaps) - 1, len(nodes.depths), 2))
+    error_estimate = np.zeros((len(nodes.gaps) - 1, len(nodes.depths), 2))
     for _, i, j in np.argwhere(nodes.missing).tolist():
-        told[max(i - 1, 0):i + 1, j:j + 2] = np.inf
-    return told
+        error_estimate[max(i - 1, 0):i + 1, j:j + 2] = np.inf
+    return error_estimate
 
 
 def _timed(solve: Solve, table: Table, place: Place) -> tuple[Solved | None, float]:
@@ -245,7 +245,7 @@ def checked(table: Table, rim: RimTable, run: Run) -> RimTable:
     found = list(run(partial(_timed, _finely, table), places))
     off = {cell: None if fresh is None else _apart(table, rim, place, fresh)
            for cell, place, (fresh, _) in zip(cells, places, found, strict=True)}
-    return replace(told_by(rim, off), cpu_s=rim.cpu_s + sum(cpu for _, cpu in found))
+    return replace(with_cell_errors(rim, off), cpu_s=rim.cpu_s + sum(cpu for _, cpu in found))
 
 
 def _apart(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviation:

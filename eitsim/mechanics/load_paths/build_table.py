@@ -50,10 +50,19 @@ def build(shape: DimensionlessProblem, run: Run = map, depths: Sequence[float] =
     fresh = list(run(partial(_fresh, shape, _probes(at)), shape.held_out))
     paths |= dict(zip(others, (arrays for arrays, _ in solved), strict=True))
     shortest = min(len(values) for values, _, _ in paths.values())
-    values, slopes, told = (np.stack([paths[d][part][:shortest] for d in shape.solved]) for part in range(3))
+    values, slopes, error_estimate = (np.stack([paths[d][part][:shortest] for d in shape.solved]) for part in range(3))
     spent += sum(cpu for _, cpu in [*solved, *fresh])
-    table = Table(shape, at[:shortest], course_at(shape, base).radius, values, slopes, told, Deviation(0.0, 0.0, 0.0),
-                  0, spent)
+    table = Table(
+        shape,
+        at[:shortest],
+        course_at(shape, base).radius,
+        values,
+        slopes,
+        error_estimate,
+        Deviation(0.0, 0.0, 0.0),
+        0,
+        spent,
+    )
     return compared(table, dict(zip(shape.held_out, (found for found, _ in fresh), strict=True)))
 
 
@@ -97,7 +106,7 @@ def _fresh(shape: DimensionlessProblem, depths: Array, diameter: float) -> tuple
 
 
 def tabulated(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
-    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and TOLD (k, 6) there;
+    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and ERRORS (k, 6) there;
     NotConverged where these are too few."""
     if len(nodes) < _FEWEST:
         raise NotConverged(f"a load path was found at {len(nodes)} depths only, too few for a table.",
@@ -111,7 +120,7 @@ def tabulated(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
     left = np.clip(np.searchsorted(at, depths) - 1, 0, len(at) - 2)
     pairs = [(at[i:i + 2], values[i:i + 2], slopes[i:i + 2], depth) for i, depth in zip(left, depths, strict=True)]
     return (np.stack([hermite(*pair) for pair in pairs]), np.stack([_hermite_slope(*pair) for pair in pairs]),
-            np.stack([node.told for node in nodes]))
+            np.stack([node.error_estimate for node in nodes]))
 
 
 def _hermite_slope(ends: Array, values: Array, slopes: Array, at: float) -> Array:

@@ -87,7 +87,7 @@ def _everywhere(table: Table, values: Array, slopes: Array) -> tuple[Array, Arra
 def _across(x: Array, some: list[int]) -> Array:
     """Lagrange's weights (all, some) of some places in the polynomial through them, at all."""
     nodes = x[some]
-    apart = nodes[:, None] - nodes + np.eye(len(nodes))
-    return np.array([[float(np.prod(np.delete((at - nodes) / apart[j], j))) for j in range(len(nodes))]
+    separation = nodes[:, None] - nodes + np.eye(len(nodes))
+    return np.array([[float(np.prod(np.delete((at - nodes) / separation[j], j))) for j in range(len(nodes))]
                      for at in x.tolist()])
 

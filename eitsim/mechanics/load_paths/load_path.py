@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 FIELDS = ("u_r", "u_z", "stretch_meridian", "stretch_hoop", "stretch_normal", "pressure")
 NUMBERS = ("mean_pressure", "corrected_share", "contact_end", "contact_area", "wall_contact", "sigma_max")
 # What the solution tells of itself; errors as logarithms.
-TOLD = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "log_strain_error",
-        "fraction_non_elliptic")
+ERRORS = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "log_strain_error",
+          "fraction_non_elliptic")
 # Step, over the depth, of the central differences by depth.
 _DIFFERENCE = 1e-4
 # How near the predicted force must bring the depth to its target, in parts of the step, and the attempts at it.
@@ -71,8 +71,8 @@ class Node:
     slopes: Array
     # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
     numbers: Array
-    # (6,) TOLD
-    told: Array
+    # (6,) ERRORS
+    error_estimate: Array
     # derivative of the mean pressure by the depth
     stiffness: float
     # equilibria on all levels; empty where they are no longer needed
@@ -206,11 +206,11 @@ def deviation(course: LoadPath, depth_ratio: float, fields: Array, fresh: Array)
     other."""
     r = course.radius
     weight = np.gradient(r) * r
-    apart, strain = fields[2:5] - fresh[2:5], fresh[2:5] - 1
+    separation, strain = fields[2:5] - fresh[2:5], fresh[2:5] - 1
     response, parts = _response(course, fresh)
     return Deviation(abs(depth_ratio - 1),
                      abs(_response(course, fields)[0] - response) / max(abs(response), _CANCELLING * parts),
-                     float(np.sqrt((apart**2 @ weight).sum() / (strain**2 @ weight).sum())))
+                     float(np.sqrt((separation**2 @ weight).sum() / (strain**2 @ weight).sum())))
 
 
 def _response(course: LoadPath, fields: Array) -> tuple[float, float]:
@@ -288,9 +288,9 @@ def _kept(course: LoadPath, states: list[Equilibrium]) -> Node:
     assert touch.strain_error is not None
     errors = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error,
               touch.strain_error]
-    told = np.array([*np.log(errors), touch.fraction_non_elliptic])
+    error_estimate = np.array([*np.log(errors), touch.fraction_non_elliptic])
     stiffness = 1 / float(state.by_force[-1]) / course.face
-    return Node(depth, fields, (ahead - behind) / (2 * step), numbers, told, stiffness, tuple(states))
+    return Node(depth, fields, (ahead - behind) / (2 * step), numbers, error_estimate, stiffness, tuple(states))
 
 
 def _sampled(course: LoadPath, model: IndentationProblem, x: Array) -> Array:

@@ -60,15 +60,15 @@ def reduced_basis(laws: Sequence[Hyperfoam]) -> ReducedBasis:
         raise ValueError("none of the drawn cards has a law of the foam that makes a material.")
     stresses = np.stack([_stresses(law) for law in laws])
     central = int(np.argmin(_size(_relative(stresses, stresses.mean(axis=0)))))
-    apart = _relative(stresses, stresses[central])
-    chosen, left = [], apart.copy()
+    separation = _relative(stresses, stresses[central])
+    chosen, left = [], separation.copy()
     while len(chosen) < _MOST and _size(left).max() > _MISSED:
         worst = int(np.argmax(_size(left)))
         chosen.append(worst)
         unit = left[worst] / np.linalg.norm(left[worst])
         left -= np.outer(left @ unit, unit)
-    found, missed = _weights(apart[chosen], apart)
-    held_out = _held_out(_size(apart), missed, [central, *chosen])
+    found, missed = _weights(separation[chosen], separation)
+    held_out = _held_out(_size(separation), missed, [central, *chosen])
     return ReducedBasis(
         laws[central],
         tuple(laws[i] for i in chosen),
@@ -112,14 +112,14 @@ def _apart(reference: Array, laws: Sequence[Hyperfoam]) -> Array:
     return _relative(stresses, reference)
 
 
-def _weights(chosen: Array, apart: Array) -> tuple[Array, Array]:
+def _weights(chosen: Array, separation: Array) -> tuple[Array, Array]:
     """Weights (D, K) of differences (K, m) that come closest to others (D, m), and what these miss (D,)."""
     if not len(chosen):
-        return np.zeros((len(apart), 0)), _size(apart)
-    found: Array = np.linalg.lstsq(chosen.T, apart.T, rcond=None)[0].T.astype(float)
-    return found, _size(apart - found @ chosen)
+        return np.zeros((len(separation), 0)), _size(separation)
+    found: Array = np.linalg.lstsq(chosen.T, separation.T, rcond=None)[0].T.astype(float)
+    return found, _size(separation - found @ chosen)
 
 
-def _size(apart: Array) -> Array:
+def _size(separation: Array) -> Array:
     """R.m.s. (D,) of differences (D, m)."""
-    return np.sqrt((apart**2).mean(axis=-1))
+    return np.sqrt((separation**2).mean(axis=-1))

@@ -77,8 +77,16 @@ def change_from(shape: DimensionlessProblem, rim: RimTable, diameter: float, gap
     parts = fields.reshape(len(rim.radius), len(rim.share), _PARTS) * depth
     base = float(rim.diameters[len(rim.diameters) // 2])
     disc = shape.disc
-    field = RimField(carried_over(shape, rim.radius, base, diameter), rim.share, parts[..., :3],
-                     parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, disc, disc - diameter / 2 - gap, told=off)
+    field = RimField(
+        carried_over(shape, rim.radius, base, diameter),
+        rim.share,
+        parts[..., :3],
+        parts[..., 3:6] + [1, 0, 1],
+        parts[..., 6] + 1,
+        disc,
+        disc - diameter / 2 - gap,
+        error_estimate=off,
+    )
     added, pressure, area, wall, lost, depth_error, signal_error = numbers.tolist()
     return Solved(RimCorrection(field, added * depth, pressure, area, max(wall, 0.0), min(max(lost, 0.0), 1.0), ()),
                   max(depth_error, 0.0), max(signal_error, 0.0))
@@ -90,15 +98,15 @@ def deviation_at(rim: RimTable, gap: float, depth: float) -> tuple[float, float]
     if not rim.gaps[0] <= gap <= rim.gaps[-1] or depth > rim.depths[-1]:
         return None
     i = min(int(np.searchsorted(rim.gaps, gap, side="right")), len(rim.gaps) - 1) - 1
-    off, signal = rim.told[i, np.searchsorted(rim.depths, depth)].tolist()
+    off, signal = rim.error_estimate[i, np.searchsorted(rim.depths, depth)].tolist()
     return (off, signal) if np.isfinite([off, signal]).all() else None
 
 
 def within(rim: RimTable, signal: float) -> RimTable:
     """The table with the cells alone whose signals are no farther off, or no farther than changes solved afresh tell
     that they are off by their own mesh."""
-    kept = rim.told[..., 1] <= np.maximum(signal, _own_errors(rim))
-    return replace(rim, told=np.where(kept[..., None], rim.told, np.inf))
+    kept = rim.error_estimate[..., 1] <= np.maximum(signal, _own_errors(rim))
+    return replace(rim, error_estimate=np.where(kept[..., None], rim.error_estimate, np.inf))
 
 
 def _own_errors(rim: RimTable) -> Array:
@@ -110,8 +118,8 @@ def _own_errors(rim: RimTable) -> Array:
 
 
 def _lagrange(nodes: Array, at: float) -> Array:
-    apart = nodes[:, None] - nodes + np.eye(len(nodes))
-    return np.array([float(np.prod(np.delete((at - nodes) / apart[j], j))) for j in range(len(nodes))])
+    separation = nodes[:, None] - nodes + np.eye(len(nodes))
+    return np.array([float(np.prod(np.delete((at - nodes) / separation[j], j))) for j in range(len(nodes))])
 
 
 def across_gaps(gaps: Array, at: float) -> tuple[slice, Array]:
@@ -173,7 +181,7 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
 
 def cells_of(rim: RimTable) -> list[Cell]:
     """The cells whose touches are served."""
-    return [(i, j) for i, j in np.argwhere(np.isfinite(rim.told).all(axis=-1)).tolist()]
+    return [(i, j) for i, j in np.argwhere(np.isfinite(rim.error_estimate).all(axis=-1)).tolist()]
 
 
 def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float]) -> list[tuple[float, float, float]]:
@@ -182,7 +190,7 @@ def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float])
     return [(diameters[(i // 2 + j // 2) % len(diameters)], float(gaps[i]), float(depths[j])) for i, j in cells]
 
 
-def told_by(rim: RimTable, checked: Mapping[Cell, Deviation | None]) -> RimTable:
+def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) -> RimTable:
     """The table with its deviation at least the largest of the checked cells next to each, itself among them, or of the
     nearest where these are farther away; cells at which None was found are not served.
 
@@ -194,9 +202,9 @@ def told_by(rim: RimTable, checked: Mapping[Cell, Deviation | None]) -> RimTable
                            "their table were not found; touches near the rim have to be solved one by one.",
                            estimate=rim.gaps)
     places, off = np.array(list(found)), np.array([[one.depth, one.signal] for one in found.values()])
-    told = rim.told.copy()
+    error_estimate = rim.error_estimate.copy()
     for cell in cells_of(rim):
-        apart = np.abs(places - cell).max(axis=1)
-        near = off[apart <= max(apart.min(), 1)].max(axis=0)
-        told[cell] = np.inf if checked.get(cell, near) is None else np.maximum(told[cell], near)
-    return replace(rim, told=told)
+        separation = np.abs(places - cell).max(axis=1)
+        near = off[separation <= max(separation.min(), 1)].max(axis=0)
+        error_estimate[cell] = np.inf if checked.get(cell, near) is None else np.maximum(error_estimate[cell], near)
+    return replace(rim, error_estimate=error_estimate)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
-from eitsim.mechanics.load_paths.load_path import FIELDS, NUMBERS, TOLD, depth_at, hermite
+from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, profile_of
@@ -52,7 +52,7 @@ def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:
 def as_deep_as(table: Table, count: int) -> Table:
     """The table with its first so many depths alone."""
     return replace(table, depths=table.depths[:count], values=table.values[:, :count], slopes=table.slopes[:, :count],
-                   told=table.told[:, :count])
+                   error_estimate=table.error_estimate[:, :count])
 
 
 def _moduli(law: Hyperfoam) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
@@ -99,7 +99,7 @@ class State:
     depth: float
     # (6, r) FIELDS at the table's radii, carried over to the diameter
     fields: Array
-    # NUMBERS and TOLD by name
+    # NUMBERS and ERRORS by name
     number: Mapping[str, float]
 
 
@@ -125,10 +125,10 @@ def state(table: Table, diameter: float, *, mean_pressure: float | None = None,
     at = depth_at(ends, *cubic, target)
     found = hermite(ends, values, slopes, at)
     part = (at - ends[0]) / (ends[1] - ends[0])
-    told = _neighbours(table.shape, diameter) @ table.told[:, i:i + 2].transpose(1, 0, 2)
-    numbers = [*found[size:].tolist(), *((1 - part) * told[0] + part * told[1]).tolist()]
+    error_estimate = _neighbours(table.shape, diameter) @ table.error_estimate[:, i:i + 2].transpose(1, 0, 2)
+    numbers = [*found[size:].tolist(), *((1 - part) * error_estimate[0] + part * error_estimate[1]).tolist()]
     return State(at * float(found[size + 1]), found[:size].reshape(len(FIELDS), -1),
-                 dict(zip((*NUMBERS, *TOLD), numbers, strict=True)))
+                 dict(zip((*NUMBERS, *ERRORS), numbers, strict=True)))
 
 
 def _weights(shape: DimensionlessProblem, diameter: float) -> Array | None:
@@ -140,8 +140,8 @@ def _weights(shape: DimensionlessProblem, diameter: float) -> Array | None:
     if not shape.spans or not solved[0] < diameter < solved[-1]:
         return None
     x, at = np.log(solved), np.log(diameter)
-    apart = x[:, None] - x + np.eye(len(x))
-    return np.array([float(np.prod(np.delete((at - x) / apart[j], j))) for j in range(len(x))])
+    separation = x[:, None] - x + np.eye(len(x))
+    return np.array([float(np.prod(np.delete((at - x) / separation[j], j))) for j in range(len(x))])
 
 
 def _neighbours(shape: DimensionlessProblem, diameter: float) -> Array:

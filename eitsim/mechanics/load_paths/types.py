@@ -72,13 +72,13 @@ class RimTable:
     numbers: Array
     # (gaps - 1, depths, 2) in a cell between neighbouring gaps and between a depth and that before it, the first one
     # from 0 on: how far depth and signal are off changes solved afresh; infinite where touches are to be solved afresh
-    told: Array
+    error_estimate: Array
     cpu_s: float
 
     @property
     def error(self) -> Deviation:
         """Largest deviation in the cells whose touches are served."""
-        served = self.told[np.isfinite(self.told).all(axis=-1)]
+        served = self.error_estimate[np.isfinite(self.error_estimate).all(axis=-1)]
         depth, signal = served.max(axis=0, initial=0.0).tolist()
         return Deviation(depth, signal, 0.0)
 
@@ -95,8 +95,8 @@ class Table:
     # (diameters, k, 6 r + 6) FIELDS and NUMBERS, and their derivatives by the depth
     values: Array
     slopes: Array
-    # (diameters, k, 6) TOLD
-    told: Array
+    # (diameters, k, 6) ERRORS
+    error_estimate: Array
     # largest deviation from touches solved afresh at held-out depths and diameters
     error: Deviation
     # how many those were

@@ -50,11 +50,11 @@ class AxisTransfer:
         return np.asarray(~self.points.shape.any(axis=(1, 2)))
 
 
-def view(columns: Array, rows: Array, harmonics: int, apart: float, radius: Array, angle: Array,
+def view(columns: Array, rows: Array, harmonics: int, separation: float, radius: Array, angle: Array,
          height: Array) -> AxisTransfer:
     """Points (n,) at radius, angle and height about an axis seen from one that is `apart` from it, whose mesh of the
     meridian has these columns and rows of nodes, and whose series so many harmonics."""
-    x, y = apart - radius * np.cos(angle), radius * np.sin(angle)
+    x, y = separation - radius * np.cos(angle), radius * np.sin(angle)
     away, around = np.hypot(x, y), np.arctan2(y, x)
     column, across, slope = cubics(columns, np.minimum(away, columns[-1]))
     row, up, rise = cubics(rows, height)

@@ -59,10 +59,10 @@ def with_error(
     if not math.isfinite(signal):
         raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error cannot be told.",
                            estimate=change.field.metric, residuals=change.residuals)
-    apart = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
-    apart = max(apart, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
+    separation = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
+    separation = max(separation, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
     return within_face(replace(
-        out, depth_error=float(touch.depth_error + apart), signal_error=touch.signal_error + signal,
+        out, depth_error=float(touch.depth_error + separation), signal_error=touch.signal_error + signal,
         sigma_max_error=_added(touch.sigma_max_error, rough.pressure, change.pressure),
         contact_area_error=_added(touch.contact_area_error, rough.area, change.area),
         iterations=touch.iterations + len(change.residuals), residuals=touch.residuals + change.residuals), punch)

@@ -58,7 +58,7 @@ class _Frame:
     alone: Solution
     # distance of the plane in the middle from the punch's axis, and of the other axis
     half: float
-    apart: float
+    separation: float
     # (points, angles) whether a point of the foam lies in this punch's half
     near: NDArray[np.bool_]
     # those points, and all (facets points x angles) of the surface that the punch may touch, seen from the other
@@ -139,11 +139,11 @@ def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Reso
         disc = clipped_disc(model, state, OffsetDisc(_PLANE, 0.0), fineness.harmonics, fineness.angles,
                             model.punch.profile.radius + fineness.beyond, held=load.force is None)
         parts.append(Solution(disc, model, state, np.zeros(disc.unknowns + 1), ()))
-    apart = gap + sum(part.model.punch.profile.radius for part in parts)
-    return tuple(_frame(own, other, apart, gap) for own, other in zip(parts, parts[::-1], strict=True))
+    separation = gap + sum(part.model.punch.profile.radius for part in parts)
+    return tuple(_frame(own, other, separation, gap) for own, other in zip(parts, parts[::-1], strict=True))
 
 
-def _frame(alone: Solution, other: Solution, apart: float, gap: float) -> _Frame:
+def _frame(alone: Solution, other: Solution, separation: float, gap: float) -> _Frame:
     model, disc = alone.model, alone.disc
     half = model.punch.profile.radius + gap / 2
     harmonics, angles = len(disc.fixed), disc.weight.shape[1]
@@ -154,13 +154,13 @@ def _frame(alone: Solution, other: Solution, apart: float, gap: float) -> _Frame
     near = radius[:, None] * np.cos(angle) < half
 
     def seen(radius: Array, angle: Array, height: Array) -> AxisTransfer:
-        return view(other.disc.columns, other.model.grid.lines[1], harmonics, apart, radius, angle, height)
+        return view(other.disc.columns, other.model.grid.lines[1], harmonics, separation, radius, angle, height)
 
     where = np.broadcast_arrays(radius[:, None], angle, height[:, None])
     foam = seen(*(part[near] for part in where))
     under, around = np.broadcast_arrays(disc.facing.radius, angle)
     surface = seen(under.ravel(), around.ravel(), np.zeros(under.size))
-    return _Frame(alone, half, apart, near, foam, surface)
+    return _Frame(alone, half, separation, near, foam, surface)
 
 
 def _settled(frames: tuple[_Frame, ...], before: _Pair | None = None) -> _Pair:
@@ -252,7 +252,7 @@ def _surface_field(pair: _Pair, i: int, unit: float, towards: Array) -> RimField
     plane = OffsetDisc(_PLANE, _PLANE - frame.half)
     at = samples(frame.disc, frame.model, plane)
     flat = np.broadcast_to(at.radius[:, None], at.angle.shape).ravel()
-    seen = view(theirs.disc.columns, theirs.model.grid.lines[1], len(theirs.disc.fixed), frame.apart, flat,
+    seen = view(theirs.disc.columns, theirs.model.grid.lines[1], len(theirs.disc.fixed), frame.separation, flat,
                 at.angle.ravel(), np.zeros(flat.size))
 
     def others(amplitude: Array) -> Array:

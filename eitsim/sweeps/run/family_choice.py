@@ -70,7 +70,7 @@ def family_for(
         return family, note
     key |= {"rim": asdict(reuse.GRID)}
     arrays, _ = cache.kept(cache.key_of(key), lambda: _rim_told(with_rim(family, table, run)))
-    changes = replace(table.rim, told=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
+    changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
     return replace(family, table=replace(family.table, rim=changes)), note
 
 
@@ -88,7 +88,7 @@ def _arrays(family: Family) -> dict[str, Any]:
 def _rim_told(family: Family) -> dict[str, Any]:
     rim = family.table.rim
     assert rim is not None
-    return {"told": rim.told, "cpu_s": np.array(rim.cpu_s)}
+    return {"told": rim.error_estimate, "cpu_s": np.array(rim.cpu_s)}
 
 
 def _family(table: Table, span: ReducedBasis, arrays: Mapping[str, Any]) -> Family:

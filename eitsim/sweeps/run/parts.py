@@ -46,13 +46,13 @@ def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[
     this is so too is "crashed", with the reason.
     """
     solve = partial(_part, design, partial(solve_rows, design, cards, exact=exact, table=table))
-    apart = []
+    separation = []
     for scenes, found in answers(pool, solve, todo, _TRIES):
         if isinstance(found, Failed):
-            apart.append(scenes)
+            separation.append(scenes)
         else:
             yield found
-    for scenes in apart:
+    for scenes in separation:
         found = dict(answers(pool, solve, [range(i, i + 1) for i in scenes], _ROW_TRIES))
         rows = [_crashed(design, cards, one, part.reason) if isinstance(part, Failed) else part
                 for one, part in sorted(found.items(), key=lambda pair: pair[0].start)]

@@ -103,7 +103,7 @@ def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
     many of them are not."""
     assert table.rim is not None
     kept = within(table.rim, allowed)
-    before, after = (np.isfinite(rim.told).all(axis=-1) for rim in (table.rim, kept))
+    before, after = (np.isfinite(rim.error_estimate).all(axis=-1) for rim in (table.rim, kept))
     if not after.any():
         return replace(table, rim=None), (f"no table of what the rim changes: its signals are up to "
                                           f"{table.rim.error.signal:.1e} off, more than the {allowed:g} wanted")

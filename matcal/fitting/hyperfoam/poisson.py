@@ -97,10 +97,11 @@ def _require_data(poisson: str, curves: Sequence[Curve]) -> None:
     volumetric = "volumetric" in kinds and len(kinds) > 1
     if lateral or volumetric or (poisson == "fit" and len(kinds - {"shear"}) > 0 and len(kinds) > 1):
         return
-    wanted = ("the lateral strain beside the axial one (a column lateral strain), or a volumetric test beside another "
-              "mode") + ("" if poisson == "fit-each" else ", or a second mode besides shear")
+    requested = (
+        "the lateral strain beside the axial one (a column lateral strain), or a volumetric test beside another mode"
+    ) + ("" if poisson == "fit-each" else ", or a second mode besides shear")
     raise ValueError(f"poisson '{poisson}': {', '.join(sorted(kinds))} alone does not tell nu"
-                     f"{' term by term' if poisson == 'fit-each' else ''}. Add {wanted}, or give a value.")
+                     f"{' term by term' if poisson == 'fit-each' else ''}. Add {requested}, or give a value.")
 
 
 def _unused_lateral(nu: float, curves: Sequence[Curve]) -> list[str]:

@@ -103,12 +103,12 @@ def _measures(e: Experiment, nu_is_zero: bool) -> dict[str, tuple[Array, Array, 
 
 def _slope(x: Array, y: Array) -> tuple[float, float]:
     """Slope of the straight line through a window and its standard error, (0, 0) where x does not vary."""
-    apart = x - x.mean()
-    spread = float(apart @ apart)
+    separation = x - x.mean()
+    spread = float(separation @ separation)
     if spread <= 1e-24:
         return 0.0, 0.0
-    slope = float(apart @ y) / spread
-    miss = y - y.mean() - slope * apart
+    slope = float(separation @ y) / spread
+    miss = y - y.mean() - slope * separation
     return slope, float(np.sqrt(miss @ miss / max(x.size - 2, 1) / spread))
 
 

@@ -120,10 +120,10 @@ def _replicates(curves: Sequence[Curve]) -> list[list[Curve]]:
     """Curves without a stated deviation that share their kind and most of their strains with others, by groups."""
     groups: list[list[Curve]] = []
     for curve in (c for c in curves if c.experiment.deviation is None):
-        alike = [g for g in groups if g[0].experiment.kind == curve.experiment.kind
-                 and any(_overlap(curve, other) > _SHARED for other in g)]
-        if alike:
-            alike[0].append(curve)
+        identical = [g for g in groups if g[0].experiment.kind == curve.experiment.kind
+                     and any(_overlap(curve, other) > _SHARED for other in g)]
+        if identical:
+            identical[0].append(curve)
         else:
             groups.append([curve])
     return [group for group in groups if len(group) > 1]

@@ -100,23 +100,29 @@ def _titles(grid: Grid) -> list[int]:
 
 def _no_block(grid: Grid) -> InputFileError:
     """What was looked for, and how far the file got."""
-    wanted = ("A block begins with a title that ends in a clock, such as 'Data Acquisition: Timed Time: 10.0 Sec "
-              "1/28/15', and below it come names, units and numbers, parted as line 1 says")
+    requested = ("A block begins with a title that ends in a clock, such as 'Data Acquisition: Timed Time: 10.0 Sec "
+                 "1/28/15', and below it come names, units and numbers, parted as line 1 says")
     titles = _titles(grid)
     if not titles:
-        return InputFileError(grid.path, f"an MTS 793 file without a block of acquired numbers: no line is a title. "
-                                         f"{wanted}. Export the test again.", line=grid.lines[-1] if grid.lines else 1)
+        return InputFileError(
+            grid.path,
+            f"an MTS 793 file without a block of acquired numbers: no line is a title. "
+            f"{requested}. Export the test again.",
+            line=grid.lines[-1] if grid.lines else 1,
+        )
     heads = ", ".join(f"{grid.lines[n]}" for n in titles[:8])
     return InputFileError(grid.path, f"an MTS 793 file without a block of acquired numbers: titles stand in line "
-                                     f"{heads}, but no names with units and numbers follow any of them. {wanted}. "
+                                     f"{heads}, but no names with units and numbers follow any of them. {requested}. "
                                      "Export the test again.", line=grid.lines[titles[0]])
 
 
-def _chosen(grid: Grid, filled: list[tuple[int, _Block]], wanted: int) -> list[tuple[int, _Block]]:
-    kept = [(k, block) for k, block in filled if k == wanted]
+def _chosen(grid: Grid, filled: list[tuple[int, _Block]], requested: int) -> list[tuple[int, _Block]]:
+    kept = [(k, block) for k, block in filled if k == requested]
     if not kept:
         there = ", ".join(f"{k} ({len(block.rows)} rows)" for k, block in filled)
-        raise InputFileError(grid.path, f"--columns asks for block {wanted}; blocks with numbers: {there or 'none'}.")
+        raise InputFileError(
+            grid.path, f"--columns asks for block {requested}; blocks with numbers: {there or 'none'}."
+        )
     return kept
 
 

@@ -153,10 +153,10 @@ def test_where_ellipticity_is_lost_is_told(coarse):
 def test_error_estimates_cover_largest_pressure_area_and_surface_strain(diameter_mm, force_N):
     punch = Punch(diameter_m=diameter_mm * 1e-3, force_N=force_N)
     coarse, fine = (solve_touch(TABLE_1, Body(), punch, element_m=h) for h in (0.06e-3, 0.03e-3))
-    for told, exact, estimate in ((coarse.sigma_max_Pa, fine.sigma_max_Pa, coarse.sigma_max_error),
-                                  (coarse.contact_area_m2, fine.contact_area_m2, coarse.contact_area_error)):
+    for error_estimate, exact, estimate in ((coarse.sigma_max_Pa, fine.sigma_max_Pa, coarse.sigma_max_error),
+                                            (coarse.contact_area_m2, fine.contact_area_m2, coarse.contact_area_error)):
         assert estimate is not None
-        assert abs(told / exact - 1) < estimate
+        assert abs(error_estimate / exact - 1) < estimate
     missed = np.interp(fine.radius_m, coarse.radius_m, coarse.stretch_normal) - fine.stretch_normal
     change, strain = (np.sqrt(np.trapezoid(f**2 * fine.radius_m, fine.radius_m)) for f in
                       (missed, fine.stretch_normal - 1))

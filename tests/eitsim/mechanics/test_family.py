@@ -127,7 +127,7 @@ def test_near_the_rim_the_central_change_serves_within_the_stated_error(family) 
     assert own is not None
     assert own.rim is not None
     assert whole.rim is not None
-    assert (own.rim.told >= whole.rim.told).all()
+    assert (own.rim.error_estimate >= whole.rim.error_estimate).all()
     force_N = stored(family, law, Punch(depth_m=0.8e-3, force_N=None)).force_N
     punch = Punch(x_m=0.085, force_N=force_N)
     quick, fresh = near_rim_from(own, stored(found, law, punch), Body(), punch), solve_near_rim(law, Body(), punch)
@@ -135,8 +135,8 @@ def test_near_the_rim_the_central_change_serves_within_the_stated_error(family) 
     missed = abs(quick.depth_m / fresh.depth_m - 1)
     print(missed, own.rim.error)
     assert quick.rim is not None
-    assert quick.rim.told is not None
-    assert 0 < missed < own.error.depth + quick.rim.told[0]
+    assert quick.rim.error_estimate is not None
+    assert 0 < missed < own.error.depth + quick.rim.error_estimate[0]
 
 
 RAW = {"seed": 7, "punch": {"x_mm": [-30, 30], "y_mm": [-30, 30], "diameter_mm": 14, "force_N": [0.24, 0.3]},
@@ -173,10 +173,10 @@ def test_rows_of_drawn_laws_do_not_depend_on_workers_or_the_cache(card: Path, tm
     pd.testing.assert_frame_equal(a, b)
     account(card, tmp_path / "c", 3, reuse=False)
     c = read_dataset(tmp_path / "c").table
-    apart = (a["delta_max_mm"].head(3) / c["delta_max_mm"] - 1).abs()
+    separation = (a["delta_max_mm"].head(3) / c["delta_max_mm"] - 1).abs()
     assert len(set(c["card_sample"])) == 3
-    assert (apart > 0).all()
-    assert (apart < 1e-3).all()
+    assert (separation > 0).all()
+    assert (separation < 1e-3).all()
 
 
 def test_families_are_made_where_they_repay_their_cost(card: Path) -> None:

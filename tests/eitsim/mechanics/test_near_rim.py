@@ -355,7 +355,7 @@ def test_a_contact_is_no_larger_than_the_face_and_the_excess_is_told():
 
 def test_a_failure_near_the_rim_tells_its_likely_cause():
     punch = Punch(0.0332501, 0.0854838, 0.0157779, 4.78751, friction="stick")
-    told = r"Likely cause: .*0\.39 mm from the rim, \d\.\d\d mm deep.* move it inwards"
+    error_estimate = r"Likely cause: .*0\.39 mm from the rim, \d\.\d\d mm deep.* move it inwards"
     touch = solve_touch(FOAM, BODY, replace(punch, friction="none"), element_m=0.24e-3)
-    with pytest.raises(NotConverged, match=told):
+    with pytest.raises(NotConverged, match=error_estimate):
         corrected(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE)

@@ -22,7 +22,7 @@ from eitsim.mechanics.load_paths.rim_table import (
     middle_gaps,
     middles_of,
     near_rim_from,
-    told_by,
+    with_cell_errors,
     within,
 )
 from eitsim.mechanics.load_paths.table import shape_of, state, touch_from
@@ -72,8 +72,8 @@ def test_touches_near_the_rim_are_recovered(table) -> None:
     missed = abs(quick.depth_m / fresh.depth_m - 1)
     print("the rim adds", added, "missed", missed, table.rim.error)
     assert quick.rim is not None
-    assert quick.rim.told is not None
-    depth, signal = quick.rim.told
+    assert quick.rim.error_estimate is not None
+    depth, signal = quick.rim.error_estimate
     assert 0 < missed < table.error.depth + depth
     assert missed < added / 4
     assert signal_difference(Body(), punch, fresh, quick.rim, fresh.rim, "normal") < 2 * signal < 0.02
@@ -149,18 +149,18 @@ def test_lines_go_on_to_the_rim_as_parabolas_where_changes_are_not_found() -> No
     assert abs(found[0, 0, 0, 1] - whole[0, 0, 0, 1]) > 1e-3
 
 
-def bare(told: np.ndarray, depths: tuple[float, ...] = (0.1, 0.2, 0.4)) -> RimTable:
+def bare(error_estimate: np.ndarray, depths: tuple[float, ...] = (0.1, 0.2, 0.4)) -> RimTable:
     """A table that holds nothing but what it is off, at gaps 0, 0.1, 0.3 and 0.6."""
     none = np.zeros(0)
     return RimTable(np.array([1.4]), np.array([0.0, 0.1, 0.3, 0.6]), np.array(depths), none, none,
-                    none.astype(np.float32), np.zeros((1, 4, len(depths), 7)), told, 0.0)
+                    none.astype(np.float32), np.zeros((1, 4, len(depths), 7)), error_estimate, 0.0)
 
 
 def test_the_error_is_that_of_the_gap_and_depth() -> None:
-    told = np.arange(1.0, 10.0).reshape(3, 3, 1) * [1e-3, 2e-3]
-    rim = within(bare(told), 15e-3)
+    error_estimate = np.arange(1.0, 10.0).reshape(3, 3, 1) * [1e-3, 2e-3]
+    rim = within(bare(error_estimate), 15e-3)
     for gap, depth, cell in ((0.05, 0.05, (0, 0)), (0.1, 0.15, (1, 1)), (0.6, 0.1, (2, 0))):
-        assert deviation_at(rim, gap, depth) == tuple(told[cell].tolist())
+        assert deviation_at(rim, gap, depth) == tuple(error_estimate[cell].tolist())
     assert [deviation_at(rim, *place) for place in ((0.5, 0.15), (0.7, 0.05), (0.2, 0.41))] == [None, None, None]
     assert rim.error == Deviation(7e-3, 14e-3, 0.0)
 
@@ -168,20 +168,22 @@ def test_the_error_is_that_of_the_gap_and_depth() -> None:
 def test_cells_are_kept_where_solving_afresh_is_no_nearer() -> None:
     rim = bare(np.full((3, 3, 2), 20e-3))
     rim.numbers[:, 0, 2:, 6] = 22e-3
-    kept = np.isfinite(within(rim, 15e-3).told[..., 1])
+    kept = np.isfinite(within(rim, 15e-3).error_estimate[..., 1])
     assert kept.tolist() == [[False, False, True], [False, False, False], [False, False, False]]
-    assert np.isfinite(within(rim, 20e-3).told).all()
+    assert np.isfinite(within(rim, 20e-3).error_estimate).all()
 
 
 def test_cells_take_the_largest_error_of_the_checked_ones_next_to_them() -> None:
     rim = bare(np.zeros((3, 3, 2)))
-    rim.told[2, 2] = np.inf
+    rim.error_estimate[2, 2] = np.inf
     off = {(0, 0): 1e-3, (0, 2): 2e-3, (1, 1): 4e-3, (2, 0): None}
-    found = told_by(rim, {cell: None if one is None else Deviation(one, 2 * one, 0.0) for cell, one in off.items()})
-    assert found.told[..., 0].tolist() == [[4e-3, 4e-3, 4e-3], [4e-3, 4e-3, 4e-3], [np.inf, 4e-3, np.inf]]
+    found = with_cell_errors(
+        rim, {cell: None if one is None else Deviation(one, 2 * one, 0.0) for cell, one in off.items()}
+    )
+    assert found.error_estimate[..., 0].tolist() == [[4e-3, 4e-3, 4e-3], [4e-3, 4e-3, 4e-3], [np.inf, 4e-3, np.inf]]
     assert found.error.signal == 8e-3
-    alone = told_by(rim, {(0, 0): Deviation(1e-3, 2e-3, 0.0)})
-    assert np.unique(alone.told[:2].reshape(-1, 2), axis=0).tolist() == [[1e-3, 2e-3]]
+    alone = with_cell_errors(rim, {(0, 0): Deviation(1e-3, 2e-3, 0.0)})
+    assert np.unique(alone.error_estimate[:2].reshape(-1, 2), axis=0).tolist() == [[1e-3, 2e-3]]
 
 
 def test_cells_are_checked_in_their_middle() -> None:
@@ -189,7 +191,7 @@ def test_cells_are_checked_in_their_middle() -> None:
     places = middles_of(rim, cells_of(rim), [1.0, 1.8])
     assert len(places) == 9
     assert [d for d, *_ in places] == [1.0, 1.0, 1.8, 1.0, 1.0, 1.8, 1.8, 1.8, 1.0]
-    numbered = replace(rim, told=rim.told + np.arange(9.0).reshape(3, 3, 1))
+    numbered = replace(rim, error_estimate=rim.error_estimate + np.arange(9.0).reshape(3, 3, 1))
     assert [deviation_at(numbered, gap, depth) for _, gap, depth in places] == [(k, k) for k in range(9)]
     assert np.all(np.diff([middle_gaps(rim.gaps), middle_depths(rim.depths)]) > 0)
 
@@ -203,28 +205,28 @@ def test_changes_are_checked_at_diameters_at_which_they_are_not_solved(
     assert between(shape) == pytest.approx(wanted, rel=1e-3)
 
 
-def rough(told: np.ndarray) -> Table:
+def rough(error_estimate: np.ndarray) -> Table:
     """A table without paths, exact but near the rim."""
     none = np.zeros(0)
     return Table(shape_of(FOAM, Body(), Punch(), "normal"), none, none, none, none, none, Deviation(0.0, 0.0, 0.0), 0,
-                 0.0, rim=bare(told))
+                 0.0, rim=bare(error_estimate))
 
 
 def test_cells_that_miss_the_wanted_error_are_left_out_and_it_is_told() -> None:
-    told = np.full((3, 3, 2), 5e-3)
-    told[0, 1:] = [2e-2, 3e-2]
+    error_estimate = np.full((3, 3, 2), 5e-3)
+    error_estimate[0, 1:] = [2e-2, 3e-2]
     design = design_from({"accuracy": {"signal": 0.01}}, 3)
-    table, why = fine_enough_for(design, rough(told))
+    table, why = fine_enough_for(design, rough(error_estimate))
     assert table is not None
     assert table.rim is not None
     assert table.rim.error.signal == 5e-3
     assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved afresh, in 2 since the table is "
                    "more than 0.01 off, and more than touches solved afresh tell")
-    gone = told.copy()
+    gone = error_estimate.copy()
     gone[2, 0] = np.inf
     _, why = fine_enough_for(design, rough(gone))
     assert "solved afresh, in 1 since no change was found there and in 2 since" in why
-    table, why = fine_enough_for(design, rough(4 * told))
+    table, why = fine_enough_for(design, rough(4 * error_estimate))
     assert table is not None
     assert table.rim is None
     assert "no table of what the rim changes" in why

@@ -151,9 +151,9 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
     assert "two touches, not more" in third
     at_rim = make_plan(scene_from({"punch": [{"x_mm": 68}, {"x_mm": 46}]}), CARD).refusal
     assert "near a neighbour and the rim at once is not built" in at_rim
-    apart = make_plan(scene_from({"punch": [*close, {"x_mm": -48}]}), CARD)
-    assert not apart.refusal
-    assert sum("solved" in d.decision and "touches" in d.decision for d in apart.decisions) == 2
+    separation = make_plan(scene_from({"punch": [*close, {"x_mm": -48}]}), CARD)
+    assert not separation.refusal
+    assert sum("solved" in d.decision and "touches" in d.decision for d in separation.decisions) == 2
 
 
 def test_a_scene_of_two_close_touches_gives_readings(monkeypatch):

@@ -111,10 +111,10 @@ def test_differences_along_the_cells_are_the_gradient(read):
     moved, gradient = read.points + read.point_data["displacement_m"], tensor(read.point_data, "deformation_gradient")
     for first, second in ((0, 1), (0, 4), (3, 2)):
         along = read.points[data[:, second]] - read.points[data[:, first]]
-        apart = moved[data[:, second]] - moved[data[:, first]]
+        separation = moved[data[:, second]] - moved[data[:, first]]
         mean = (gradient[data[:, first]] + gradient[data[:, second]]) / 2
         under = np.linalg.norm(read.points[data[:, 0], :2] - [-0.0728, 0.0546], axis=1) < 0.0065
-        error = np.linalg.norm((mean @ along[..., None])[..., 0] - apart, axis=1) / np.linalg.norm(along, axis=1)
+        error = np.linalg.norm((mean @ along[..., None])[..., 0] - separation, axis=1) / np.linalg.norm(along, axis=1)
         assert error[under].max() < 1e-9
 
 
