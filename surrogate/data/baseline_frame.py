@@ -40,10 +40,8 @@ def caution(trained_V: Array, baseline_V: Array) -> str:
     separation = _apart(given, trained)
     if separation < OTHER_BASELINE:
         return ""
-    return (
-        f"the untouched frame differs by {separation:.0%} from that of the training: {_cause(trained, given)} Intervals "
-        "do not count such a difference."
-    )
+    return (f"the untouched frame differs by {separation:.0%} from that of the training: {_cause(trained, given)} "
+            "Intervals do not count such a difference.")
 
 
 def _cause(trained: Array, given: Array) -> str:

@@ -27,7 +27,7 @@ class Model(TrainedModel):
 
         Parameters
         ----------
-        frames_V : (n, readings) or (readings,)
+        frames_V : (n, readings), (readings,) or (patterns, readings of one)
             Voltages of touched frames, V, in the order of the sensor's protocol. NaN is a dead channel.
         baseline_V : (readings,) or (k, readings), optional
             The untouched frame, V, or several, whose mean is taken; the mean one of the training where left out.
@@ -73,11 +73,11 @@ class Model(TrainedModel):
         store.save(self, Path(folder))
 
     def _frames(self, name: str, volts: ArrayLike) -> Array:
-        found = np.atleast_2d(np.asarray(volts, np.float64))
-        if found.ndim != 2 or found.shape[1] != len(self.baseline_V):
-            raise ValueError(f"{name} has the shape {found.shape}; expected (n, {len(self.baseline_V)}) volts, a row a "
-                             "frame of the trained sensor.")
-        return found
+        found, count = np.asarray(volts, np.float64), len(self.baseline_V)
+        if found.shape[-1:] != (count,) and np.prod(found.shape[-2:]) != count:
+            raise ValueError(f"{name} has the shape {found.shape}; expected (n, {count}) volts, a row a frame of the "
+                             "trained sensor, or patterns by readings.")
+        return found.reshape(-1, count)
 
 
 def load(folder: Path | str) -> Model:

@@ -21,9 +21,9 @@ TERMS = ("energy_term", "kirchhoff_term", "stretch_tangent_term", "volume_tangen
 SOLVE = """
 import json, sys
 import numpy as np
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, force_unit, pressings, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, force_unit, mesh_hierarchy, under_force
 from eitsim.mechanics.harmonics import clipped_disc
-from eitsim.mechanics.harmonics.arcs import Outline
+from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.harmonics.equilibrium import solve
 from eitsim.scene.scene import Body, Punch
 from matcal.fitting.hyperfoam.curves import weigh
@@ -33,10 +33,10 @@ from matcal.reduction.experiment import Experiment
 
 factor = float(sys.argv[1])
 law = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.1, 0.2, 0.1])
-levels = pressings(law, Body(), Punch(), 8e-4, factor * PENALTY)
+levels = mesh_hierarchy(law, Body(), Punch(), 8e-4, factor * PENALTY)
 state = under_force(levels, factor * 0.5 / force_unit(law, Body()))[-1]
 clipped_disc.TIE *= factor
-disc = clipped_disc.clipped_disc(levels[-1], state, Outline(10.0, 9.1), 4, 9, 4.0)
+disc = clipped_disc.clipped_disc(levels[-1], state, OffsetDisc(10.0, 9.1), 4, 9, 4.0)
 rim = solve(disc)
 strain = np.linspace(-0.6, -0.02, 30)
 fitted = fit(weigh([Experiment("uniaxial", strain, 2e4 * strain * (1 + strain**2), source=("curve",))]), 1).law
