@@ -15,4 +15,4 @@ if __name__ == "__main__":  # worker processes import this file
     data = eitsim.sweep("examples/design.toml", card, out="sweep", scenes=60, workers=2)
     model = surrogate.train(data, method="forward", seed=1)
     found = model.predict(touch.readings.touched_V, touch.readings.baseline_V)
-    print(found)
+    print(found[["x0_m", "y0_m", "d_m", "F_N", "F_lo90_N", "F_hi90_N"]])

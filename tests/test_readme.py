@@ -52,7 +52,7 @@ def test_the_chain_in_python_runs(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "examples/chain.py"], cwd=tmp_path, capture_output=True, text=True,
                           timeout=500)
     assert done.returncode == 0, done.stderr
-    assert "force_N" in done.stdout or "F_N" in done.stdout
+    assert "F_lo90_N" in done.stdout
 
 
 @pytest.mark.parametrize("command", readme_commands(), ids=lambda c: " ".join(c[:2]))

@@ -23,7 +23,7 @@ _MOST_NODES = 6000
 
 
 def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], groups: Sequence[tuple[int, ...]],
-             exact: bool) -> tuple[Touch, ...]:
+                   exact: bool) -> tuple[Touch, ...]:
     """All touches, each alone, and what those of a group, solved together, change of each other."""
     touches = [kept or _touch(law, scene, punch, exact, paired=any(i in group for group in groups))
                for i, (punch, kept) in enumerate(zip(scene.punches, stored, strict=True))]

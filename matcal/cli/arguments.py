@@ -19,7 +19,7 @@ def fit_options(order: str, poisson: str, stable: str | None, stable_range: str 
     from matcal.fitting.calibrate import FitOptions
 
     return FitOptions(_count("--order", order), _poisson(poisson), stable, _stretches(stable_range), residual,
-                   _weights(weight), prony_terms=_count("--prony-terms", prony_terms))
+                      _weights(weight), prony_terms=_count("--prony-terms", prony_terms))
 
 
 def points(mode: str, strain: str | None, time: str | None) -> np.ndarray:

@@ -75,7 +75,7 @@ def test_one_frame_serves_and_noise_follows_from_untouched_frames(model: surroga
 
 
 def test_wrong_frames_are_refused_and_a_strange_baseline_is_cautioned(model: surrogate.Model, samples: Samples) -> None:
-    with pytest.raises(ValueError, match=r"frames_V has the shape \(1, 7\); expected \(n, 208\)"):
+    with pytest.raises(ValueError, match=r"frames_V has the shape \(7,\); expected \(n, 208\)"):
         model.predict(np.zeros(7))
     with pytest.raises(ValueError, match="finite number of volts"):
         model.predict(samples.baseline_V[:1], noise_V=-1.0)

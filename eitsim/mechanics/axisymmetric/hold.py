@@ -159,7 +159,7 @@ def _ramped(model: IndentationProblem, course: HoldHistory, steps: int) -> tuple
 
 
 def stepped_through(model: IndentationProblem, series: Prony, memory: Memory, state: Equilibrium | None,
-                     steps: list[Step]) -> Iterator[tuple[Memory, Equilibrium]]:
+                    steps: list[Step]) -> Iterator[tuple[Memory, Equilibrium]]:
     """Memory and equilibrium after each step; `state` is the one before, None at rest."""
     spent, phase = 0.0, "loading" if state is None else "the hold"
     for step in steps:

@@ -115,7 +115,7 @@ def force_unit(law: Hyperfoam, body: Body) -> float:
 
 
 def mesh_hierarchy(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
-              penalty: float | None, order: int = 2) -> list[IndentationProblem]:
+                   penalty: float | None, order: int = 2) -> list[IndentationProblem]:
     """Frictionless problems from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes.
     """
     if punch.friction != "none":

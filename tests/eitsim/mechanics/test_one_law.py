@@ -21,10 +21,11 @@ TERMS = ("energy_term", "kirchhoff_term", "stretch_tangent_term", "volume_tangen
 SOLVE = """
 import json, sys
 import numpy as np
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import PENALTY, force_unit, mesh_hierarchy, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, under_force
 from eitsim.mechanics.harmonics import clipped_disc
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.harmonics.equilibrium import solve
+from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Punch
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
@@ -33,7 +34,7 @@ from matcal.reduction.experiment import Experiment
 
 factor = float(sys.argv[1])
 law = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.1, 0.2, 0.1])
-levels = mesh_hierarchy(law, Body(), Punch(), 8e-4, factor * PENALTY)
+levels = mesh_hierarchy(law, Body(), Punch(), 8e-4, factor * Flat.default_penalty)
 state = under_force(levels, factor * 0.5 / force_unit(law, Body()))[-1]
 clipped_disc.TIE *= factor
 disc = clipped_disc.clipped_disc(levels[-1], state, OffsetDisc(10.0, 9.1), 4, 9, 4.0)
