@@ -1,4 +1,5 @@
-"""After a commit that changes no number: tables that were current at COMMIT get the hash of the code that is here.
+"""After a commit that changes no number: tables that were current at COMMIT get the hash of the code that is here, and
+caches and sweeps of COMMIT go on (touchcal/same_numbers.json).
 
 Usage: python benchmarks/carry_over.py COMMIT. Renaming changes the code hash, not results. Compare a row of each kind
 of sweep, a card and a prediction with those of COMMIT bit for bit first; what was stale at COMMIT stays stale.
@@ -12,14 +13,20 @@ import sys
 import tempfile
 from pathlib import Path
 
-from touchcal.code_version import ROOT, script_hash
+from touchcal.code_version import ROOT, SAME_NUMBERS, SOLVERS, code_hash, script_hash
 
-HASHES = ("import json, pathlib, sys; from touchcal.code_version import script_hash; "
-          "print(json.dumps({p.stem: script_hash(p.resolve()) for p in pathlib.Path('benchmarks').glob('*.py')}))")
+# What keys of caches and sweeps are made of, next to the benchmarks: solvers, derivatives, measured sets.
+KEYED = (SOLVERS, ("eitsim.simulation.derivatives.readings",), ("eitsim.sweeps.run.measure",))
+HASHES = f"""
+import json, pathlib
+from touchcal.code_version import code_hash, script_hash
+found = {{p.stem: script_hash(p.resolve()) for p in pathlib.Path("benchmarks").glob("*.py")}}
+print(json.dumps(found | {{" ".join(modules): code_hash(modules) for modules in {KEYED}}}))
+"""
 
 
 def hashes_at(commit: str) -> dict[str, str]:
-    """Benchmark -> hash of its code at a commit, by that commit's own rule."""
+    """Benchmark, or modules of KEYED, -> hash of its code at a commit, by that commit's own rule."""
     with tempfile.TemporaryDirectory() as folder:
         place = str(Path(folder) / "tree")
         subprocess.run(["git", "worktree", "add", "--detach", "--quiet", place, commit], cwd=ROOT, check=True)
@@ -31,9 +38,13 @@ def hashes_at(commit: str) -> dict[str, str]:
 
 
 def main(commit: str) -> None:
-    """Rewrite the column `code` of tables whose rows were current."""
-    here = {old: script_hash(ROOT / "benchmarks" / f"{name}.py") for name, old in hashes_at(commit).items()
+    """Rewrite the column `code` of tables whose rows were current, and SAME_NUMBERS."""
+    there = hashes_at(commit)
+    here = {old: script_hash(ROOT / "benchmarks" / f"{name}.py") for name, old in there.items()
             if (ROOT / "benchmarks" / f"{name}.py").is_file()}
+    SAME_NUMBERS.write_text("{}\n", encoding="utf-8")
+    same = {code_hash(modules): there[" ".join(modules)] for modules in KEYED}
+    SAME_NUMBERS.write_text(json.dumps(same, indent=1) + "\n", encoding="utf-8")
     for path in sorted((ROOT / "benchmarks" / "results").glob("*.csv")):
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         carried = [carry(line, here) for line in lines]

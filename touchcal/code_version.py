@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
+import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ DESCRIBING = ("conditions",)
 ROOT = Path(__file__).parents[1]
 # What solves the rows of a sweep, and what solves tables of load paths. What describes rows is imported by neither.
 SOLVERS = ("eitsim.sweeps.run.parts", "eitsim.sweeps.run.load_path_choice")
+# Hashes of code that gives the numbers of an earlier one, whose hash goes on to count: this -> the earlier.
+SAME_NUMBERS = Path(__file__).with_name("same_numbers.json")
 # Digits of the hash that a table of results carries.
 DIGITS = 12
 
@@ -35,8 +38,10 @@ _Name = tuple[str, str]
 
 @functools.cache
 def code_hash(modules: tuple[str, ...] = SOLVERS, root: Path = ROOT) -> str:
-    """SHA-256 of the definitions of `modules` and of all that they need, as they are when this process first asks."""
-    return _digest(_code(root), modules)
+    """SHA-256 of the definitions of `modules` and of all that they need, as they are when this process first asks; that
+    of an earlier code where SAME_NUMBERS says that its numbers are the same."""
+    found = _digest(_code(root), modules)
+    return json.loads(SAME_NUMBERS.read_text(encoding="utf-8")).get(found, found)
 
 
 def script_hash(script: Path, root: Path = ROOT) -> str:
@@ -46,8 +51,8 @@ def script_hash(script: Path, root: Path = ROOT) -> str:
 
 
 def source_hash(root: Path = ROOT) -> str:
-    """SHA-256 of every file of the packages, names included, which is quicker to have than the hash of definitions."""
-    found = hashlib.sha256()
+    """SHA-256 of every file that decides code_hash, names included, which is quicker to have."""
+    found = hashlib.sha256(SAME_NUMBERS.read_bytes())
     for path in (path for package in PACKAGES for path in sorted((root / package).rglob("*.py"))):
         found.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()

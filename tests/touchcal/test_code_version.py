@@ -3,12 +3,14 @@ stands."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
-from touchcal.code_version import ROOT, SOLVERS, _code, _reached, code_hash, script_hash
+from touchcal import code_version
+from touchcal.code_version import ROOT, SOLVERS, _code, _reached, code_hash, script_hash, source_hash
 
 
 def modules_needed(modules: Iterable[str]) -> set[str]:
@@ -75,6 +77,17 @@ def test_moved_and_merged_modules_have_the_hash_they_had(tmp_path: Path) -> None
     law = CODE["eitsim/law.py"].replace("import matcal.foam", "from matcal.foam import scale")
     plain = CODE | {"eitsim/law.py": law.replace("matcal.foam.scale", "scale")}
     assert hash_of(tmp_path / "moved", CODE | MOVED, "eitsim.run.rows") == hash_of(tmp_path / "here", dict(plain))
+
+
+def test_code_of_the_same_numbers_keeps_the_earlier_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = source_hash()
+    here, other = (hash_of(tmp_path / name, CODE | {"matcal/foam.py": f"def scale(x):\n    return {name}\n"})
+                   for name in ("x", "y"))
+    monkeypatch.setattr(code_version, "SAME_NUMBERS", tmp_path / "same.json")
+    (tmp_path / "same.json").write_text(json.dumps({here: "earlier"}))
+    code_hash.cache_clear()
+    assert [code_hash(("eitsim.rows",), tmp_path / name) for name in ("x", "y")] == ["earlier", other]
+    assert source_hash() != before
 
 
 def test_a_name_that_a_package_hands_on_is_followed(tmp_path: Path) -> None:
