@@ -82,7 +82,7 @@ def read_card(path: Path | str) -> MaterialCard:
 
     Raises
     ------
-    TestFileError
+    InputFileError
         Naming the key that is missing or wrong.
 
     Examples

@@ -30,7 +30,7 @@ class NumberTable:
 
 def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers",
                  blanks: bool = False) -> NumberTable:
-    """Read a CSV of numbers, blank lines left out; TestFileError names the line of a row of another width than
+    """Read a CSV of numbers, blank lines left out; InputFileError names the line of a row of another width than
     `columns` or, without it, than the first row, and the column of a cell that is no finite number. With `blanks`,
     empty cells are NaN."""
     path = Path(path)

@@ -10,7 +10,7 @@ from touchcal.errors import InputFileError
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file; TestFileError where it is missing or not TOML."""
+    """The tables of a TOML file; InputFileError where it is missing or not TOML."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

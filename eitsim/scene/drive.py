@@ -191,7 +191,7 @@ def voltage_columns(count: int, prefix: str = "v") -> list[str]:
 
 def with_matrices(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a scene or design file, CSV files named by MATRICES in [drive] replaced by the rows they hold, so
-    that the tables need no other file from here on. Names are relative to `folder`; TestFileError names the file."""
+    that the tables need no other file from here on. Names are relative to `folder`; InputFileError names the file."""
     drive = raw.get("drive")
     if not isinstance(drive, Mapping):
         return dict(raw)

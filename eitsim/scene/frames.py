@@ -30,7 +30,7 @@ class Frames:
 def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
     """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order.
 
-    Readings of the mask `unread` (readings,), which need a missing electrode, may be empty and are 0. TestFileError
+    Readings of the mask `unread` (readings,), which need a missing electrode, may be empty and are 0. InputFileError
     names the line of a wrong width or a missing number, and a header's name that is no reading.
     """
     table = read_numbers(path, readings, what="voltages", blanks=unread is not None)

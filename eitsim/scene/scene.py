@@ -209,7 +209,7 @@ def _unconverted(value: Any, per: float | None) -> Any:
 
 
 def read_scene(path: Path | str) -> Scene:
-    """Read a scene file (TOML); TestFileError names the file and the key, ValueError's text inside it."""
+    """Read a scene file (TOML); InputFileError names the file and the key, ValueError's text inside it."""
     path = Path(path)
     raw = read_toml(path)
     try:

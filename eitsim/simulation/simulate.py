@@ -57,7 +57,7 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     ------
     ValueError
         Where the scene or the card lacks or contradicts something, or load paths do not serve the scene.
-    TestFileError
+    InputFileError
         Where a file cannot be read.
 
     Examples
@@ -99,7 +99,7 @@ def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: b
 
     Raises
     ------
-    ValueError, TestFileError
+    ValueError, InputFileError
         As in `simulate`.
 
     Examples

@@ -48,7 +48,7 @@ class Draws:
 
 
 def read_draws(card: MaterialCard | Path | str) -> Draws:
-    """The draws next to a card's file; ValueError where it has none, TestFileError where their file is missing or
+    """The draws next to a card's file; ValueError where it has none, InputFileError where their file is missing or
     broken."""
     import h5netcdf
 

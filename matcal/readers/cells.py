@@ -80,7 +80,7 @@ class Grid:
         return cells[column] if column < len(cells) else ""
 
     def numbers(self, rows: range, column: int, name: str) -> Array:
-        """(len(rows),) values of one column; TestFileError names the line of a cell that is no finite number."""
+        """(len(rows),) values of one column; InputFileError names the line of a cell that is no finite number."""
         out = np.empty(len(rows))
         for k, row in enumerate(rows):
             value = self.style.number(self.cell(row, column))
@@ -102,7 +102,7 @@ def shown(text: str, most: int = 40) -> str:
 def text_grid(text: str, path: Path, delimiter: str | None = "", style: Style | None = None) -> Grid:
     """The grid of a text; delimiter ("" to find it; None for any run of blanks) and style are told from its numbers.
 
-    TestFileError where no line holds two numbers, or where 1,424 may be either of two numbers.
+    InputFileError where no line holds two numbers, or where 1,424 may be either of two numbers.
     """
     numbered = [(n, line) for n, line in enumerate(lines_of(text), 1) if line.strip()]
     lines = [line for _, line in numbered]
@@ -167,7 +167,7 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 def style_of(rows: Iterable[Sequence[str]], path: Path) -> Style:
-    """How the numbers of a table are written, from cells that leave no choice; TestFileError where none does.
+    """How the numbers of a table are written, from cells that leave no choice; InputFileError where none does.
 
     Where 1,424 stands beside 0.5 it is 1424, beside 0,5 it is 1.424; alone it is refused.
     """

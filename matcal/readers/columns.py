@@ -50,7 +50,7 @@ class _Column:
 def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection | None = None, *,
                  metadata: Mapping[str, str] | None = None, sizes: Mapping[str, float] | None = None,
                  notes: Sequence[str] = ()) -> Recording:
-    """The recording of a grid; TestFileError where columns cannot be told apart, a unit is missing or of something
+    """The recording of a grid; InputFileError where columns cannot be told apart, a unit is missing or of something
     else, a cell is no finite number, or values cannot be what their name says."""
     said, header = list(notes), _widened(grid, header)
     if selection is not None and selection.columns:
@@ -220,7 +220,7 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
 
 
 def check_clock(recording: Recording) -> Recording:
-    """The recording, if its time does not run backwards; TestFileError with the first such step otherwise."""
+    """The recording, if its time does not run backwards; InputFileError with the first such step otherwise."""
     time = recording.columns.get("time")
     if time is not None and np.any(back := np.diff(time) < 0):
         at = int(np.argmax(back))

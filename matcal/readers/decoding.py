@@ -11,7 +11,7 @@ WORKBOOK = b"PK\x03\x04"
 
 
 def read_bytes(path: Path) -> bytes:
-    """The bytes of a file; TestFileError where there is no such file, it is a folder, or it cannot be opened."""
+    """The bytes of a file; InputFileError where there is no such file, it is a folder, or it cannot be opened."""
     if path.is_dir():
         raise InputFileError(path, "this is a folder. Give one file, or a folder of the parts of one MTS test.")
     try:
@@ -23,7 +23,8 @@ def read_bytes(path: Path) -> bytes:
 
 
 def decode(data: bytes, path: Path) -> tuple[str, str]:
-    """(text without its byte-order mark, encoding) of a file's bytes; TestFileError where they are empty or no text."""
+    """(text without its byte-order mark, encoding) of a file's bytes; InputFileError where they are empty or no
+    text."""
     if not data.strip(b"\xef\xbb\xbf\xff\xfe \t\r\n\x00"):
         raise InputFileError(path, "the file is empty. Export the test again.")
     for encoding in _candidates(data):

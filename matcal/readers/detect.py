@@ -8,7 +8,7 @@ from matcal.readers import vendors
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import check_clock
 from matcal.readers.decoding import WORKBOOK, decode, read_bytes
-from matcal.readers.reader import Source
+from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.vendors.mts_testsuite import join_parts, sibling_parts
 from matcal.readers.vendors.xlsx import read_workbook
@@ -19,7 +19,7 @@ def read(path: Path | str, selection: Selection | None = None) -> Recording:
     """The columns of one test in SI, from a file or a folder of the parts of one TestSuite test.
 
     A file that is one part of a split test brings its other parts along; `selection` says which columns mean what
-    where the file does not. TestFileError names what is wrong, where, and the mend.
+    where the file does not. InputFileError names what is wrong, where, and the mend.
     """
     path = Path(path)
     files = files_of(path)
@@ -37,10 +37,18 @@ def files_of(path: Path) -> list[Path]:
 
 def _read_file(path: Path, selection: Selection | None) -> Recording:
     source = _open(path, selection.sheet if selection else None)
-    reader = next(reader for reader in vendors.READERS if reader.recognises(source))
+    reader = next(reader for reader in vendors.READERS if _recognises(reader, source))
     if selection is not None and selection.block is not None and not reader.has_blocks:
         raise InputFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
     return reader.read(source, selection)
+
+
+def _recognises(reader: Reader, source: Source) -> bool:
+    """Whether a reader knows a file; not where it asks for cells of a text that has no table of a known separator."""
+    try:
+        return reader.recognises(source)
+    except InputFileError:
+        return False
 
 
 def _open(path: Path, sheet: str | None) -> Source:

@@ -23,7 +23,7 @@ _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
 
 def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
                    said: list[str], flag: str, *, chosen: bool) -> None:
-    """Turn a stretch below 0 into a strain and a lateral stretch into a strain, in place; TestFileError where a column
+    """Turn a stretch below 0 into a strain and a lateral stretch into a strain, in place; InputFileError where a column
     cannot be what it is called. With columns `chosen` by the user, only what no unit mends is refused."""
     _ratios(values, names, units, said)
     for quantity, column in values.items():

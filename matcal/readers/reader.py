@@ -26,7 +26,7 @@ class Source:
 
     @cached_property
     def grid(self) -> Grid:
-        """The cells of the sheet, or of the text, its separator found from the text; TestFileError where it has none.
+        """The cells of the sheet, or of the text, its separator found from the text; InputFileError where it has none.
         """
         return text_grid(self.text, self.path) if self.sheet is None else self.sheet
 
@@ -41,7 +41,7 @@ class Reader:
     title: str
     # whether a file has this layout, from what it holds
     recognises: Callable[[Source], bool]
-    # its columns in SI, as the selection says; TestFileError where it cannot be used
+    # its columns in SI, as the selection says; InputFileError where it cannot be used
     read: Callable[[Source, Selection | None], Recording]
     # whether its files have acquisition blocks, of which a selection may choose one
     has_blocks: bool = False

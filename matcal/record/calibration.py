@@ -91,7 +91,7 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
 
     Raises
     ------
-    TestFileError
+    InputFileError
         For a file that cannot be used.
     ValueError
         For tests or choices that cannot be fitted.

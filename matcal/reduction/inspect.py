@@ -38,7 +38,7 @@ def inspect(path: Path | str, selection: Selection | None = None, kind: str | No
 
     Raises
     ------
-    TestFileError
+    InputFileError
         For a file that cannot be read.
     ValueError
         For an unknown kind.

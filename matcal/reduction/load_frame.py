@@ -27,7 +27,7 @@ _ENOUGH = 20
 def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
     """Strain and stress of a block from displacement, force and time, from contact on or over one later loading.
 
-    Raises TestFileError where a column is missing or constant, nothing moves or is touched, or nothing tells
+    Raises InputFileError where a column is missing or constant, nothing moves or is touched, or nothing tells
     compression from tension; ValueError for an unknown branch.
     """
     if branch not in BRANCHES:
@@ -87,7 +87,7 @@ def _stroke(recording: Recording) -> Stroke:
 
 
 def _check_touch(recording: Recording, stroke: Stroke, load: Array, noise: float) -> None:
-    """TestFileError where the load of the first loading does not rise above its noise."""
+    """InputFileError where the load of the first loading does not rise above its noise."""
     size = max(1, min(20, (stroke.end - stroke.start) // 20))
     rest = float(np.median(load[:max(stroke.start, 1)]))
     top = float(load[max(stroke.end - size, 0):stroke.end + 1].mean()) - rest

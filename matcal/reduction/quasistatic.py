@@ -22,7 +22,7 @@ def reduce_quasistatic(kind: str, recording: Recording, block: Block, branch: st
     travel/thickness (paper, section 3.1). Equibiaxial and planar: stress = force/(width x thickness), strain =
     travel/length of one axis. Volumetric: J = 1 + travel/length and the mean stress, see `specimen.Block`. `branch` is
     the loading of a cyclic test that is used, one of `branches.BRANCHES`. The state of rest at contact is the first
-    point, so that a history that starts there can be convolved. Raises TestFileError as
+    point, so that a history that starts there can be convolved. Raises InputFileError as
     `matcal.reduction.load_frame.correct`.
     """
     record = correct(kind, recording, block, branch)

@@ -68,7 +68,7 @@ def read_test(test: Given, specimen: Path | str | None = None, *, columns: Seque
 
     Raises
     ------
-    TestFileError
+    InputFileError
         For a file that cannot be used.
     ValueError
         For an unknown kind or branch, or several tests.
@@ -102,7 +102,7 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
     The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
     parts of a split export (these may also be inputs of their own: they are read once). `columns` says of each
     input which columns mean what (`matcal.readers.column_options.selections_of`), `branch` which loading of a cyclic
-    test is used, one of `branches.BRANCHES`. Raises TestFileError for a file that cannot be used and ValueError for a
+    test is used, one of `branches.BRANCHES`. Raises InputFileError for a file that cannot be used and ValueError for a
     kind or branch that is unknown.
     """
     if branch not in BRANCHES:

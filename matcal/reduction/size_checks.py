@@ -29,7 +29,7 @@ def fix_of_sizes(kind: str) -> str:
 
 
 def check_sizes(kind: str, recording: Recording, block: Block, stroke: Stroke, load: Array, sign: float) -> None:
-    """TestFileError where the whole travel is no strain, where the travel under load is more than the specimen has,
+    """InputFileError where the whole travel is no strain, where the travel under load is more than the specimen has,
     where the frame would give more than the travel, or where the stress is beyond that of any foam.
 
     `load` (n,), N, grows in the direction of loading; `sign` is -1 for compression.
@@ -58,7 +58,7 @@ def check_sizes(kind: str, recording: Recording, block: Block, stroke: Stroke, l
 
 
 def check_reach(kind: str, recording: Recording, strain: float) -> None:
-    """TestFileError where a loading ends at a strain that no test of foam ends at."""
+    """InputFileError where a loading ends at a strain that no test of foam ends at."""
     if strain <= -1 or abs(strain) < _LEAST_STRAIN:
         raise _error(recording, f"the loading ends at a strain of {strain:.3g}. Check the sizes of the specimen "
                                 f"({fix_of_sizes(kind)}) and the unit of the displacement.")

@@ -68,7 +68,7 @@ class Strip:
 
 
 def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
-    """kind -> its keys, which need not be complete; TestFileError names an unknown table or key."""
+    """kind -> its keys, which need not be complete; InputFileError names an unknown table or key."""
     tables = {name: table for name, table in read_toml(path).items() if name != "kind"}
     if unknown := sorted(set(tables) - set(KEYS)):
         stray = any(unknown[0] in keys for keys in KEYS.values())
@@ -84,7 +84,7 @@ def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
 
 
 def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | Strip:
-    """The specimen that the keys of one table make; TestFileError, in the name of `path`, where a key is missing, a
+    """The specimen that the keys of one table make; InputFileError, in the name of `path`, where a key is missing, a
     size is not positive, or two ways to give the cross-section differ."""
     def size(key: str, default: float | None = None) -> float:
         return _size(table, key, default, kind, path)
@@ -150,7 +150,7 @@ def _volume(table: Mapping[str, Any], size: Callable[..., float], compliance: fl
 
 def _same_area(table: Mapping[str, Any], size: Callable[..., float], ways: Sequence[tuple[str, ...]], kind: str,
                path: Path) -> float:
-    """The area, m2, by the first way that the table has; TestFileError where it has none, or another one differs."""
+    """The area, m2, by the first way that the table has; InputFileError where it has none, or another one differs."""
     whole = [way for way in ways if set(way) <= set(table)]
     if not whole:
         begun = next((way for way in ways if set(way) & set(table)), ways[-1] if len(ways) == 1 else ("diameter_mm",))
@@ -178,7 +178,7 @@ def _area_of(way: tuple[str, ...], size: Callable[..., float]) -> float:
 
 
 def _size(table: Mapping[str, Any], key: str, default: float | None, kind: str, path: Path) -> float:
-    """A positive number (zero allowed where there is a default); TestFileError otherwise."""
+    """A positive number (zero allowed where there is a default); InputFileError otherwise."""
     value = table.get(key, default)
     if value is None:
         raise InputFileError(path, f"[{kind}] needs the key {key}.")

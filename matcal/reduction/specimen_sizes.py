@@ -27,7 +27,7 @@ def specimen_of(kind: str, recording: Recording,
 
     `given` comes first, and a file that states other sizes is mentioned; without it a TOML of the file's name, else
     specimen.toml beside it, where the two must agree. A table that lacks a size is completed by the file's own, and
-    where no table is there the file's own serve alone. TestFileError where two sources differ, or sizes are missing.
+    where no table is there the file's own serve alone. InputFileError where two sources differ, or sizes are missing.
     """
     own, path = own_table(kind, recording.properties), recording.paths[0]
     toml, table = _table(kind, path, given)

@@ -30,7 +30,7 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
     A ramp keeps its samples (means of them beyond 300): its stress is far from linear in time for a foam that
     densifies, so a fit should convolve the whole history rather than assume a step or a linear ramp. Each hold is
     thinned to means of blocks equal in the log of the time since it began, `samples` says of how many. Raises
-    TestFileError as `matcal.reduction.load_frame.correct`, and where there is no clock or no hold.
+    InputFileError as `matcal.reduction.load_frame.correct`, and where there is no clock or no hold.
     """
     record = correct("relaxation", recording, block)
     path, time = recording.paths[0], record.time_s
@@ -48,7 +48,7 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
 
 
 def _holds(record: Loading, time: Array, path: Path) -> list[tuple[int, int]]:
-    """The holds; the one at the largest strain begins where the loading ends. TestFileError where there is none."""
+    """The holds; the one at the largest strain begins where the loading ends. InputFileError where there is none."""
     spans = find_holds(time, np.abs(record.strain))
     spans = [(record.end if abs(first - record.end) < 0.05 * (last - first) else first, last) for first, last in spans]
     if not spans or time[spans[0][1] - 1] < 2 * time[spans[0][0]]:

@@ -49,7 +49,7 @@ def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
 
     L = L_0 (1 + e) is the current length and A the coated ring at constant coating thickness. `recordings` are the
     frame's (displacement, force, time) and the potentiostat's (time, current), in any order. The strip is taken to be
-    gripped without slack, so that the strain is the travel over its length. TestFileError where one is missing.
+    gripped without slack, so that the strain is the travel over its length. InputFileError where one is missing.
     """
     frame, pot = _frame_and_potentiostat(recordings)
     try:

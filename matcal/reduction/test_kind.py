@@ -23,7 +23,7 @@ _WORDS = (
 
 
 def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
-    """(kind, sentence saying why) of the recordings of one test; TestFileError where nothing tells, ValueError for an
+    """(kind, sentence saying why) of the recordings of one test; InputFileError where nothing tells, ValueError for an
     unknown explicit kind."""
     if explicit is not None:
         path = recordings[0].paths[0]

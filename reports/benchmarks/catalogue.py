@@ -172,7 +172,7 @@ BENCHES = (
 
 def points(bench: Bench, folder: Path) -> tuple[list[Point], int]:
     """Points of a benchmark, and how many rows its file has; rows whose measure or cost is no positive number hold no
-    point. FileNotFoundError where the file is not there, TestFileError where it lacks a column."""
+    point. FileNotFoundError where the file is not there, InputFileError where it lacks a column."""
     path = folder / bench.file
     table = pd.read_csv(path)
     rows = [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]

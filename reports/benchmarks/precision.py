@@ -20,7 +20,7 @@ Found = dict[Bench, list[Point]]
 
 
 def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
-    """Everything that the template `precision.typ` shows; TestFileError where a table lacks a column."""
+    """Everything that the template `precision.typ` shows; InputFileError where a table lacks a column."""
     drawn: Found = {}
     plates, absent = [], {}
     stored: dict[Bench, pd.DataFrame] = {}

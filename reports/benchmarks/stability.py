@@ -29,7 +29,7 @@ _SHOWN = {"stable_ranges": "laws", "stable_functions": "functions", "random_scen
 
 
 def report(results: Path) -> Report:
-    """Everything that the template `stability.typ` shows; TestFileError where a table lacks a column."""
+    """Everything that the template `stability.typ` shows; InputFileError where a table lacks a column."""
     stored = {stem: read_rows(results / f"{stem}.csv") for stem in WRITERS if (results / f"{stem}.csv").is_file()}
     absent = {_SHOWN[stem]: f"Not there: {stem}.csv. Run benchmarks/{writer}.py, which writes it."
               for stem, writer in WRITERS.items() if stem not in stored}

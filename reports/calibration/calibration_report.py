@@ -35,7 +35,7 @@ NOT_FITTED = {"hyperfoam": "The card has no hyperfoam law: no stress-strain curv
 def write(card_path: Path, out: Path) -> None:
     """Write the PDF of a card: data, fits, residuals, parameters, stability, provenance.
 
-    TestFileError where the card cannot be used; ValueError where the folder of `out` is missing.
+    InputFileError where the card cannot be used; ValueError where the folder of `out` is missing.
     """
     with house():
         write_pdf(report(card_path), out)

@@ -73,7 +73,7 @@ class Record:
 def read_record(path: Path) -> Record:
     """Read a card and the folder it names; a folder that is not there is told in `missing`.
 
-    TestFileError where the card or a table cannot be used.
+    InputFileError where the card or a table cannot be used.
     """
     card = read_card(path)
     if card.data is None:

@@ -45,7 +45,7 @@ class Meshed:
 
 
 def meshed(scene: Mapping[str, Any], path: Path) -> Meshed:
-    """The mesh of a skin from a file of `eitsim run --skin`; TestFileError where its elements are not known."""
+    """The mesh of a skin from a file of `eitsim run --skin`; InputFileError where its elements are not known."""
     mesh = meshio.vtu.read(path)
     (cells,) = mesh.cells
     if cells.type not in _CORNERS:

@@ -31,7 +31,7 @@ def result_of(run: Run, name: str) -> dict[str, Any] | None:
 
 
 def skin_of(run: Run, name: str, result: Mapping[str, Any]) -> Path:
-    """The file of the skin that a result names; TestFileError where it is another than was written with it."""
+    """The file of the skin that a result names; InputFileError where it is another than was written with it."""
     path = run.stages[name].folder / "skin.vtu"
     if not path.is_file() or source(path).sha256 != result["skin_file"]["sha256"]:
         raise InputFileError(path, "it is not the file that was written with touch.json. Delete the folder and run the "

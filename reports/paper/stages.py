@@ -88,7 +88,7 @@ def state(stage: Stage) -> State:
 
 
 def read_record(folder: Path) -> Mapping[str, Any] | None:
-    """What a finished stage wrote of itself; None where it is not finished. TestFileError where it cannot be read."""
+    """What a finished stage wrote of itself; None where it is not finished. InputFileError where it cannot be read."""
     path = folder / RECORD
     if not path.is_file():
         return None

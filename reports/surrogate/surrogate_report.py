@@ -25,7 +25,7 @@ NO_NOISE = "No noise was added for these scores: the stored evaluation holds no 
 def write(model_dir: Path, out: Path) -> None:
     """Write the PDF of a model: predictions against targets, scores, training record.
 
-    TestFileError where `model_dir` lacks what `surrogate train` writes; ValueError where the folder of `out` is
+    InputFileError where `model_dir` lacks what `surrogate train` writes; ValueError where the folder of `out` is
     missing.
     """
     with house():

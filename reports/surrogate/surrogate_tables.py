@@ -67,7 +67,7 @@ def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], lim
 
 def training(record: Mapping[str, Any]) -> Table:
     """How the training went: a row a network with its effective parameters, or the record's own entries."""
-    if all(isinstance(value, Mapping) and "gamma" in value for value in record.values()):
+    if record and all(isinstance(value, Mapping) and "gamma" in value for value in record.values()):
         return _networks(record)
     rows = [[parity_figures.label(name.replace("_", " ")), _words(value)] for name, value in record.items()]
     return Table(f"How the training went: {counted(len(rows), 'entry', 'entries')} of the model's own record.",

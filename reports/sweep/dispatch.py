@@ -13,7 +13,7 @@ from reports.touch import touch_report
 def write(source: Path, out: Path) -> None:
     """Write the PDF of a result of `eitsim run` (a JSON file) or of a data set of `eitsim sweep` (a folder).
 
-    TestFileError where `source` is neither; ValueError where the folder of `out` is missing.
+    InputFileError where `source` is neither; ValueError where the folder of `out` is missing.
     """
     with house():
         report = sweep_report.report(source) if source.is_dir() else touch_report.report(source)

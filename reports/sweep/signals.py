@@ -15,7 +15,7 @@ from touchcal.errors import InputFileError
 
 
 def rms_of(folder: Path, scenes: NDArray[np.int64]) -> Array:
-    """(scenes,) RMS of the signals dV of these scenes, V, over the readings that each has. TestFileError where one has
+    """(scenes,) RMS of the signals dV of these scenes, V, over the readings that each has. InputFileError where one has
     no columns of signals."""
     found = [pd.Series(np.sqrt(np.nanmean(table.to_numpy(dtype=float)**2, axis=1)), table.index)
              for table in _parts_of(folder, scenes)]

@@ -33,7 +33,7 @@ _COLUMNS = (*ACCURACY, "message", "touches")
 
 
 def report(folder: Path) -> Report:
-    """Everything that the template `sweep.typ` shows of a data set; TestFileError where the folder is none."""
+    """Everything that the template `sweep.typ` shows of a data set; InputFileError where the folder is none."""
     from eitsim.sweeps.run.account import account_of
 
     data, account = read_dataset(folder, _COLUMNS), account_of(folder)

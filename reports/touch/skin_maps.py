@@ -49,7 +49,7 @@ class SkinMap:
 
 
 def read(path: Path) -> SkinMap:
-    """A file of `eitsim run --skin`, points at one place made one; TestFileError where it is none."""
+    """A file of `eitsim run --skin`, points at one place made one; InputFileError where it is none."""
     try:
         mesh = meshio.vtu.read(path)
     except (meshio.ReadError, ParseError, OSError) as error:

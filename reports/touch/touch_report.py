@@ -31,7 +31,7 @@ NO_VOLTAGES = "No voltages: the result holds no readings, since its outcome is \
 
 
 def report(path: Path) -> Report:
-    """Everything that the template `touch.typ` shows of a result; TestFileError where the file is none."""
+    """Everything that the template `touch.typ` shows of a result; InputFileError where the file is none."""
     result = read_result(path)
     absent: dict[str, str] = {}
     plates = _plates(result, absent) + _maps(path, result, absent)
@@ -54,7 +54,7 @@ def report(path: Path) -> Report:
 
 
 def read_result(path: Path) -> dict[str, Any]:
-    """A result as its JSON object; TestFileError where it is not one."""
+    """A result as its JSON object; InputFileError where it is not one."""
     try:
         result = json.loads(path.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

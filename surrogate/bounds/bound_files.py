@@ -20,7 +20,7 @@ MATERIALS = {"known": "least possible, material known", "posterior": "least poss
 
 def read_limits(model_dir: Path) -> pd.DataFrame | None:
     """What `surrogate limit --data DIR --out MODEL_DIR/limits.csv` wrote, one row a level, material and output; None
-    where it is not there, TestFileError where it lacks a column."""
+    where it is not there, InputFileError where it lacks a column."""
     return _read(model_dir / LIMITS, COLUMNS, f"--data DIR --out {LIMITS}")
 
 

@@ -99,7 +99,7 @@ def frames_of(lines: Sequence[Line], order: NDArray[np.intp]) -> Lines:
 
 
 def read_lines(path: Path, readings: int) -> Lines:
-    """All frames of a file, blank lines left out; TestFileError where it holds none, or its header names anything but
+    """All frames of a file, blank lines left out; InputFileError where it holds none, or its header names anything but
     readings."""
     with open(path, "rb") as file:
         lines = [line for some in waiting_lines(file) for line in some if line[1]]

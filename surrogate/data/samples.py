@@ -60,8 +60,8 @@ class Samples:
 
 
 def read_samples(data: Samples | Dataset | Path | str) -> Samples:
-    """The ok rows of a data set or of its folder, or samples as they are; TestFileError where it is none, has no ok row
-    or one of several touches, or a column lacks numbers."""
+    """The ok rows of a data set or of its folder, or samples as they are; InputFileError where it is none, has no ok
+    row or one of several touches, or a column lacks numbers."""
     if isinstance(data, Samples):
         return data
     folder = Path("data set") if isinstance(data, Dataset) else Path(data)

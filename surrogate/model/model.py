@@ -94,7 +94,7 @@ def load(folder: Path | str) -> Model:
 
     Raises
     ------
-    TestFileError
+    InputFileError
         Where the folder holds no model, one of another schema, or a damaged one.
     """
     return store.read(Model, Path(folder))

@@ -57,7 +57,7 @@ def histories(folder: Path, names: Sequence[str]) -> dict[str, NDArray[np.float6
 
 
 def read(kind: type[M], folder: Path) -> M:
-    """Read a model as this class; TestFileError where the folder is none, of another schema, or damaged."""
+    """Read a model as this class; InputFileError where the folder is none, of another schema, or damaged."""
     path = folder / DESCRIPTION
     if not path.is_file():
         raise InputFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "

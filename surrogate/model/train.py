@@ -58,7 +58,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     ------
     ValueError
         For an unknown method or output, too few rows, another sensor, or data that the method cannot learn.
-    TestFileError
+    InputFileError
         Where a folder is no data set, or a damaged one.
 
     Examples

@@ -143,7 +143,7 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
     """Images of the frames in a file, and what is told of them as plain JSON values, with their lines.
 
     The untouched frame is the mean of those in `baseline`, else the first row of `frames`. ValueError where there is no
-    touched frame, and as `reconstruct`; TestFileError as frames.read_frames.
+    touched frame, and as `reconstruct`; InputFileError as frames.read_frames.
     """
     check_wanted(prior, noise_figure)
     lost = unread(scene.drive, scene.electrodes)

@@ -49,7 +49,7 @@ class Model:
 def read_eidors(path: Path | str, variable: str | None = None) -> Model:
     """Read the fwd_model, image or inv_model that a MATLAB file (v5 to v7) holds, or the one named `variable`.
 
-    Stimulation currents are taken as A and lengths as m, as EIDORS's solvers do. TestFileError says why a model is not
+    Stimulation currents are taken as A and lengths as m, as EIDORS's solvers do. InputFileError says why a model is not
     one of a sheet with complete electrodes: three dimensions, point electrodes, complex values, voltage drives, and
     stimulations or readings that refer to the ground node.
     """

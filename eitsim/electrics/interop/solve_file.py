@@ -43,7 +43,7 @@ def solve_sheet_model(model: Model | Path | str, *, variable: str | None = None,
 
     Raises
     ------
-    TestFileError
+    InputFileError
         Where the file holds no model of a sheet, or conductances that are not positive.
     ValueError
         Where neither the model nor an argument tells the conductance, and for an unknown element.
@@ -107,7 +107,7 @@ def unused_tables(scene: Path) -> list[str]:
 
 
 def _check_elements(path: Path, conductance_S: NDArray[np.float64]) -> None:
-    """TestFileError names the first triangle whose elem_data is not positive."""
+    """InputFileError names the first triangle whose elem_data is not positive."""
     least = conductance_S if conductance_S.ndim == 1 else np.linalg.eigvalsh(conductance_S)[:, 0]
     wrong = np.flatnonzero(~((least > 0) & np.isfinite(least)))
     if wrong.size:

@@ -64,7 +64,7 @@ def joined(stored: StoredFields, body: Body, contents: Sequence[bytes]) -> bytes
 
 
 def continued(path: Path, stored: StoredFields, body: Body, content: bytes) -> bytes:
-    """What stands in a file and, after it, what comes; TestFileError where it is missing or cut."""
+    """What stands in a file and, after it, what comes; InputFileError where it is missing or cut."""
     return _checked(path, lambda: joined(stored, body, [path.read_bytes(), content]))
 
 
@@ -91,7 +91,7 @@ class FieldsOnDisk:
     def read(self, name: str, scenes: Sequence[int]) -> NDArray[np.float32]:
         """Field (scenes, *shape) or (scenes, *shape, parts); NaN beside the disc and where a scene was not solved.
 
-        name: one of stored.names. TestFileError for a field or scene that the set does not hold, and for a damaged
+        name: one of stored.names. InputFileError for a field or scene that the set does not hold, and for a damaged
         file.
         """
         if name not in self.stored.names:
@@ -114,7 +114,7 @@ class FieldsOnDisk:
 def read_fields(folder: Path | str) -> FieldsOnDisk:
     """The stored fields of a data set; of its files only the scene numbers are read until a field is asked for.
 
-    TestFileError where the set has none, or the file of a part is missing, cut, or not of its scenes.
+    InputFileError where the set has none, or the file of a part is missing, cut, or not of its scenes.
     """
     folder = Path(folder)
     manifest = parquet.read_manifest(folder)

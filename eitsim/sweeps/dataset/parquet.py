@@ -53,7 +53,7 @@ class Dataset:
     @cached_property
     def table(self) -> pd.DataFrame:
         """One row a scene, sorted by scene: FIXED, then v_000 ... (touched, V) and dv_000 ... (signal, V),
-        pattern-major. TestFileError where a part is damaged, lacks a column, or holds a scene that stands in another.
+        pattern-major. InputFileError where a part is damaged, lacks a column, or holds a scene that stands in another.
         """
         names = None if self.columns is None else [*dict.fromkeys([*FIXED, *self.columns])]
         table = pd.concat([read_part(path, names) for path in parts(self.folder)], ignore_index=True)
@@ -115,7 +115,7 @@ def decoded(content: bytes | Path, columns: list[str] | None = None) -> pd.DataF
 
 
 def read_part(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
-    """The table of a part; TestFileError where it is damaged."""
+    """The table of a part; InputFileError where it is damaged."""
     try:
         return decoded(path, columns)
     except (pa.ArrowException, OSError) as error:
@@ -185,7 +185,7 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a data set; TestFileError where there is none or it is of another schema."""
+    """The manifest of a data set; InputFileError where there is none or it is of another schema."""
     path = folder / MANIFEST
     if not path.is_file():
         raise InputFileError(folder, f"not a data set: it holds no {MANIFEST}. A data set is the folder that "
@@ -218,7 +218,7 @@ def open_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Da
 
     Raises
     ------
-    TestFileError
+    InputFileError
         Where the folder is no data set or has no rows.
 
     Examples

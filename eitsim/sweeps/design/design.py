@@ -52,7 +52,7 @@ class Design:
 
 
 def read_design(path: Path | str, scenes: int | None = None) -> Design:
-    """Read a design file; `scenes` overrides its count. TestFileError names the file and the key."""
+    """Read a design file; `scenes` overrides its count. InputFileError names the file and the key."""
     path = Path(path)
     raw = read_toml(path)
     try:

@@ -21,7 +21,7 @@ _MOST_CONTACT = 0.2
 
 
 def read_measurement(path: Path | str) -> Measurement:
-    """The `[measurement]` of a TOML file of its own; TestFileError names the file and the key."""
+    """The `[measurement]` of a TOML file of its own; InputFileError names the file and the key."""
     path = Path(path)
     raw = read_toml(path)
     try:

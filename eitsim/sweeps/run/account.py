@@ -84,7 +84,7 @@ class Accounted:
 
 
 def account_of(folder: Path) -> Accounted:
-    """The account of a data set, read part by part in the columns that it needs: 8 bytes a row are kept. TestFileError
+    """The account of a data set, read part by part in the columns that it needs: 8 bytes a row are kept. InputFileError
     where it is none or holds no rows."""
     manifest, parts = parquet.read_manifest(folder), parquet.parts(folder)
     if not parts:

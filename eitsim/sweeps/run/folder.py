@@ -55,8 +55,8 @@ def sole_writer(folder: Path, writer: str = "sweep") -> Iterator[None]:
 
 
 def begun(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The manifest that stands in a folder; None, and `manifest` is put there, where there is none. TestFileError where
-    parts stand there without one."""
+    """The manifest that stands in a folder; None, and `manifest` is put there, where there is none. InputFileError
+    where parts stand there without one."""
     if (folder / parquet.MANIFEST).exists():
         return parquet.read_manifest(folder)
     if parquet.parts(folder):
@@ -155,7 +155,7 @@ class Standing:
 
 
 def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:
-    """What a folder holds of a sweep; TestFileError where a part is damaged or does not belong to such a sweep."""
+    """What a folder holds of a sweep; InputFileError where a part is damaged or does not belong to such a sweep."""
     there, counts, crashed = np.zeros(scenes, dtype=bool), OutcomeCounts(), 0
     for path in parquet.parts(folder):
         table = parquet.read_part(path, COLUMNS)

@@ -77,7 +77,7 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
 
     Raises
     ------
-    TestFileError
+    InputFileError
         Where `clean` is no data set, damaged or measured already.
     ValueError
         Where the folder lies in it or holds another measurement, that of another set, or one by other code.
@@ -118,7 +118,7 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
 
 
 def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | None) -> Lab:
-    """The measurement, by default that of the design, made ready for the rows of a clean data set; TestFileError where
+    """The measurement, by default that of the design, made ready for the rows of a clean data set; InputFileError where
     there is none, or the rows are measured already."""
     if "clean" in manifest:
         raise InputFileError(clean, "its rows are measured already. Give the clean set that they were made from.")

@@ -44,7 +44,7 @@ class _Cells:
 
 def as_design(design: Design | Path | str, scenes: int | None = None, scene: Path | str | None = None) -> Design:
     """A design itself, or that of a file (TOML) or of a table of scenes (CSV) with its scene file, with so many scenes;
-    ValueError or TestFileError where they make none."""
+    ValueError or InputFileError where they make none."""
     table = not isinstance(design, Design) and Path(design).suffix == ".csv"
     if scene is not None and not table:
         what = "the design" if isinstance(design, Design) else design
@@ -60,7 +60,7 @@ def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: i
     Columns are x_mm, y_mm, d_mm, F_N, any key of [punch], or table.key; of further touches x_2_mm or punch_2_profile.
     Also as data sets call them (skin_thickness_um). An empty cell is what the scene file `base`, or else its default,
     says; a row without any cell of a further touch has fewer touches. `base` may also hold seed, [material],
-    [measurement] and [fields] as designs do. `scenes`: only so many rows. TestFileError names line and column.
+    [measurement] and [fields] as designs do. `scenes`: only so many rows. InputFileError names line and column.
     """
     path = Path(path)
     given, beside = _base(Path(base)) if base is not None else ({}, {})

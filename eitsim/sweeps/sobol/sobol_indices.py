@@ -71,7 +71,7 @@ class Indices:
 def read_blocks(folder: Path, measurement: Measurement | None = None) -> Blocks:
     """The whole blocks of a nested data set, measured with and without its design's noise where it has one.
 
-    measurement: in place of that of the design. TestFileError where the folder is no data set, its rows are measured
+    measurement: in place of that of the design. InputFileError where the folder is no data set, its rows are measured
     already, or they are not nested.
     """
     data = parquet.read_dataset(folder)

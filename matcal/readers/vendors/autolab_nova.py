@@ -49,7 +49,7 @@ def _begins_as_impedance(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _read_nova(source: Source, selection: Selection | None = None) -> Recording:
-    """Time, current and potential in SI; rows flagged as overload are dropped; TestFileError where one is missing."""
+    """Time, current and potential in SI; rows flagged as overload are dropped; InputFileError where one is missing."""
     grid = source.grid
     at = _names_row(grid) or 0
     header = [split_name(cell) for cell in grid.rows[at]]

@@ -28,7 +28,7 @@ def _is_instron(source: Source) -> bool:
 
 
 def _read_instron(source: Source, selection: Selection | None = None) -> Recording:
-    """Columns in SI, sizes of the specimen from its property lines; TestFileError where several tables follow one
+    """Columns in SI, sizes of the specimen from its property lines; InputFileError where several tables follow one
     another, or a column cannot be read."""
     grid = source.grid
     at, *more = _units_rows(grid)

@@ -26,7 +26,7 @@ def _is_testsuite(source: Source) -> bool:
 
 
 def _read_testsuite(source: Source, selection: Selection | None = None) -> Recording:
-    """One part of a TestSuite export, in SI; TestFileError where names, units or numbers are not as expected."""
+    """One part of a TestSuite export, in SI; InputFileError where names, units or numbers are not as expected."""
     path, grid = source.path, text_grid(source.text, source.path, "\t")
     start = next((n for n, row in enumerate(grid.rows) if len(row) > 1), len(grid.rows))
     if start + 2 >= len(grid.rows):
@@ -55,7 +55,7 @@ def sibling_parts(path: Path) -> list[Path]:
 
 
 def join_parts(parts: Sequence[Recording], empty: Sequence[Path] = ()) -> Recording:
-    """The parts of one test as one recording in order of time; TestFileError where they are of different tests."""
+    """The parts of one test as one recording in order of time; InputFileError where they are of different tests."""
     first, *others = parts
     for other in others:
         for key in ("Test", "Test Run", "Date"):

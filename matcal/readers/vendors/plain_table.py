@@ -16,7 +16,7 @@ _EXAMPLE = "for example strain,stress and below it -,kPa"
 
 
 def _read_plain(source: Source, selection: Selection | None = None) -> Recording:
-    """A plain table; TestFileError where names or units are missing, or a cell is no finite number."""
+    """A plain table; InputFileError where names or units are missing, or a cell is no finite number."""
     grid = source.grid
     first = next((n for n, row in enumerate(grid.rows) if grid.numeric(row) > 1), None)
     if first is None:
@@ -37,7 +37,7 @@ def _comments(grid: Grid, first: int) -> list[str]:
 
 
 def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:
-    """A header of columns without names, where the user says what they are; TestFileError where not."""
+    """A header of columns without names, where the user says what they are; InputFileError where not."""
     header = Header([("", None)] * max(len(grid.rows[n]) for n in rows[:100]), grid.lines[rows.start], rows)
     if selection is None or not selection.columns:
         raise InputFileError(grid.path, "no line of column names stands above the numbers, so the columns cannot be "

@@ -23,11 +23,12 @@ def press(source: Source) -> Recording:
                      {"strain": "squeeze", "stress": "push"}, {"strain": "", "stress": "Pa"}, 2)
 
 
+@pytest.mark.parametrize("place", [0, len(vendors.READERS) - 1])
 def test_a_vendor_of_one_line_is_detected_and_inspected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                        capsys: pytest.CaptureFixture[str]) -> None:
+                                                        capsys: pytest.CaptureFixture[str], place: int) -> None:
     path = tmp_path / "compression.log"
     path.write_text("TOY\n-0.01~-100\n-0.02~-190\n-0.03~-270\n")
-    monkeypatch.setattr(vendors, "READERS", (TOY, *vendors.READERS))
+    monkeypatch.setattr(vendors, "READERS", (*vendors.READERS[:place], TOY, *vendors.READERS[place:]))
     monkeypatch.setattr(sys, "argv", ["matcal", "inspect", str(path), "--json"])
     with pytest.raises(SystemExit, match=r"^0$"):
         main()

@@ -1,4 +1,4 @@
-"""Broken files: whatever is done to a file of any layout, reading it ends in finite numbers or in a TestFileError."""
+"""Broken files: whatever is done to a file of any layout, reading it ends in finite numbers or in a InputFileError."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _survives(path: Path, data: bytes, rng: np.random.Generator, reduce: bool) -> bool:
-    """Whether a file of these bytes is read, to finite numbers; fails on any end but that and a TestFileError, or one
+    """Whether a file of these bytes is read, to finite numbers; fails on any end but that and a InputFileError, or one
     that takes long."""
     path.write_bytes(data)
     started, read_well = time.process_time(), False

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from reports.document import style
-from reports.surrogate import parity_figures
+from reports.surrogate import parity_figures, surrogate_tables
 from reports.surrogate.surrogate_report import report, write
 from surrogate.statistics.metrics import score
 from touchcal.errors import InputFileError
@@ -136,6 +136,10 @@ def test_maps_of_the_limit_are_drawn_by_level(tmp_path: Path) -> None:
     rows[0].drop(columns="sd_F_N").to_csv(tmp_path / "model" / "limit_map.csv", index=False)
     with pytest.raises(InputFileError, match="column sd_F_N is missing"):
         report(tmp_path / "model")
+
+
+def test_a_method_without_a_record_of_its_training_has_an_empty_table() -> None:
+    assert not surrogate_tables.training({}).rows
 
 
 def test_the_training_of_networks_is_drawn(tmp_path: Path, read_pdf: Reader) -> None:
