@@ -63,11 +63,9 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     Examples
     --------
     >>> import eitsim
-    >>> from matcal.card import MaterialCard
-    >>> from matcal.laws.conductivity import Conductivity
-    >>> from matcal.laws.hyperfoam import Hyperfoam
-    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
-    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> import matcal
+    >>> foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
     >>> scene = eitsim.Scene(punches=[eitsim.Punch(diameter_m=0.014, force_N=0.2)], accuracy=eitsim.Accuracy(0.05))
     >>> touch = eitsim.simulate(scene, card)
     >>> touch.outcome, touch.readings.signal_V.shape
@@ -105,11 +103,9 @@ def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: b
     Examples
     --------
     >>> import eitsim
-    >>> from matcal.card import MaterialCard
-    >>> from matcal.laws.conductivity import Conductivity
-    >>> from matcal.laws.hyperfoam import Hyperfoam
-    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
-    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> import matcal
+    >>> foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
     >>> eitsim.plan(eitsim.Scene(punches=[eitsim.Punch(depth_m=0.002)]), card).refusal
     ''
     """

@@ -95,11 +95,9 @@ def reconstruct(frames_V: ArrayLike, baseline_V: ArrayLike, *, scene: Scene | Pa
     Examples
     --------
     >>> import eitsim
-    >>> from matcal.card import MaterialCard
-    >>> from matcal.laws.conductivity import Conductivity
-    >>> from matcal.laws.hyperfoam import Hyperfoam
-    >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
-    >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> import matcal
+    >>> foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
     >>> punch = eitsim.Punch(x_m=0.04, force_N=0.2)
     >>> touch = eitsim.simulate(eitsim.Scene(punches=[punch], accuracy=eitsim.Accuracy(0.05)), card)
     >>> images = eitsim.reconstruct(touch.readings.touched_V, touch.readings.baseline_V)
