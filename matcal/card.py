@@ -130,6 +130,9 @@ def read_card(path: Path | str) -> MaterialCard:
 
 def as_card(card: MaterialCard | Path | str) -> MaterialCard:
     """The card itself, or the one that a file holds; errors as those of `read_card`."""
+    if not isinstance(card, MaterialCard | Path | str):
+        raise ValueError(f"a card is a MaterialCard or the path of one, got {type(card).__name__}; of a Calibration "
+                         "give its `card`.")
     return card if isinstance(card, MaterialCard) else read_card(card)
 
 

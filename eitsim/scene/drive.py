@@ -41,6 +41,16 @@ class Drive:
     # `reading` says
     measurements: Rows | tuple[Rows, ...] | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("currents", "measurements"):
+            object.__setattr__(self, name, as_tuples(getattr(self, name)))
+
+
+def as_tuples(value: Any) -> Any:
+    """Lists and arrays as tuples, so that a scene can be a key; anything else as it is."""
+    value = value.tolist() if isinstance(value, np.ndarray) else value
+    return tuple(map(as_tuples, value)) if isinstance(value, list | tuple) else value
+
 
 @dataclass(frozen=True, eq=False)
 class Protocol:

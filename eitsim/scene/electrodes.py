@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.scene.drive import Drive, read_out
+from eitsim.scene.drive import Drive, as_tuples, read_out
 
 Array = NDArray[np.float64]
 # One number for all electrodes, or one for each.
@@ -43,6 +43,10 @@ class Electrodes:
     contact_impedance_Ohm_m2: PerElectrode = 1e-2
     # numbers, from 0, of electrodes without contact
     missing: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("width_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2", "missing"):
+            object.__setattr__(self, name, as_tuples(getattr(self, name)))
 
 
 def widths(electrodes: Electrodes) -> Array:

@@ -308,6 +308,10 @@ def _check(scene: Scene) -> None:
     positive = {"radius_mm in [body]": body.radius_m * 1e3, "thickness_mm in [body]": body.thickness_m * 1e3,
                 "thickness_um in [skin]": scene.skin.thickness_m * 1e6,
                 "signal in [accuracy]": scene.accuracy.signal}
+    for part in (body, scene.skin, scene.accuracy, *scene.punches):
+        for key, value in vars(part).items():
+            if isinstance(value, float) and not key.startswith("contact_impedance"):
+                _require(math.isfinite(value), f"{key} of {type(part).__name__}", "must be finite", value)
     for where, value in positive.items():
         _require(value > 0, where, "must be positive", f"{value:g}")
     _require(LEAST_CURRENT_A <= scene.drive.current_A <= LARGEST_CURRENT_A, "current_mA in [drive]",

@@ -55,7 +55,7 @@ def read_draws(card: MaterialCard | Path | str) -> Draws:
     card = as_card(card)
     if not card.posterior:
         raise ValueError(f"{card.file or card.name}: the card has no posterior. Fit it again with --posterior.")
-    if (path := card.file) is None:
+    if (path := card.file) is None or "file" not in card.posterior:
         raise ValueError(f"card '{card.name}' was not saved, and its draws lie next to its file. Save the calibration "
                          "first.")
     file = path.parent / str(card.posterior["file"])

@@ -107,6 +107,8 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     """
     options = replace(options or FitOptions(), **choices)
     own, others = tests_of(tests), tests_of(predicted)
+    if not own:
+        raise ValueError("no test was given. Give a file, arrays or an Experiment for each test.")
     selected = selections_of([*own, *others], [parse_selection(text) for text in columns])
     reduced = read_and_reduce(own, specimen, selected[:len(own)], branch)
     options.check_used(reduced.experiments)

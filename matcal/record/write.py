@@ -92,6 +92,10 @@ def check_folder(out: Path) -> None:
 def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Posterior | None = None) -> MaterialCard:
     """The card, named after its file `out` and written there with its folder next to it; what stood there before stays
     whole until both are ready. ValueError as that of `check_folder`."""
+    if out.is_dir():
+        raise ValueError(f"{out} is a folder, and a card is a file. Choose another name.")
+    if not out.parent.is_dir():
+        raise ValueError(f"{out}: the folder {out.parent} does not exist. Create it first.")
     check_folder(out)
     folder = folder_of(out)
     held = {"file": f"{folder.name}/{FILE}", **card.posterior} if card.posterior else {}

@@ -74,7 +74,8 @@ class Model(TrainedModel):
 
     def _frames(self, name: str, volts: ArrayLike) -> Array:
         found, count = np.asarray(volts, np.float64), len(self.baseline_V)
-        if found.shape[-1:] != (count,) and np.prod(found.shape[-2:]) != count:
+        patterns = len(np.unique(np.column_stack([self.ring.source, self.ring.sink]), axis=0))
+        if found.shape[-1:] != (count,) and found.shape[-2:] != (patterns, count // patterns):
             raise ValueError(f"{name} has the shape {found.shape}; expected (n, {count}) volts, a row a frame of the "
                              "trained sensor, or patterns by readings.")
         return found.reshape(-1, count)

@@ -28,9 +28,10 @@ M = TypeVar("M", bound=TrainedModel)
 
 
 def save(model: TrainedModel, folder: Path) -> None:
-    """Write a model; model.json comes last, so a folder that has it is whole."""
+    """Write a model; model.json comes last, so a folder that has it is whole, and scores of an earlier one go."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / DESCRIPTION).unlink(missing_ok=True)
+    for name in (DESCRIPTION, EVALUATION, PREDICTIONS):
+        (folder / name).unlink(missing_ok=True)
     parts = {"ring": model.ring, "learner": model.learner, "calibration": model.calibration, "rows": model.rows,
              "trained": model.trained}
     arrays = {key: value for name, part in parts.items() for key, value in flat(part, name)}

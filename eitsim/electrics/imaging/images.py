@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eitsim.electrics.imaging.gauss_newton import NOISE_FIGURE, Pixels, check_wanted, fitted, imager, on_grid
 from eitsim.electrics.imaging.greit_figures import Blob, blob, regions
+from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import unread
 from eitsim.scene.frames import read_frames
 from eitsim.scene.scene import Scene, as_scene
@@ -107,7 +108,9 @@ def reconstruct(frames_V: ArrayLike, baseline_V: ArrayLike, *, scene: Scene | Pa
     check_wanted(prior, noise_figure)
     scene = as_scene(Scene() if scene is None else scene)
     lost = unread(scene.drive, scene.electrodes)
-    frames, reference = _frames(frames_V, lost, "frames_V"), _frames(baseline_V, lost, "baseline_V").mean(axis=0)
+    shape = protocol(scene.drive, scene.electrodes.count).weights.shape[:2]
+    frames = _frames(frames_V, lost, shape, "frames_V")
+    reference = _frames(baseline_V, lost, shape, "baseline_V").mean(axis=0)
     untouched = fitted(scene.body, scene.electrodes, scene.drive, reference)
     made = imager(untouched, prior=prior, noise_figure=noise_figure)
     images = made(frames - reference)
@@ -118,10 +121,11 @@ def reconstruct(frames_V: ArrayLike, baseline_V: ArrayLike, *, scene: Scene | Pa
     return Images(untouched.pixels, images, seen, untouched.conductance_S, float(misfit), prior, made.noise_figure)
 
 
-def _frames(given: ArrayLike, lost: NDArray[np.bool_], name: str) -> Array:
-    """(frames, readings), V, 0 where a reading needs a missing electrode; ValueError for another count or a gap."""
+def _frames(given: ArrayLike, lost: NDArray[np.bool_], shape: tuple[int, ...], name: str) -> Array:
+    """(frames, readings), V, 0 where a reading needs a missing electrode; ValueError for other last axes than readings
+    or `shape`, or a gap."""
     volts = np.asarray(given, dtype=float)
-    if volts.size == 0 or volts.size % lost.size or volts.shape[-1] not in (lost.size, *_last(volts, lost.size)):
+    if volts.size == 0 or (volts.shape[-1:] != (lost.size,) and volts.shape[-2:] != shape):
         raise ValueError(f"{name} has the shape {volts.shape}, and electrodes and drive make frames of {lost.size} "
                          "readings; check them, or give the scene that made the frames.")
     volts = np.where(lost, 0.0, volts.reshape(-1, lost.size))
@@ -129,11 +133,6 @@ def _frames(given: ArrayLike, lost: NDArray[np.bool_], name: str) -> Array:
         raise ValueError(f"{name} is not finite at reading {gaps[0, 1]} of frame {gaps[0, 0]}, and its electrodes are "
                          "all there; leave the frame out, or name what is missing in the scene's electrodes.")
     return volts
-
-
-def _last(volts: Array, readings: int) -> tuple[int, ...]:
-    """The last axis where the last two are patterns and readings."""
-    return volts.shape[-1:] if volts.ndim > 1 and volts.shape[-2] * volts.shape[-1] == readings else ()
 
 
 def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior: str = "laplace",

@@ -229,6 +229,8 @@ def open_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Da
     touchcal.errors.InputFileError: nowhere: not a data set: it holds no design.json. A data set is the folder that \
 `eitsim sweep --out` writes.
     """
+    if isinstance(columns, str):
+        raise ValueError(f"columns must be a list of names, got '{columns}'; write [\"{columns}\"].")
     folder = Path(folder)
     manifest = read_manifest(folder)
     if not parts(folder):

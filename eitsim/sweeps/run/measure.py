@@ -92,6 +92,8 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
     clean, folder = clean.folder if isinstance(clean, Dataset) else Path(clean), Path(out)
     if isinstance(measurement, Path | str):
         measurement = read_measurement(measurement)
+    elif measurement is not None:
+        measurement = measurement_from(as_table(measurement))
     if folder.resolve() == clean.resolve():
         raise ValueError(f"{folder} is the clean data set itself; give another folder.")
     if clean.resolve() in folder.resolve().parents:

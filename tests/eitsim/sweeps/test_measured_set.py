@@ -17,7 +17,7 @@ from eitsim.scene.drive import voltage_columns
 from eitsim.scene.scene import Scene, scene_from
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.design import design_from
-from eitsim.sweeps.measurement.instrument import measured
+from eitsim.sweeps.measurement.instrument import Measurement, measured
 from eitsim.sweeps.measurement.instrument_table import measurement_from, read_measurement
 from eitsim.sweeps.measurement.noise_summary import Told, in_words
 from eitsim.sweeps.run.measure import measure
@@ -271,3 +271,11 @@ def test_the_command_tells_what_it_did_and_what_is_missing(clean: Path, tmp_path
     status, _, err = call(clean, "--model", model, "--out", tmp_path / "a")
     assert status == 2
     assert "the part is damaged" in err
+
+
+@pytest.mark.parametrize("terms", [{"noise_V": -1e-3}, {"bits": 12}, {"snr_db": 60.0}, {"frames": 0}])
+def test_a_measurement_made_in_python_is_checked_before_anything_is_written(clean: Path, tmp_path: Path,
+                                                                            terms: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"in \[measurement\]"):
+        measure(clean, tmp_path / "wrong", Measurement(**terms))
+    assert not (tmp_path / "wrong").exists()
