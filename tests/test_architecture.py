@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -80,6 +81,19 @@ def test_imports_go_downstairs() -> None:
                     room == "cli" and other_package == "reports")
             wrong += [] if down else [f"{module} -> {other}"]
     assert not wrong
+
+
+def arrows_between_rooms() -> dict[str, set[tuple[str, str]]]:
+    """Package -> (room, room that it imports), files at the top of a package left out."""
+    rooms = [(room_of(module), room_of(other)) for module, found in imports().items() for other in found]
+    return {package: {(one[1], other[1]) for one, other in rooms if one[0] == other[0] == package and one != other
+                      and "" not in (one[1], other[1])} for package in HOUSE}
+
+
+def test_the_import_graph_is_drawn_as_it_is() -> None:
+    text = (ROOT / "docs" / "rooms.md").read_text(encoding="utf-8")
+    drawn = set(re.findall(r"\w+\[(\w+)/(\w+)\] --> \w+\[\w+/(\w+)\]", text))
+    assert drawn == {(package, *arrow) for package, arrows in arrows_between_rooms().items() for arrow in arrows}
 
 
 def test_no_circle_and_few_floors() -> None:
