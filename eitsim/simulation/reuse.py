@@ -41,7 +41,7 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
     key = {"shape": asdict(shape), "depths": DEPTHS}
     arrays, note = cache.kept(cache.key_of(key), lambda: _arrays(build(shape, run, DEPTHS)))
     part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _PATHS}
-    table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["told"],
+    table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["error_estimate"],
                   Deviation(*arrays["error"].tolist()), int(arrays["checks"]), float(arrays["cpu_s"]))
     if not rim:
         return table, note

@@ -302,8 +302,8 @@ def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Cal
 
 def test_intervals_of_rows_measured_otherwise_are_cautioned(call: Call, few: Path, tmp_path: Path) -> None:
     """Another seed is the same measurement; a model that does not tell is not doubted."""
-    for name, model in (("a", Measurement(snr_db=70)), ("b", Measurement(snr_db=70, seed=5))):
-        measure(few, tmp_path / name, model)
+    for name, seed in (("a", 0), ("b", 5)):
+        measure(few, tmp_path / name, Measurement(snr_db=70, relative_to="rms", seed=seed))
     assert call("train", tmp_path / "a", "--out", tmp_path / "m", "--method", "ridge")[0] == 0
     told = [call("evaluate", tmp_path / "m", folder)[1] for folder in (tmp_path / "a", tmp_path / "b", few)]
     assert ["caution: intervals" in text for text in told] == [False, False, True]

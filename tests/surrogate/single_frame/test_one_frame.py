@@ -100,7 +100,7 @@ def test_a_simulator_without_readings_at_the_start_says_so(monkeypatch: pytest.M
 
 def test_an_emulator_of_a_polynomial_is_exact_and_knows_no_more_than_its_points() -> None:
     rng = np.random.default_rng(0)
-    points = rng.uniform(-1, 1, size=(likelihood_emulator.wanted(4), 4))
+    points = rng.uniform(-1, 1, size=(likelihood_emulator.requested(4), 4))
 
     def residual(u: Array) -> Array:
         return np.column_stack([u[:, 0] * u[:, 1] - 1, u[:, 2] ** 4, u[:, 3] + u[:, 0] ** 3, 1 + 0 * u[:, 0]])
