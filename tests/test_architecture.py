@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import functools
 import re
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -130,6 +132,13 @@ def test_no_module_name_twice_in_a_package() -> None:
 def test_only_reports_draw() -> None:
     below = [path for path in modules() if path.relative_to(ROOT).parts[0] != "reports"]
     assert [path for path in below if outside(path) & DRAWING] == []
+
+
+def test_reading_a_card_is_light() -> None:
+    code = "import sys, matcal.card; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    heavy = {"emcee", "torch", "skfem", "matplotlib", "scipy", "pandas", "numba", "arviz", "lmfit"}
+    assert not heavy & set(loaded.split())
 
 
 def test_no_module_is_named_after_nothing() -> None:
