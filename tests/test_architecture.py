@@ -10,6 +10,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 # Packages from the ground up, each with its rooms from the ground up; a room imports only from rooms named before it.
 # Places kept for rooms to come: outlines of bodies in eitsim/scene, eitsim/sensors before sweeps, surrogate/recordings
@@ -134,11 +136,16 @@ def test_only_reports_draw() -> None:
     assert [path for path in below if outside(path) & DRAWING] == []
 
 
-def test_reading_a_card_is_light() -> None:
-    code = "import sys, matcal.card; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
-    heavy = {"emcee", "torch", "skfem", "matplotlib", "scipy", "pandas", "numba", "arviz", "lmfit"}
-    assert not heavy & set(loaded.split())
+@pytest.mark.parametrize(("work", "may"), [
+    ("import matcal.card", set()),
+    ("import matcal; matcal.inspect('data_raw/uniaxial.csv')", set()),
+    ("import matcal; matcal.fit(['data_raw/uniaxial.csv', 'data_raw/shear.csv'])", {"scipy"})], ids=str)
+def test_a_command_imports_what_it_needs(work: str, may: set[str]) -> None:
+    """Imports are most of the time of a short command: half a second for each of the heavy packages."""
+    loaded = subprocess.run([sys.executable, "-c", f"{work}; import sys; print(*sys.modules)"], capture_output=True,
+                            text=True, check=True, cwd=ROOT).stdout
+    heavy = {"emcee", "torch", "skfem", "matplotlib", "scipy", "pandas", "numba", "arviz", "lmfit", "pint"}
+    assert heavy & set(loaded.split()) <= may
 
 
 def test_no_module_is_named_after_nothing() -> None:

@@ -7,10 +7,9 @@ that were not fitted are given over the principal stretches that the fitted ones
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from matcal.laws.conductivity import outside
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Ranges = Mapping[str, tuple[float, float]]
+# name -> column (n,) of a table
+Columns = Mapping[str, NDArray[Any]]
 
 # points of each mode; strains that no band leaves
 _POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1
@@ -48,7 +49,7 @@ def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
     return out
 
 
-def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> pd.DataFrame:
+def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> Columns:
     """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes."""
     from matcal.posterior.draws import Draws, stress_band
 
@@ -58,13 +59,13 @@ def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> pd.DataFrame:
         low, high = (stress_band(source, mode, strain) if isinstance(source, Draws) else
                      _linear_band(source, mode, strain))
         lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
-        tables.append(pd.DataFrame({"mode": mode, "strain": strain, "stress_Pa": nominal_stress(law, mode, strain),
-                                    "stress_lo_Pa": low, "stress_hi_Pa": high,
-                                    "extrapolated": (strain < lo) | (strain > hi)}))
-    return pd.concat(tables, ignore_index=True)
+        tables.append({"mode": np.full(strain.size, mode), "strain": strain,
+                       "stress_Pa": nominal_stress(law, mode, strain), "stress_lo_Pa": low, "stress_hi_Pa": high,
+                       "extrapolated": (strain < lo) | (strain > hi)})
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
-def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> pd.DataFrame:
+def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
     """Rows (strain, conductivity_S_per_m, its _lo and _hi, extrapolated) from deep compression to the data's end."""
     from matcal.fitting.conductivity_fit import LOWEST_STRAIN, powers
     from matcal.posterior.conductivity_posterior import conductivity_draws
@@ -76,11 +77,11 @@ def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> pd.DataFrame
         drawn = conductivity_draws(fit, 400, np.random.default_rng(0))
     low, high = np.quantile(powers(strain) @ drawn.T, [0.025, 0.975], axis=1)
     middle = powers(strain) @ (law.c0_S_per_m * np.r_[1.0, law.a])
-    return pd.DataFrame({"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
-                         "conductivity_hi_S_per_m": high, "extrapolated": outside(law, strain)})
+    return {"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
+            "conductivity_hi_S_per_m": high, "extrapolated": outside(law, strain)}
 
 
-def conductivity_at(band: pd.DataFrame, strain: float) -> tuple[float, float, float]:
+def conductivity_at(band: Mapping[Any, Any], strain: float) -> tuple[float, float, float]:
     """Conductivity and the ends of its band, S/m, at a strain, linear between the rows of `conductivity_band`."""
     columns = ("conductivity_S_per_m", "conductivity_lo_S_per_m", "conductivity_hi_S_per_m")
     value, low, high = (float(np.interp(strain, band["strain"], band[name])) for name in columns)

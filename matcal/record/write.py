@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from matcal.card import MaterialCard, write_card
 from matcal.fitting.calibrate import FittedLaws, is_curve, labels
@@ -35,12 +35,14 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.stability import stability
 from matcal.posterior.derived_quantities import derived_of
 from matcal.posterior.draws import FILE, write_draws
-from matcal.record.bands import conductivity_band, stress_bands
+from matcal.record.bands import Columns, conductivity_band, stress_bands
 from matcal.record.fit_summary import curve_of, summary
 from matcal.reduction.experiment import Experiment
 from touchcal.json_file import write_json
 
 if TYPE_CHECKING:
+    from pyarrow import Array
+
     from matcal.posterior.sample import Posterior
 
 # bytes of a file in which it may call itself synthetic
@@ -117,31 +119,50 @@ def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Po
 def _write_folder(found: FittedLaws, posterior: Posterior | None, folder: Path) -> None:
     tests = list(zip(labels(found.experiments), found.experiments, strict=True))
     for label, experiment in tests:
-        _table(found, label, experiment).to_parquet(folder / f"{label}.parquet", index=False)
+        write_table(_table(found, label, experiment), folder / f"{label}.parquet")
         if experiment.cycles is not None:
-            pd.DataFrame(dict(experiment.cycles)).to_parquet(folder / f"{label}_cycles.parquet", index=False)
+            write_table(experiment.cycles, folder / f"{label}_cycles.parquet")
     for k, predicted in enumerate(found.predicted, 1):
-        _predicted_table(found, predicted).to_parquet(folder / f"predicted_{k}.parquet", index=False)
+        write_table(_predicted_table(found, predicted), folder / f"predicted_{k}.parquet")
     write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")
     draws = posterior.draws if posterior is not None else None
     if found.fit and found.uncertainty:
-        bands = stress_bands(found.fit.law, draws or found.uncertainty)
-        bands.to_parquet(folder / "bands.parquet", index=False)
+        write_table(stress_bands(found.fit.law, draws or found.uncertainty), folder / "bands.parquet")
     if found.conductivity:
-        band = conductivity_band(found.conductivity, draws)
-        band.to_parquet(folder / "conductivity_band.parquet", index=False)
+        write_table(conductivity_band(found.conductivity, draws), folder / "conductivity_band.parquet")
     if posterior is not None and draws is not None:
         write_draws(draws, folder / FILE, derived_of(draws), posterior.log_density, about_draws(posterior))
 
 
-def _predicted_table(found: FittedLaws, predicted: Predicted) -> pd.DataFrame:
+def write_table(columns: Columns, path: Path) -> None:
+    """Write columns (n,) of numbers, truths or words as a Parquet file."""
+    from pyarrow import Table, parquet
+
+    parquet.write_table(Table.from_arrays([_arrow(values) for values in columns.values()], [*columns]), path)
+
+
+def _arrow(values: NDArray[Any]) -> Array:
+    """A column as pyarrow holds it, from its bytes: pyarrow's own conversion would first import pandas."""
+    import pyarrow
+
+    if values.dtype.kind == "U":
+        words = [word.encode() for word in values]
+        ends = np.cumsum([0, *map(len, words)], dtype=np.int32)
+        return pyarrow.StringArray.from_buffers(len(words), pyarrow.py_buffer(ends), pyarrow.py_buffer(b"".join(words)))
+    plain = np.array(values, dtype=np.int8 if values.dtype == bool else values.dtype, order="C")
+    column = pyarrow.Array.from_buffers(pyarrow.from_numpy_dtype(plain.dtype), plain.size,
+                                        [None, pyarrow.py_buffer(plain)])
+    return column.cast(pyarrow.bool_()) if values.dtype == bool else column
+
+
+def _predicted_table(found: FittedLaws, predicted: Predicted) -> Columns:
     """A test kept out of the fit, with what the law and the laws of single modes say of it."""
     assert found.fit is not None
     curve = predicted.curve
     columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
                "predicted_stress_Pa": modelled(found.fit.law, curve)}
     columns |= {f"{mode}_alone_stress_Pa": modelled(alone.law, curve) for mode, alone in found.fit.alone.items()}
-    return pd.DataFrame(columns)
+    return columns
 
 
 def folder_of(card: Path) -> Path:
@@ -151,7 +172,7 @@ def folder_of(card: Path) -> Path:
     return card.with_suffix(".d")
 
 
-def _table(found: FittedLaws, label: str, experiment: Experiment) -> pd.DataFrame:
+def _table(found: FittedLaws, label: str, experiment: Experiment) -> Columns:
     if experiment.kind == "conductivity" and found.conductivity:
         law = found.conductivity.law
         columns = {"strain": experiment.strain, "conductivity_S_per_m": experiment.value,
@@ -167,7 +188,7 @@ def _table(found: FittedLaws, label: str, experiment: Experiment) -> pd.DataFram
             columns["fit_stress_Pa"] = found.prony.stress_Pa[int(label.rsplit("_", 1)[1]) - 1]
     if experiment.time_s is not None:
         columns["time_s"] = experiment.time_s
-    return pd.DataFrame(columns)
+    return columns
 
 
 def _posterior_part(posterior: Posterior, law: Hyperfoam | None) -> dict[str, Any]:

@@ -1,59 +1,59 @@
-"""Classical standard errors of the raw parameters, by lmfit, beside the intervals of derived quantities.
+"""Classical standard errors of the raw parameters, next to the intervals of derived quantities.
 
 They take residuals as independent and the law as exact, and they are linear: read them as a warning about which
-parameters a test can see at all, and read mu_0, E_0 and stresses from `matcal.fitting.uncertainty.intervals`. Exponents
-that the fit keeps at a bound, or at their least distance from the one before, are kept there.
+parameters a test can see at all, and read mu_0, E_0 and stresses from `matcal.fitting.uncertainty.intervals`. An
+exponent that the fit keeps at a bound stays there; one at its least distance from the one before moves with it.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from lmfit import Parameters, minimize
+from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.curves import weighted_design, weighted_model, weighted_stress
 from matcal.fitting.hyperfoam.exponent_search import allowed_exponents
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.laws.hyperfoam import Hyperfoam
 
+Array = NDArray[np.float64]
+
+# step of the central differences, in mu_0 and in exponents; least singular value over the largest that a test sees
+_STEP, _SEEN = 1e-5, 1e-13
+
 
 def standard_errors(fit: Fit) -> dict[str, dict[str, float | None]]:
-    """{mu_0_Pa, mu_i_Pa, alpha_i: {value, stderr}} about the fit; stderr None where lmfit finds no covariance."""
+    """{mu_0_Pa, mu_i_Pa, alpha_i: {value, stderr}}: roots of the diagonal of s^2 (J^T J)^-1 with J the derivative of
+    the weighted residuals and s^2 their sum of squares over n - p; stderr None where nothing is seen or it is kept."""
     law, n = fit.law, fit.law.mu_Pa.size
-    start = Parameters()
-    for k, (mu, alpha) in enumerate(zip(law.mu_Pa, law.alpha, strict=True), 1):
-        start.add(f"mu_{k}", value=mu / law.mu_0_Pa)
-        start.add(f"alpha_{k}", **_exponent(fit, k - 1, float(alpha)))
-    start.add("mu_0", expr=" + ".join(f"mu_{k}" for k in range(1, n + 1)))
-    target = weighted_stress(fit.curves)
-
-    def residual(p: Parameters) -> np.ndarray:
-        mu = law.mu_0_Pa * np.array([p[f"mu_{k}"].value for k in range(1, n + 1)])
-        alpha = np.array([p[f"alpha_{k}"].value for k in range(1, n + 1)])
-        if np.ptp(law.nu) == 0:
-            return weighted_design(fit.curves, alpha, float(law.nu[0])) @ mu - target
-        return weighted_model(fit.curves, Hyperfoam(mu, alpha, law.nu)) - target
-
-    found = minimize(residual, start, method="leastsq", max_nfev=200)
-    known = found.errorbars  # pyright: ignore[reportAttributeAccessIssue]
-    errors = {name: p.stderr if known else None
-              for name, p in found.params.items()}  # pyright: ignore[reportAttributeAccessIssue]
-    out = {"mu_0_Pa": _row(law.mu_0_Pa, errors["mu_0"], law.mu_0_Pa)}
-    for k in range(1, n + 1):
-        out[f"mu_{k}_Pa"] = _row(float(law.mu_Pa[k - 1]), errors[f"mu_{k}"], law.mu_0_Pa)
-        out[f"alpha_{k}"] = _row(float(law.alpha[k - 1]), errors[f"alpha_{k}"], 1.0)
-    return out
+    moves = _moves(fit)
+    jacobian = np.column_stack([(_stress(fit, _STEP * m) - _stress(fit, -_STEP * m)) / (2 * _STEP) for m in moves])
+    scale = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
+    size, right = np.linalg.svd(jacobian / scale, full_matrices=False)[1:]
+    size[size <= _SEEN * size[0]] = np.nan
+    misfit = np.linalg.norm(_stress(fit, np.zeros(2 * n)) - weighted_stress(fit.curves))
+    spread = misfit / np.sqrt(len(jacobian) - len(moves)) * (moves.T / scale) @ right.T / size
+    unit = np.r_[np.full(n, law.mu_0_Pa), np.ones(n), law.mu_0_Pa]
+    sd = unit * np.linalg.norm(np.vstack([spread, spread[:n].sum(axis=0)]), axis=1)
+    names = [f"{name}_{k}{si}" for name, si in (("mu", "_Pa"), ("alpha", "")) for k in range(1, n + 1)] + ["mu_0_Pa"]
+    return {name: {"value": float(value), "stderr": float(error) if error > 0 else None}
+            for name, value, error in zip(names, [*law.mu_Pa, *law.alpha, law.mu_0_Pa], sd, strict=True)}
 
 
-def _exponent(fit: Fit, k: int, value: float) -> dict[str, Any]:
-    """How exponent k (from 0) may move: freely, with the one before, or not at all."""
-    allowed, alpha = allowed_exponents(fit.curves, float(fit.law.nu.mean())), fit.law.alpha
-    if k > 0 and alpha[k] - alpha[k - 1] < 1.01 * allowed.gap:
-        return {"expr": f"alpha_{k} + {float(alpha[k] - alpha[k - 1])!r}"}
-    return {"value": value, "vary": bool(allowed.low + 1e-3 < value < allowed.high - 1e-3)}
+def _stress(fit: Fit, move: Array) -> Array:
+    """Weighted stresses (n,) of the law with its moduli, in units of mu_0, and its exponents moved by `move` (2 N,)."""
+    law, n = fit.law, fit.law.mu_Pa.size
+    mu, alpha = law.mu_Pa + law.mu_0_Pa * move[:n], law.alpha + move[n:]
+    if np.ptp(law.nu) == 0:
+        return weighted_design(fit.curves, alpha, float(law.nu[0])) @ mu
+    return weighted_model(fit.curves, Hyperfoam(mu, alpha, law.nu))
 
 
-def _row(value: float, stderr: float | None, unit: float) -> dict[str, float | None]:
-    known = stderr is not None and np.isfinite(stderr)
-    return {"value": value, "stderr": float(stderr) * unit if known and stderr is not None else None}
+def _moves(fit: Fit) -> Array:
+    """Ways (m, 2 N) in which parameters may move: a modulus or exponent alone, or exponents that have merged together.
+    """
+    allowed, alpha, n = allowed_exponents(fit.curves, float(fit.law.nu.mean())), fit.law.alpha, fit.law.alpha.size
+    free = (alpha > allowed.low + 1e-3) & (alpha < allowed.high - 1e-3)
+    first = np.diff(alpha, prepend=-np.inf) >= 1.01 * allowed.gap
+    group = np.cumsum(first) - 1
+    together = (group == np.arange(first.sum())[:, None]).astype(float)[free[first]]
+    return np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((len(together), n)), together]])

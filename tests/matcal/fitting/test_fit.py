@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import lmfit
 import numpy as np
 import pytest
 
-from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_model, with_history
+from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_model, weighted_stress, with_history
 from matcal.fitting.hyperfoam.design_table import tabulate
 from matcal.fitting.hyperfoam.hyperfoam_fit import allowed_exponents, fit, relative_rms
 from matcal.fitting.hyperfoam.order_selection import collinearity
@@ -117,6 +118,26 @@ def test_standard_errors_show_which_parameters_are_seen() -> None:
     errors = standard_errors(fit(weigh([curve("uniaxial", noise_Pa=30), curve("shear", noise_Pa=30)]), 3))
     assert errors["mu_0_Pa"]["stderr"] < 0.01 * 9530
     assert errors["mu_1_Pa"]["stderr"] > 10 * errors["mu_0_Pa"]["stderr"]
+
+
+@pytest.mark.parametrize("order", [1, 3, 5])
+def test_standard_errors_are_those_of_lmfit(order: int) -> None:
+    """Order 5 has two pairs of exponents at their least distance, which lmfit ties by expressions."""
+    found = fit(weigh([curve("uniaxial", noise_Pa=30), curve("shear", noise_Pa=30)]), order, thorough=False)
+    law, gap, start = found.law, allowed_exponents(found.curves).gap, lmfit.Parameters()
+    for k, (mu, alpha) in enumerate(zip(law.mu_Pa / law.mu_0_Pa, law.alpha, strict=True), 1):
+        start.add(f"mu_{k}", mu)
+        tied = k > 1 and alpha - law.alpha[k - 2] < 1.01 * gap
+        start.add(f"alpha_{k}", alpha, expr=f"alpha_{k - 1} + {gap!r}" if tied else None)
+
+    def residual(p: lmfit.Parameters) -> np.ndarray:
+        mu, alpha = (np.array([p[f"{name}_{k}"].value for k in range(1, order + 1)]) for name in ("mu", "alpha"))
+        return weighted_model(found.curves, Hyperfoam(law.mu_0_Pa * mu, alpha, law.nu)) - weighted_stress(found.curves)
+
+    theirs, ours = lmfit.minimize(residual, start).params, standard_errors(found)
+    for k in range(1, order + 1):
+        assert ours[f"mu_{k}_Pa"]["stderr"] == pytest.approx(theirs[f"mu_{k}"].stderr * law.mu_0_Pa, rel=1e-3)
+        assert ours[f"alpha_{k}"]["stderr"] == pytest.approx(theirs[f"alpha_{k}"].stderr, rel=1e-3)
 
 
 def test_drucker_can_be_held_and_costs_what_it_says() -> None:

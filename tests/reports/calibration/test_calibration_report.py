@@ -98,7 +98,7 @@ def card_path(tmp_path: Path, unstable: dict[str, Any]) -> Path:
 
 def write_bands(folder: Path, draws: Draws) -> None:
     """The tables of bands as `matcal fit` writes them."""
-    stress_bands(LAW, draws).to_parquet(folder / "bands.parquet")
+    pd.DataFrame(stress_bands(LAW, draws)).to_parquet(folder / "bands.parquet")
     strain = np.linspace(-0.9, 0.4, 40)
     assert draws.conductivity_S_per_m is not None
     drawn = np.vander(strain, 4, increasing=True) @ draws.conductivity_S_per_m.T
