@@ -10,7 +10,11 @@ import numpy as np
 from touchcal.terminal import numbers
 
 if TYPE_CHECKING:
+    from matcal.card import MaterialCard
     from matcal.fitting.calibrate import FitOptions
+
+# rows of `matcal predict` over what was fitted
+_POINTS = 11
 
 
 def fit_options(order: str, poisson: str, stable: str | None, stable_range: str | None, residual: str,
@@ -22,12 +26,20 @@ def fit_options(order: str, poisson: str, stable: str | None, stable_range: str 
                       _weights(weight), prony_terms=_count("--prony-terms", prony_terms))
 
 
-def points(mode: str, strain: str | None, time: str | None) -> np.ndarray:
-    """Where `matcal predict` evaluates a mode, (n,); ValueError where the wrong flag is given."""
+def points(card: MaterialCard, mode: str, strain: str | None, time: str | None) -> np.ndarray:
+    """Where `matcal predict` evaluates a mode, (n,), by default over what was fitted; ValueError where the wrong flag
+    is given, or neither where the card does not say what was fitted."""
+    from matcal.record.predict import fitted_range
+
     flag, text, other = ("--time", time, strain) if mode == "relaxation" else ("--strain", strain, time)
-    if text is None or other is not None:
+    ends = fitted_range(card, mode)
+    if other is not None:
         raise ValueError(f"{mode} takes {flag} A,B,... and nothing else to evaluate at.")
-    return np.array(numbers(text, flag, "1,10,100" if mode == "relaxation" else "-0.1,-0.5"))
+    if text is None and ends is None:
+        raise ValueError(f"no {mode} test was fitted, whose range could be taken. Give {flag} A,B,...")
+    if text is None and ends is not None:
+        return np.linspace(*ends, _POINTS)
+    return np.array(numbers(text or "", flag, "1,10,100" if mode == "relaxation" else "-0.1,-0.5"))
 
 
 def _count(flag: str, text: str) -> int | str:

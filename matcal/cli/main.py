@@ -81,7 +81,7 @@ def fit_command(
     from matcal.cli.summary import print_fit
     from matcal.record.calibration import Calibration, fit
 
-    _check_places(out, report)
+    _check_places(out, report, [*files, *(predicted or [])], specimen)
     options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
     unfinished = None
     with _counted(posterior) as progress:
@@ -117,19 +117,24 @@ def predict_command(
         card: CardFile,
         mode: Annotated[str, typer.Argument(metavar="MODE", help="uniaxial, biaxial, planar, shear, volumetric, "
                                             "relaxation or conductivity.")],
-        strain: Annotated[str | None, typer.Option(help="Nominal strains A,B,... (gamma in shear, J in volumetric).")
-                          ] = None,
-        time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation.")] = None,
+        strain: Annotated[str | None, typer.Option(help="Nominal strains A,B,... (gamma in shear, J in volumetric); "
+                                                   "without it over those that were fitted.")] = None,
+        time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation; without it over the "
+                                                 "series.")] = None,
         as_json: JsonOption = False) -> None:
     """Print what the card predicts, with its 95 % band where it has a posterior.
 
     Example: matcal predict card.json uniaxial --strain=-0.1,-0.5,-0.8 --json
     """
+    from matcal.card import read_card
     from matcal.cli.arguments import points
     from matcal.cli.summary import print_columns
-    from matcal.record.predict import predict
+    from matcal.record.predict import beyond, predict
 
-    columns = predict(card, mode, points(mode, strain, time))
+    read = read_card(card)
+    columns = predict(read, mode, points(read, mode, strain, time))
+    for sentence in beyond(read, mode, columns):
+        print(f"matcal: warning: {sentence}", file=sys.stderr)
     if as_json:
         print_json({"mode": mode, **columns})
     else:
@@ -191,18 +196,22 @@ def report(card: CardFile, out: Annotated[Path, typer.Option(help="PDF to write.
     Example: matcal report card.json --out report.pdf
     """
     check_out(out)
+    check_apart({"--out": out}, [card])
     _write_report(card, out)
 
 
-def _check_places(out: Path, report: Path | None) -> None:
+def _check_places(out: Path, report: Path | None, tests: list[str], specimen: Path | None) -> None:
     """Before the work begins: card, its folder and report can be written, and nothing but an earlier fit goes."""
-    from matcal.record.write import check_folder, folder_of
+    from matcal.readers.test_inputs import files_named
+    from matcal.record.write import check_place, folder_of
 
+    inputs = [path for test in tests for path in files_named(test)[1]] + ([specimen] if specimen else [])
     check_out(out)
     check_out(folder_of(out), folder=True)
-    check_folder(out)
+    check_place(out, inputs)
     if report is not None:
         check_out(report, "--report")
+        check_apart({"--out": out, "--report": report}, inputs)
 
 
 def _write_report(card: Path, out: Path, quiet: bool = False) -> None:

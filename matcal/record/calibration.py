@@ -11,7 +11,7 @@ from matcal.card import MaterialCard
 from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
 from matcal.fitting.hyperfoam.poisson import FITTED
 from matcal.readers.column_options import parse_selection, selections_of
-from matcal.record.write import make_card, write_record
+from matcal.record.write import check_place, make_card, write_record
 from matcal.reduction.reduce import Given, read_and_reduce, tests_of
 from touchcal.errors import NotConverged
 
@@ -29,6 +29,8 @@ class Calibration:
     laws: FittedLaws
     # draws of the posterior; None where none was sampled
     posterior: Posterior | None = None
+    # what was read, which `save` never replaces
+    files: tuple[Path, ...] = ()
 
     def save(self, path: Path | str) -> Calibration:
         """Write the card and, next to it, the folder of its data, as the command `matcal fit` does.
@@ -46,8 +48,9 @@ class Calibration:
         Raises
         ------
         ValueError
-            Where the folder holds what no fit wrote, or the path ends in .d.
+            Where the folder holds what no fit wrote, the card would replace a test, or the path ends in .d.
         """
+        check_place(Path(path), self.files)
         return replace(self, card=write_record(self.card, self.laws, Path(path), self.posterior))
 
 
@@ -114,15 +117,15 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     options.check_used(reduced.experiments)
     compared = read_and_reduce(others, specimen, selected[len(own):], branch)
     laws = calibrate(reduced.experiments, options, compared.experiments)
-    files = list(dict.fromkeys([*reduced.files, *compared.files, *reduced.beside, *compared.beside]))
+    files = tuple(dict.fromkeys([*reduced.files, *compared.files, *reduced.beside, *compared.beside]))
     if not posterior:
-        return Calibration(make_card(laws, files, seed), laws)
+        return Calibration(make_card(laws, files, seed), laws, files=files)
     from matcal.posterior.sample import sample
 
     try:
         draws = sample(laws.fit, laws.uncertainty, laws.prony, laws.conductivity, seed,
                        progress or (lambda done: None), options.poisson in FITTED)
     except NotConverged as error:
-        found = Calibration(make_card(laws, files, seed, error.estimate), laws, error.estimate)
+        found = Calibration(make_card(laws, files, seed, error.estimate), laws, error.estimate, files)
         raise NotConverged(str(error), estimate=found) from error
-    return Calibration(make_card(laws, files, seed, draws), laws, draws)
+    return Calibration(make_card(laws, files, seed, draws), laws, draws, files)

@@ -45,7 +45,7 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     Raises
     ------
     ValueError
-        For an unknown mode, or where the card lacks the part.
+        For an unknown mode, where the card lacks the part, or where the law gives no finite value.
 
     Examples
     --------
@@ -66,7 +66,11 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     else:
         require(card, "hyperfoam", "a stress")
         where, name, stem = "strain", "stress_Pa", "stress{}_Pa"
-    columns: dict[str, Any] = {where: at, name: _value(card, mode, at)}
+    with np.errstate(over="ignore", invalid="ignore"):
+        columns: dict[str, Any] = {where: at, name: _value(card, mode, at)}
+    if not np.all(np.isfinite(columns[name])):
+        raise ValueError(f"{where} {at[~np.isfinite(columns[name])][0]:g}: the law gives no finite {name} there. Stay "
+                         "near what was fitted.")
     draws = _draws(card)
     if draws is not None and _drawn(draws, name):
         low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
@@ -110,17 +114,44 @@ def check(card: MaterialCard | Path | str) -> dict[str, Any]:
     return found | ({"data": data} if data else {})
 
 
-def _extrapolated(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray | None:
-    """(n,) whether a row lies outside what was fitted; None where the card does not say what was."""
+def fitted_range(card: MaterialCard, mode: str) -> tuple[float, float] | None:
+    """Strains, or times in s for relaxation, over which a mode was fitted; None where the card does not say."""
     if mode == "relaxation":
         ends = [row["time_s"] for row in card.fit.values()
                 if isinstance(row, Mapping) and row.get("kind") == "relaxation" and row.get("time_s") is not None]
-        return at > max(ends) if ends else None
+        return (0.0, max(ends)) if ends else None
+    if mode == "conductivity":
+        return card.conductivity.strain_range if card.conductivity is not None else None
+    return card.hyperfoam.strain_range.get(mode) if card.hyperfoam is not None else None
+
+
+def beyond(card: MaterialCard, mode: str, columns: Mapping[str, Any]) -> list[str]:
+    """One sentence where rows of `predict` lie outside what was fitted: how many, and by how much."""
+    outside_it = columns.get("extrapolated")
+    if outside_it is None or not np.any(outside_it):
+        return []
+    rows = f"{np.sum(outside_it)} of {outside_it.size} rows are extrapolated"
+    ends = fitted_range(card, mode)
+    if ends is None:
+        return [f"{rows}: no {mode} test was fitted; the law says this from {', '.join(_fitted_modes(card))} alone. "
+                f"Compare with a test: matcal fit ... --predict {mode}=FILE."]
+    at = columns["time_s" if mode == "relaxation" else "strain"]
+    far = max(ends[0] - at.min(), at.max() - ends[1])
+    unit = " s" if mode == "relaxation" else ""
+    return [f"{rows}: fitted from {ends[0]:.4g} to {ends[1]:.4g}{unit}, asked up to {far:.3g}{unit} beyond that."]
+
+
+def _fitted_modes(card: MaterialCard) -> list[str]:
+    return [*card.hyperfoam.strain_range] if card.hyperfoam is not None else []
+
+
+def _extrapolated(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray | None:
+    """(n,) whether a row lies outside what was fitted; None where the card does not say what was."""
     if mode == "conductivity":
         return outside(card.conductivity, at) if card.conductivity is not None else None
-    ranges = card.hyperfoam.strain_range if card.hyperfoam is not None else {}
-    low, high = ranges.get(mode, (np.inf, -np.inf))
-    return (at < low) | (at > high) if ranges else None
+    low, high = fitted_range(card, mode) or (np.inf, -np.inf)
+    said = low < high or (mode in MODES and bool(_fitted_modes(card)))
+    return (at < low) | (at > high) if said else None
 
 
 def _drawn(draws: Draws, name: str) -> bool:

@@ -13,7 +13,7 @@ import hashlib
 import platform
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -83,22 +83,26 @@ def said(found: FittedLaws) -> dict[str, tuple[str, ...]]:
     return {name: group for name, group in (own | dict(found.stages)).items() if group}
 
 
-def check_folder(out: Path) -> None:
-    """ValueError where the folder next to the card `out` holds what no earlier fit wrote, or cannot be called so."""
+def check_place(out: Path, inputs: Iterable[Path] = ()) -> None:
+    """ValueError where the card `out` or the folder next to it would replace one of the `inputs`, or anything that no
+    earlier fit wrote, or cannot be written."""
+    if out.is_dir():
+        raise ValueError(f"{out} is a folder, and a card is a file. Choose another name.")
     folder = folder_of(out)
     if folder.is_dir() and (strange := sorted(p.name for p in folder.iterdir() if p.suffix not in WRITTEN)):
         raise ValueError(f"--out {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
                          "earlier fit. Choose another name.")
+    for path in inputs:
+        if path.resolve() == out.resolve() or folder.resolve() in path.resolve().parents:
+            raise ValueError(f"--out {out} would replace {path}, which is read. Choose another name.")
 
 
 def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Posterior | None = None) -> MaterialCard:
     """The card, named after its file `out` and written there with its folder next to it; what stood there before stays
-    whole until both are ready. ValueError as that of `check_folder`."""
-    if out.is_dir():
-        raise ValueError(f"{out} is a folder, and a card is a file. Choose another name.")
+    whole until both are ready. ValueError as that of `check_place`."""
     if not out.parent.is_dir():
         raise ValueError(f"{out}: the folder {out.parent} does not exist. Create it first.")
-    check_folder(out)
+    check_place(out)
     folder = folder_of(out)
     held = {"file": f"{folder.name}/{FILE}", **card.posterior} if card.posterior else {}
     card = replace(card, name=out.stem, data=folder.name, posterior=held, file=out)

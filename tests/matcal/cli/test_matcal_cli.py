@@ -107,6 +107,19 @@ def test_an_unfinished_posterior_is_saved_and_ends_with_status_3(matcal, tmp_pat
     assert "no band" in error
 
 
+def test_predict_takes_the_fitted_range_and_says_what_lies_beyond(matcal, tmp_path: Path) -> None:
+    out = tmp_path / "card.json"
+    matcal("fit", DATA / "uniaxial.csv", DATA / "shear.csv", "--order", "2", "--out", out)
+    status, text, error = matcal("predict", out, "uniaxial", "--json")
+    strain = json.loads(text)["strain"]
+    assert (status, error, strain[0], strain[-1]) == (0, "", -0.8, -0.01)
+    assert "fitted from -0.8 to -0.01, asked up to 0.15 beyond" in matcal("predict", out, "uniaxial", "--strain=-0.95")[2]
+    assert "no planar test was fitted" in matcal("predict", out, "planar", "--strain=-0.1")[2]
+    assert "Give --strain A,B" in matcal("predict", out, "planar")[2]
+    assert "no finite stress_Pa" in matcal("predict", out, "uniaxial", "--strain=1e300")[2]
+    assert "no such file" in matcal("predict", tmp_path / "none.json", "uniaxial")[2]
+
+
 def test_predict_gives_every_mode(matcal, card: Path) -> None:
     for mode, at, key, value in (("uniaxial", "--strain=-0.1", "stress_Pa", -1611.949),
                                  ("shear", "--strain=0.5", "stress_Pa", 6092.268),

@@ -14,6 +14,7 @@ from matcal.card import MaterialCard
 from matcal.cli.main import app
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.record.calibration import fit
 from matcal.record.cautions import cautions
 from matcal.reduction.loading_direction import densifies, named_direction
 from matcal.reduction.reduce import reduce_tests
@@ -42,6 +43,25 @@ def test_flags_without_effect_or_sense_are_refused_with_a_fitting_example(flags:
                                                                           tmp_path: Path) -> None:
     assert says in _called(*CURVES, "--out", str(tmp_path / "card.json"), *flags)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("flags", [("--out", "uniaxial.csv"), ("--out", "a.json", "--report", "shear.csv"),
+                                   ("--out", "data.json")])
+def test_no_output_replaces_what_is_read(flags: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+                                         ) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data.d").mkdir()
+    files = {Path(name): (DATA / Path(name).name).read_bytes() for name in ("uniaxial.csv", "shear.csv")}
+    files[Path("data.d/uniaxial.json")] = files[Path("uniaxial.csv")]
+    for path, content in files.items():
+        path.write_bytes(content)
+    said = _called("fit", "uniaxial.csv", "shear.csv", "uniaxial=data.d/uniaxial.json", *flags)
+    assert " read" in said
+    assert "Choose another name." in said
+    assert {path: path.read_bytes() for path in files} == files
+    found = fit(["uniaxial.csv", "shear.csv"], order=1)
+    with pytest.raises(ValueError, match="which is read"):
+        found.save("uniaxial.csv")
 
 
 @pytest.mark.parametrize("flags", [("--order", "2"), ("--stable", "drucker"), ("--poisson", "0.1"),
