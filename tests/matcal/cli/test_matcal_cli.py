@@ -113,7 +113,8 @@ def test_predict_takes_the_fitted_range_and_says_what_lies_beyond(matcal, tmp_pa
     status, text, error = matcal("predict", out, "uniaxial", "--json")
     strain = json.loads(text)["strain"]
     assert (status, error, strain[0], strain[-1]) == (0, "", -0.8, -0.01)
-    assert "fitted from -0.8 to -0.01, asked up to 0.15 beyond" in matcal("predict", out, "uniaxial", "--strain=-0.95")[2]
+    said = matcal("predict", out, "uniaxial", "--strain=-0.95")[2]
+    assert "fitted from -0.8 to -0.01, asked up to 0.15 beyond" in said
     assert "no planar test was fitted" in matcal("predict", out, "planar", "--strain=-0.1")[2]
     assert "Give --strain A,B" in matcal("predict", out, "planar")[2]
     assert "no finite stress_Pa" in matcal("predict", out, "uniaxial", "--strain=1e300")[2]
