@@ -25,12 +25,9 @@ from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 from touchcal.number_words import percent
 
-# turns of (series, law) at most, and the change of g below which they have settled
-_TURNS, _SETTLED = 6, 1e-5
-# starts of the fit that only refines the records
-_FEW = 3
-# fits that find the factors of specimens
-_FACTOR_TURNS = 2
+_TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
+_FEW = 3  # starts of the fit that only refines the records
+_FACTOR_TURNS = 2  # fits that find the factors of specimens
 # times the residual of the chosen order up to which a lower one may refine the records as well
 _NEAR = 1.5
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
@@ -46,20 +43,14 @@ class FitOptions:
     'auto'
     """
 
-    # terms of the law: 1 to 6, or "auto"
-    order: int | str = "auto"
-    # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
-    poisson: Poisson = 0.0
-    # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
-    stable: str | None = None
+    order: int | str = "auto"  # terms of the law: 1 to 6, or "auto"
+    poisson: Poisson = 0.0  # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
+    stable: str | None = None  # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
     # least and largest principal stretch between which it must; None: those that the curves drive
     stable_range: tuple[float, float] | None = None
-    # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
-    residual: str = "relative"
-    # kind -> weight
-    weights: Mapping[str, float] = field(default_factory=dict)
-    # terms of the Prony series: 1 to 6, or "auto"
-    prony_terms: int | str = "auto"
+    residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
+    weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
+    prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 6, or "auto"
 
     def __post_init__(self) -> None:
         if self.stable_range is not None and self.stable is None:
@@ -86,24 +77,15 @@ class FitOptions:
 class FittedLaws:
     """Every law that one calibration fitted, and how."""
 
-    # reduced tests, in the order given
-    experiments: tuple[Experiment, ...]
-    # long-term law; None without a stress-strain curve
-    fit: Fit | None
-    # its linearised intervals
-    uncertainty: Uncertainty | None
-    # relaxation; None without a relaxation test
-    prony: PronyFit | None
-    # skin; None without a conductivity test
-    conductivity: ConductivityFit | None
-    # stage -> what was decided there, one sentence each, in order
-    stages: Mapping[str, tuple[str, ...]]
-    # stage -> CPU seconds
-    cpu_s: Mapping[str, float]
-    # tests kept out of the fit, and the errors with which its laws predict them
-    predicted: tuple[Predicted, ...] = ()
-    # what the records themselves say about stability
-    data_checks: tuple[DataCheck, ...] = ()
+    experiments: tuple[Experiment, ...]  # reduced tests, in the order given
+    fit: Fit | None  # long-term law; None without a stress-strain curve
+    uncertainty: Uncertainty | None  # its linearised intervals
+    prony: PronyFit | None  # relaxation; None without a relaxation test
+    conductivity: ConductivityFit | None  # skin; None without a conductivity test
+    stages: Mapping[str, tuple[str, ...]]  # stage -> what was decided there, one sentence each, in order
+    cpu_s: Mapping[str, float]  # stage -> CPU seconds
+    predicted: tuple[Predicted, ...] = ()  # tests kept out of the fit, and the errors with which its laws predict them
+    data_checks: tuple[DataCheck, ...] = ()  # what the records themselves say about stability
 
     @property
     def decisions(self) -> tuple[str, ...]:

@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from matcal.fitting.hyperfoam.constrained_moduli import nearest
 from matcal.laws.conductivity import Conductivity
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.residual_correlation import integrated_autocorrelation_time
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # lowest strain in use, and the least conductivity allowed from there on, as a share of the data's median
 LOWEST_STRAIN, FLOOR = -0.9, 0.01
@@ -29,10 +28,8 @@ _GRID = 181
 class ConductivityFit:
     """A fitted cubic and how well the data determine it."""
 
-    # fitted law, positive from LOWEST_STRAIN to the end of the data
-    law: Conductivity
-    # (4,) unconstrained estimate of c_0 (1, a_1, a_2, a_3), S/m
-    centre: Array
+    law: Conductivity  # fitted law, positive from LOWEST_STRAIN to the end of the data
+    centre: Array  # (4,) unconstrained estimate of c_0 (1, a_1, a_2, a_3), S/m
     # (4, 4) its covariance, widened where residuals are larger than the noise or correlated; the part of it that comes
     # from an uncertain strain zero, whose size is not told by the residuals
     covariance: Array
@@ -42,12 +39,9 @@ class ConductivityFit:
     # sum of squared residuals over the noise, and its degrees of freedom; None where no noise is known
     chi_square: float | None
     freedom: int
-    # independent points that the residuals are worth, beyond the four coefficients
-    effective_sample_size: float
-    # rms(residual)/rms(value), each experiment
-    relative_rms: tuple[float, ...]
-    # what was decided, one sentence each
-    decisions: tuple[str, ...]
+    effective_sample_size: float  # independent points that the residuals are worth, beyond the four coefficients
+    relative_rms: tuple[float, ...]  # rms(residual)/rms(value), each experiment
+    decisions: tuple[str, ...]  # what was decided, one sentence each
 
 
 def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:

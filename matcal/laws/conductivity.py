@@ -7,19 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class Conductivity:
     """Cubic law (paper, figure 6c) and the strain over which it was fitted."""
 
-    # conductivity at no strain, S/m, positive
-    c0_S_per_m: float
-    # (3,) coefficients a_1, a_2, a_3
-    a: Array
-    # (lowest, highest) fitted nominal strain
-    strain_range: tuple[float, float] = (0.0, 0.0)
+    c0_S_per_m: float  # conductivity at no strain, S/m, positive
+    a: Array  # (3,) coefficients a_1, a_2, a_3
+    strain_range: tuple[float, float] = (0.0, 0.0)  # (lowest, highest) fitted nominal strain
 
     def __post_init__(self) -> None:
         a = np.array(self.a, dtype=float, ndmin=1)

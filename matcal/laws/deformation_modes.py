@@ -14,13 +14,12 @@ Source: paper, equations 2-4; Abaqus Theory Guide, "Hyperelastic material behavi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_per_modulus, kirchhoff_tangent
 from matcal.laws.prony import Prony, convolve
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 MODES = ("uniaxial", "biaxial", "planar", "shear", "volumetric")
 # mode -> logarithmic stretches that follow the driven one freely, as (axes driven, axes free)

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BarycentricInterpolator
 
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN
 from matcal.laws.deformation_modes import design, nominal_stress
 from matcal.posterior.draws import Draws, law_of
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# shares of the fitted range at which stresses are watched
-_WATCHED = (0.3, 0.65, 1.0)
-# values of nu between which stresses are interpolated
-_NU_NODES = 9
+_WATCHED = (0.3, 0.65, 1.0)  # shares of the fitted range at which stresses are watched
+_NU_NODES = 9  # values of nu between which stresses are interpolated
 
 
 def derived_of(draws: Draws) -> dict[str, Array]:

@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from matcal.card import MaterialCard, as_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 FILE = "posterior.nc"
 _NAMES = ("mu_Pa", "alpha", "nu", "prony_g", "prony_tau_s", "conductivity_S_per_m")
@@ -26,12 +25,9 @@ _NAMES = ("mu_Pa", "alpha", "nu", "prony_g", "prony_tau_s", "conductivity_S_per_
 class Draws:
     """D parameter sets; row k of every array belongs to one and the same material."""
 
-    # (D, N) long-term moduli, Pa; N = 0 without a law
-    mu_Pa: Array
-    # (D, N) exponents
-    alpha: Array
-    # (D, N) Poisson-like ratios; given as one number where they are all the same
-    nu: Array
+    mu_Pa: Array  # (D, N) long-term moduli, Pa; N = 0 without a law
+    alpha: Array  # (D, N) exponents
+    nu: Array  # (D, N) Poisson-like ratios; given as one number where they are all the same
     # (D, M) relaxing fractions and times, s; None without a relaxation test
     g: Array | None = None
     tau_s: Array | None = None

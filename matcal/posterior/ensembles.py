@@ -19,20 +19,17 @@ from typing import Any
 
 import emcee
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-# (W, size) points and the share of the data that counts -> (W,) log density
-Density = Callable[[Array, float], Array]
-# (D, size) points -> quantity -> (D,)
-Derived = Callable[[Array], Mapping[str, Array]]
+from touchcal.arrays import Array
+
+Density = Callable[[Array, float], Array]  # (W, size) points and the share of the data that counts -> (W,) log density
+Derived = Callable[[Array], Mapping[str, Array]]  # (D, size) points -> quantity -> (D,)
 
 # walkers for each sampled number, at least, and in each ensemble; spread of the start of each ensemble
 _PER_NUMBER, _LEAST_WALKERS, _SPREADS = 6, 40, (0.05, 0.4)
 # shares of the data while the walkers are cooled, and steps at each
 _COOLING, _COOLING_STEPS = np.geomspace(0.01, 1.0, 12), 40
-# log density below which a walker is lost, see `_rescued`
-_LOST = 20.0
+_LOST = 20.0  # log density below which a walker is lost, see `_rescued`
 # steps between checks, most steps, most CPU seconds, times of each chain that derived quantities are checked at
 CHUNK, MOST_STEPS, MOST_CPU_S, _CHECKED = 1000, 24000, 50.0, 120
 # gate: largest R-hat, least effective sample size, least number of autocorrelation times
@@ -43,12 +40,10 @@ RHAT, ESS, TIMES = 1.01, 1000.0, 50.0
 class Chains:
     """Draws of the sampled numbers, and whether they may be used."""
 
-    # (ensembles, steps, walkers, size) after burn-in
-    points: Array
+    points: Array  # (ensembles, steps, walkers, size) after burn-in
     # rhat, ess, autocorrelation_steps, steps, steps_kept, walkers, ensembles, acceptance, converged
     checks: dict[str, float | bool]
-    # quantity -> {rhat, ess}
-    quantities: dict[str, dict[str, float]]
+    quantities: dict[str, dict[str, float]]  # quantity -> {rhat, ess}
 
     def spread_out(self, count: int) -> Array:
         """(count, size) draws evenly over ensembles, steps and walkers."""

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator, CubicSpline
 
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
@@ -28,30 +27,24 @@ from matcal.laws.deformation_modes import push_forward, second_piola
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, decaying
 from matcal.statistics.linear_marginals import conditional, log_marginal, triangles
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# values of nu that are tabulated, and how far they reach in standard deviations of nu
-_NU_NODES, _NU_REACH = 5, 8.0
-# relaxation times, in each decade, at which the rate effect is tabulated
-_PER_DECADE = 12
+_NU_NODES, _NU_REACH = 5, 8.0  # values of nu that are tabulated, and how far they reach in standard deviations of nu
+_PER_DECADE = 12  # relaxation times, in each decade, at which the rate effect is tabulated
 
 
 @dataclass(frozen=True)
 class LawPart:
     """Everything that one evaluation of the law's part needs, moduli in units of mu_0."""
 
-    # designs on one short basis, one for each tabulated nu
-    tables: tuple[Table, ...]
-    # those nu; a single one where nu was not fitted
-    nu: Array
+    tables: tuple[Table, ...]  # designs on one short basis, one for each tabulated nu
+    nu: Array  # those nu; a single one where nu was not fitted
     # sum of squares of the lateral strains against nu; None without a lateral record or where nu is given
     lateral: CubicSpline | None
     # (r, J) nuisance effects on that basis and (J,) their prior means
     effect: Array
     mean: Array
-    # (r, S - 1) effects of contrasts between the ln s of S specimens; no columns without replicates
-    factor: Array
+    factor: Array  # (r, S - 1) effects of contrasts between the ln s of S specimens; no columns without replicates
     # rate effect: ln tau -> (r,) per unit g/g_inf, that of the fitted series (r,), the fitted law's stress (r,)
     rate: CubicSpline | None
     fitted_rate: Array
@@ -61,8 +54,7 @@ class LawPart:
     order: int
     mu_0_Pa: float
     effective_sample_size: float
-    # what was assumed, one sentence each
-    decisions: tuple[str, ...]
+    decisions: tuple[str, ...]  # what was assumed, one sentence each
 
     @property
     def size(self) -> int:

@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.relaxation.hold_table import HoldTable, tabulate_hold
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, residual, vector_of
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.statistics.linear_marginals import log_marginal, triangles
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # precision that holds a size only where no record sees it, over that of a size as large as the fitted ones
 _HELD = 1e-2
@@ -28,14 +26,10 @@ _HELD = 1e-2
 class SeriesPart:
     """Everything that one evaluation of the series' part needs."""
 
-    # tests on their bases, with the effects of what they doubt
-    tables: tuple[HoldTable, ...]
-    # (K,) scale of the sizes of each test
-    sizes: tuple[Array, ...]
-    # ln of the shortest and longest time
-    bounds: tuple[float, float]
-    # number of terms
-    terms: int
+    tables: tuple[HoldTable, ...]  # tests on their bases, with the effects of what they doubt
+    sizes: tuple[Array, ...]  # (K,) scale of the sizes of each test
+    bounds: tuple[float, float]  # ln of the shortest and longest time
+    terms: int  # number of terms
     # residuals, and the independent ones that they are worth
     count: float
     effective_sample_size: float

@@ -18,7 +18,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
@@ -30,14 +29,12 @@ from matcal.posterior.draws import Draws
 from matcal.posterior.ensembles import ESS, MOST_STEPS, RHAT, TIMES, Chains, gate_words, run_ensembles
 from matcal.posterior.hyperfoam_posterior import LawPart
 from matcal.posterior.prony_posterior import SeriesPart
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 __all__ = ["ESS", "MOST_STEPS", "RHAT", "TIMES", "Posterior", "sample"]
 
-# draws kept
-_KEPT = 1000
+_KEPT = 1000  # draws kept
 # spread of the widest start in exponents, ln noise, nu, ln omega; in ln tau, over g, ln noise
 _LAW_SPREAD, _SERIES_SPREAD = 0.4, (0.3, 0.03, 0.2)
 
@@ -46,20 +43,14 @@ _LAW_SPREAD, _SERIES_SPREAD = 0.4, (0.3, 0.03, 0.2)
 class Posterior:
     """Draws of whole parameter sets and how far they can be trusted."""
 
-    # parameter sets
-    draws: Draws
+    draws: Draws  # parameter sets
     # rhat, ess, autocorrelation_steps, steps, steps_kept, acceptance, effective_points, converged, cpu_s
     checks: dict[str, float | bool]
-    # the prior in words
-    prior: str
-    # derived quantity -> {rhat, ess}
-    quantities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    # what was assumed about specimens, one sentence each
-    decisions: tuple[str, ...] = ()
-    # (D,) log density of each draw in the sampled numbers; None without any
-    log_density: Array | None = None
-    # seed of everything
-    seed: int = 0
+    prior: str  # the prior in words
+    quantities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # derived quantity -> {rhat, ess}
+    decisions: tuple[str, ...] = ()  # what was assumed about specimens, one sentence each
+    log_density: Array | None = None  # (D,) log density of each draw in the sampled numbers; None without any
+    seed: int = 0  # seed of everything
 
 
 @dataclass(frozen=True)

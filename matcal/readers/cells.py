@@ -20,20 +20,16 @@ _NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+|\d{1,3}(?:,\d{3})+(?:\.\d
                      r"(?:[eE][-+]?\d{1,3})?")
 _COMMA_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
 _DOT_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
-# rows of a file's end that tell its delimiter
-_TELLING = 20
-# numbers that settle how all are written
-_VOTES = 2000
+_TELLING = 20  # rows of a file's end that tell its delimiter
+_VOTES = 2000  # numbers that settle how all are written
 
 
 @dataclass(frozen=True)
 class Style:
     """How a number is written."""
 
-    # "." or ","
-    decimal: str = "."
-    # "," or "." between groups of three digits, "" where there are none
-    thousands: str = ""
+    decimal: str = "."  # "." or ","
+    thousands: str = ""  # "," or "." between groups of three digits, "" where there are none
 
     def number(self, cell: str) -> float | None:
         """The value of a cell, None where it is no number."""
@@ -57,14 +53,10 @@ class Grid:
     """The rows of a file or sheet that are not blank."""
 
     path: Path
-    # rows of cells, without blanks and quotes around them and without empty cells at the end
-    rows: Sequence[list[str]]
-    # line of each row in the file (row of the sheet), counted from 1
-    lines: Sequence[int]
-    # how its numbers are written
-    style: Style = Style()
-    # name of the sheet it came from, "" for text
-    sheet: str = ""
+    rows: Sequence[list[str]]  # rows of cells, without blanks and quotes around them and without empty cells at the end
+    lines: Sequence[int]  # line of each row in the file (row of the sheet), counted from 1
+    style: Style = Style()  # how its numbers are written
+    sheet: str = ""  # name of the sheet it came from, "" for text
 
     def number(self, cell: str) -> float | None:
         """The value of a cell, None where it is no number."""

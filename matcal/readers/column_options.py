@@ -17,16 +17,12 @@ EXAMPLE = "--columns \"stress=1:MPa,stretch=2\""
 class Selection:
     """One --columns option: what it applies to, and its choice of sheet and columns."""
 
-    # kind or file name it applies to, None for every file
-    where: str | None
+    where: str | None  # kind or file name it applies to, None for every file
     # quantity (a key of QUANTITIES) -> (column name or number from 1, unit or None where the file has it)
     columns: Mapping[str, tuple[str, str | None]]
-    # sheet of a workbook, None where the file leaves no choice
-    sheet: str | None = None
-    # the option as it was given
-    text: str = ""
-    # acquisition block of a controller's file, from 1; None for all of them
-    block: int | None = None
+    sheet: str | None = None  # sheet of a workbook, None where the file leaves no choice
+    text: str = ""  # the option as it was given
+    block: int | None = None  # acquisition block of a controller's file, from 1; None for all of them
 
 
 def parse_selection(text: str) -> Selection:

@@ -30,12 +30,9 @@ _PAIRS = (("stretch", "stress"), ("strain", "stress"), ("displacement", "force")
 class Header:
     """What stands above the numbers."""
 
-    # name and unit (None where none is given) of each column
-    cells: Sequence[tuple[str, str | None]]
-    # line that names the columns, or that of their units
-    line: int
-    # rows of the grid that hold the numbers
-    rows: range
+    cells: Sequence[tuple[str, str | None]]  # name and unit (None where none is given) of each column
+    line: int  # line that names the columns, or that of their units
+    rows: range  # rows of the grid that hold the numbers
 
 
 @dataclass(frozen=True)
@@ -43,8 +40,7 @@ class _Column:
     index: int
     name: str
     unit: str | None
-    # whether the unit is the user's word
-    chosen: bool = False
+    chosen: bool = False  # whether the unit is the user's word
 
 
 def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection | None = None, *,

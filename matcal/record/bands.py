@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from matcal.laws.conductivity import outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from touchcal.arrays import Array
 
 if TYPE_CHECKING:
     from matcal.fitting.conductivity_fit import ConductivityFit
@@ -22,11 +22,9 @@ if TYPE_CHECKING:
     from matcal.laws.hyperfoam import Hyperfoam
     from matcal.posterior.draws import Draws
 
-Array = NDArray[np.float64]
 Ranges = Mapping[str, tuple[float, float]]
 
-# points of each mode; strains that no band leaves
-_POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1
+_POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1  # points of each mode; strains that no band leaves
 
 
 def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:

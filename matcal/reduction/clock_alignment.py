@@ -7,30 +7,24 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from matcal.statistics.residual_correlation import integrated_autocorrelation_time
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # conductivity = polynomial of the strain + (1 + strain) x polynomial of the time, for the settling of the coating
 _STRAIN_DEGREE, _TIME_DEGREE = 3, 7
 _POINTS, _SHIFTS = 400, 600
-# sizes of backlash that are compared
-_SLACKS = 13
+_SLACKS = 13  # sizes of backlash that are compared
 
 
 @dataclass(frozen=True)
 class Shift:
     """Potentiostat time minus frame time."""
 
-    # s
-    seconds: float
-    # standard deviation, s
-    sd_s: float
-    # what it was read from
-    how: str
+    seconds: float  # s
+    sd_s: float  # standard deviation, s
+    how: str  # what it was read from
 
 
 def combined(first: Shift, second: Shift) -> Shift:

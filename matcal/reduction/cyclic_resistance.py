@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
-# share of the largest strain, at either turning point, over which the resistance is read
-_TURN = 0.10
-# fewest turning points for a course of three parameters
-_FEWEST = 5
-# probability of a larger misfit below which the course is no single exponential
-_DOUBTFUL = 0.01
+_TURN = 0.10  # share of the largest strain, at either turning point, over which the resistance is read
+_FEWEST = 5  # fewest turning points for a course of three parameters
+_DOUBTFUL = 0.01  # probability of a larger misfit below which the course is no single exponential
 
 
 @dataclass(frozen=True)
@@ -27,12 +24,9 @@ class ResistanceHistory:
     # resistance at first and in the end, Ohm
     first_Ohm: float
     settled_Ohm: float
-    # cycles after which 1/e of the change is left
-    cycles: float
-    # standard errors of the three, same units
-    sd: tuple[float, float, float]
-    # probability of a larger misfit under the noise of the readings
-    likely: float
+    cycles: float  # cycles after which 1/e of the change is left
+    sd: tuple[float, float, float]  # standard errors of the three, same units
+    likely: float  # probability of a larger misfit under the noise of the readings
 
     def at(self, cycle: Array) -> Array:
         """R, Ohm, after `cycle` cycles (n,)."""
@@ -43,12 +37,9 @@ class ResistanceHistory:
 class Turns:
     """Resistance at the turning points of one side."""
 
-    # (m,) cycles behind each
-    cycle: Array
-    # (m,) resistance at the turning strain, Ohm
-    resistance_Ohm: Array
-    # (m,) its standard error, Ohm
-    sd_Ohm: Array
+    cycle: Array  # (m,) cycles behind each
+    resistance_Ohm: Array  # (m,) resistance at the turning strain, Ohm
+    sd_Ohm: Array  # (m,) its standard error, Ohm
 
 
 def turning_points(strain: Array, resistance: Array) -> tuple[Turns, Turns]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.statistics.block_means import sample_noise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # share of the largest travel within which a held crosshead stays, and how much slower than the ramp it moves there
 _STILL, _SLOWER = 2e-3, 0.1

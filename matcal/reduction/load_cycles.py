@@ -6,18 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.statistics.block_means import block_means
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# which loading of a cyclic test is used
-BRANCHES = ("last", "first")
-# samples that are averaged to see where the stress passes zero
-_SMOOTH = 10
-# share of its largest strain below which a specimen counts as unloaded
-_UNLOADED = 0.7
+BRANCHES = ("last", "first")  # which loading of a cyclic test is used
+_SMOOTH = 10  # samples that are averaged to see where the stress passes zero
+_UNLOADED = 0.7  # share of its largest strain below which a specimen counts as unloaded
 # strains of a later loading above zero stress over which its start is read, and fewest samples there
 _START, _FEWEST = 0.03, 8
 
@@ -26,23 +21,17 @@ _START, _FEWEST = 0.03, 8
 class Loading:
     """The corrected record from contact on, signs as in `Experiment`."""
 
-    # (n,) time since contact, s; None where the file has no clock
-    time_s: Array | None
-    # (n,) nominal strain, compression negative
-    strain: Array
-    # (n,) nominal stress, Pa, compression negative
-    stress_Pa: Array
-    # index of the first sample at the end of the loading
-    end: int
-    # standard deviation of the noise of one sample of stress, Pa
-    noise_Pa: float
+    time_s: Array | None  # (n,) time since contact, s; None where the file has no clock
+    strain: Array  # (n,) nominal strain, compression negative
+    stress_Pa: Array  # (n,) nominal stress, Pa, compression negative
+    end: int  # index of the first sample at the end of the loading
+    noise_Pa: float  # standard deviation of the noise of one sample of stress, Pa
     # sentences and numbers of the reduction
     decisions: tuple[str, ...]
     facts: Mapping[str, float]
     # one row a cycle where the test has several: cycle, peak_stress_Pa, loss_Pa, residual_strain; else None
     cycles: Mapping[str, Array] | None = None
-    # whether it begins without stress
-    from_rest: bool = True
+    from_rest: bool = True  # whether it begins without stress
 
 
 def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, length_m: float) -> Loading:

@@ -6,7 +6,6 @@ Of a cyclic test one loading is kept, the last or the first; preconditioning is 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.reduction.contact_point import Contact, find_contact
@@ -16,12 +15,10 @@ from matcal.reduction.size_checks import check_reach, check_sizes, fix_of_sizes
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.statistics.block_means import block_means, sample_noise
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
-
-# fewer samples than this before contact do not make a zero
-_ENOUGH = 20
+_ENOUGH = 20  # fewer samples than this before contact do not make a zero
 
 
 def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:

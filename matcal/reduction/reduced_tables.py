@@ -6,16 +6,14 @@ import re
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples
 from matcal.reduction.loading_direction import ASSUMED, densifies, named_direction, words_about
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # a strain beyond this is another quantity, or in another unit
 _LARGEST_STRAIN = 20.0

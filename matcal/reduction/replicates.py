@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.reduction.experiment import Experiment
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# points of the common range
-_POINTS = 60
+_POINTS = 60  # points of the common range
 # specimens below which a standard deviation says little
 _FEW = 4
 _COMPARED = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "conductivity")
@@ -23,19 +20,14 @@ _COMPARED = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "conductivi
 class Scatter:
     """What the specimens of one kind share and how they differ; descriptive, nothing is fitted to them."""
 
-    # one of experiment.KINDS
-    kind: str
-    # (m,) strain (gamma, J) over the range that all specimens cover
-    strain: Array
+    kind: str  # one of experiment.KINDS
+    strain: Array  # (m,) strain (gamma, J) over the range that all specimens cover
     # (m,) mean of their values and standard deviation from specimen to specimen, Pa (S/m)
     mean: Array
     sd: Array
-    # (k,) each specimen's value over the mean, least squares over the range
-    factor: Array
-    # standard deviation of `factor`
-    factor_sd: float
-    # rms over the range of what a factor does not explain, of the rms of the mean
-    shape_sd: float
+    factor: Array  # (k,) each specimen's value over the mean, least squares over the range
+    factor_sd: float  # standard deviation of `factor`
+    shape_sd: float  # rms over the range of what a factor does not explain, of the rms of the mean
 
 
 def scatter(experiments: Sequence[Experiment], kind: str) -> Scatter | None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke
 from matcal.statistics.block_means import sample_noise
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # a loading that ends below is no test of foam, nor is one beyond, nor a stress above, Pa
 _LEAST_STRAIN, _LARGEST_STRAIN, _LARGEST_STRESS = 0.03, 20.0, 1e9

@@ -20,8 +20,7 @@ _DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compli
          "direction"}
 # ways to give a cross-section, the first that a table has counts and the others must agree
 SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
-# areas that differ by less are one
-SAME = 0.01
+SAME = 0.01  # areas that differ by less are one
 # table -> keys it may hold
 KEYS = {
     "uniaxial": _DISC,
@@ -39,32 +38,25 @@ KEYS = {
 class Block:
     """A specimen under load: stress = force/area, strain = displacement/length."""
 
-    # loaded area (all faces together in shear, the piston's on a fluid), m2
-    area_m2: float
+    area_m2: float  # loaded area (all faces together in shear, the piston's on a fluid), m2
     # height, or thickness in shear, length between the grips of a sheet, volume over piston area in a fluid, m
     length_m: float
-    # what the frame itself gives per newton, m/N
-    compliance_m_per_N: float = 0.0
-    # load at which the height was measured, N; 0 where the contact point is looked for
-    preload_N: float = 0.0
-    # one of DIRECTIONS, or None where the file must tell
-    direction: str | None = None
+    compliance_m_per_N: float = 0.0  # what the frame itself gives per newton, m/N
+    preload_N: float = 0.0  # load at which the height was measured, N; 0 where the contact point is looked for
+    direction: str | None = None  # one of DIRECTIONS, or None where the file must tell
     # mean stress over axial stress of a volumetric test: 1 in a fluid, (1 + 2 lateral_ratio)/3 in a sleeve
     mean_share: float = 1.0
-    # what the sizes say about the test, one sentence each
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what the sizes say about the test, one sentence each
 
 
 @dataclass(frozen=True)
 class Strip:
     """A coated strip under voltage."""
 
-    # length between the electrodes, m
-    length_m: float
+    length_m: float  # length between the electrodes, m
     # cross-section of the coating ring at its constant thickness, 2 (width + thickness) x coating, m2
     ring_area_m2: float
-    # applied voltage, V; None where the potentiostat's own column is to be used
-    voltage_V: float | None = None
+    voltage_V: float | None = None  # applied voltage, V; None where the potentiostat's own column is to be used
 
 
 def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:

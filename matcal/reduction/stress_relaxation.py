@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment
@@ -15,9 +14,8 @@ from matcal.reduction.load_cycles import Loading
 from matcal.reduction.load_frame import correct
 from matcal.reduction.specimen import Block
 from matcal.statistics.block_means import Edges, block_means, log_blocks
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # points left of each hold and, at most, of each ramp, and the strain below which the toe is not the material's
 _POINTS, _RAMP, _TOE_STRAIN = 120, 300, 0.01

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.conductivity import strip_conductivity
 from matcal.readers.recording import Recording
@@ -23,25 +22,20 @@ from matcal.reduction.experiment import Experiment
 from matcal.reduction.specimen import Strip
 from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.statistics.block_means import block_means, equal_blocks, sample_noise
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
-
 _POINTS = 100
-# from this many loadings on a test is the cyclic stage
-_CYCLIC = 3
+_CYCLIC = 3  # from this many loadings on a test is the cyclic stage
 
 
 @dataclass(frozen=True)
 class _Circuit:
     """The electrical record while the strip was whole."""
 
-    # (n,) time on the potentiostat's clock, s
-    time_s: Array
-    # (n,) conductance, S
-    conductance_S: Array
-    # what was assumed
-    notes: tuple[str, ...]
+    time_s: Array  # (n,) time on the potentiostat's clock, s
+    conductance_S: Array  # (n,) conductance, S
+    notes: tuple[str, ...]  # what was assumed
 
 
 def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:

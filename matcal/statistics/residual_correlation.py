@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # points of a curve, or means of neighbouring ones where it has more; lengths, shares of white noise and sizes tried
 _MOST, _LENGTHS, _WHITE, _SIZES = 200, 8, (0.0, 0.03, 0.15, 0.5), np.exp(np.linspace(-1.5, 2.5, 25))
@@ -28,14 +28,10 @@ _MOST, _LENGTHS, _WHITE, _SIZES = 200, 8, (0.0, 0.03, 0.15, 0.5), np.exp(np.lins
 class Errors:
     """Covariance of the errors of one curve, in blocks of neighbouring points."""
 
-    # (m, m) covariance of the means over the blocks
-    covariance: Array
-    # (m,) first point of each block
-    first: NDArray[np.int64]
-    # independent errors of the same size that would be worth as much
-    effective_sample_size: float
-    # points of the curve
-    count: int
+    covariance: Array  # (m, m) covariance of the means over the blocks
+    first: NDArray[np.int64]  # (m,) first point of each block
+    effective_sample_size: float  # independent errors of the same size that would be worth as much
+    count: int  # points of the curve
 
     def of(self, gain: Array) -> Array:
         """(K, K) covariance of gain @ errors for gain (K, n)."""

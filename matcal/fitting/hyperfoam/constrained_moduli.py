@@ -10,19 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from matcal.fitting.hyperfoam.order_selection import EXPLODING as MOST
 from matcal.fitting.hyperfoam.variable_projection import Solve, least_moduli
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 # (N,) exponents -> (m, N) rows whose product with the moduli must not fall below a floor
 Rows = Callable[[Array], Array]
 
-# least value of a stability row per mu_0
-FLOOR = 0.005
+FLOOR = 0.005  # least value of a stability row per mu_0
 
 
 def bounded_moduli(matrix: Array, target: Array, alpha: Array) -> Array:

@@ -6,37 +6,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.variable_projection import Optimum
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# single moduli beyond this many times mu_0 count as exploding
-EXPLODING = 50.0
+EXPLODING = 50.0  # single moduli beyond this many times mu_0 count as exploding
 # share of the rms of a lower order to which a term that merges with another must bring it to be worth having
 WORTH = 0.9
 # relative RMS of every curve within which a lower order whose parameters can be read is taken all the same: specimens
 # of one foam differ by as much, and merged terms pay for the rest with what they say outside the tests
 GOOD_ENOUGH = 0.05
-# different strains for each parameter below which the correction of BIC for few points is said
-_PLENTY = 10
+_PLENTY = 10  # different strains for each parameter below which the correction of BIC for few points is said
 
 
 @dataclass(frozen=True)
 class OrderRow:
     """One order tried."""
 
-    # number of terms
-    order: int
-    # root of the weighted mean square residual (the relative RMS of all curves under the default weights)
-    rms: float
-    # largest relative RMS of a single curve
-    worst: float
-    # see `criterion`
-    bic: float
-    # what makes its single parameters meaningless, or ""
-    collinearity: str
+    order: int  # number of terms
+    rms: float  # root of the weighted mean square residual (the relative RMS of all curves under the default weights)
+    worst: float  # largest relative RMS of a single curve
+    bic: float  # see `criterion`
+    collinearity: str  # what makes its single parameters meaningless, or ""
 
 
 def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:

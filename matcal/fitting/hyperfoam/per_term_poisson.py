@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from matcal.fitting.hyperfoam.constrained_moduli import bound_rows, least
@@ -18,9 +18,8 @@ from matcal.fitting.hyperfoam.curves import Curve, weighted_model, weighted_stre
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, lateral_residual
 from matcal.fitting.hyperfoam.variable_projection import Exponents, exponents
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # residual for a law that is no material or whose free faces find no rest, and per mu_0 that an inequality falls short
 _REJECTED, _PENALTY = 10.0, 30.0
@@ -30,12 +29,9 @@ _REJECTED, _PENALTY = 10.0, 30.0
 class Refined:
     """A law with unequal nu."""
 
-    # fitted law
-    law: Hyperfoam
-    # sum of squared weighted stress residuals
-    cost: float
-    # evaluations of the model
-    evaluations: int
+    law: Hyperfoam  # fitted law
+    cost: float  # sum of squared weighted stress residuals
+    evaluations: int  # evaluations of the model
 
 
 def refine(curves: Sequence[Curve], starts: Sequence[Hyperfoam], allowed: Exponents, fit_nu: bool,

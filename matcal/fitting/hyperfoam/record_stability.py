@@ -20,8 +20,7 @@ from scipy.special import stdtrit
 
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.reduction.experiment import Experiment
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # least points of a window, windows that a record is long at each width, positions in half a window, chance that a fall
 # is none, least drop as a share of the largest value of the measure
@@ -32,14 +31,10 @@ _LEAST_POINTS, _WIDTHS, _PER_HALF, _CHANCE, _DROP = 7, (30, 12, 6, 4), 2, 1e-5, 
 class DataCheck:
     """What one record says about one criterion."""
 
-    # KIND_i
-    label: str
-    # "drucker" or "elliptic"
-    criterion: str
-    # [[lo, hi], ...] of nominal strain where it is violated by the record itself
-    violated: list[list[float]]
-    # [lo, hi] of nominal strain that the record covers
-    covered: list[float]
+    label: str  # KIND_i
+    criterion: str  # "drucker" or "elliptic"
+    violated: list[list[float]]  # [[lo, hi], ...] of nominal strain where it is violated by the record itself
+    covered: list[float]  # [lo, hi] of nominal strain that the record covers
 
 
 def check_data(curves: Sequence[Curve], nu_is_zero: bool) -> tuple[DataCheck, ...]:

@@ -18,30 +18,25 @@ from numpy.typing import NDArray
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.stability import CRITERIA, acoustic_form, worst_acoustic_directions
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 # (alpha (N,), nu (N,)) -> (m, N) rows that must stay positive times the moduli
 StabilityRows = Callable[[Array, Array], Array]
 
 # stretches of the grid on which a law is searched for violations, and on which it is accepted
 _SEARCHED, _ACCEPTED = 21, 41
-# rounds at most, violations added in each
-_ROUNDS, _ADDED = 20, 12
-# two equal stretches that part
-_TWIST = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+_ROUNDS, _ADDED = 20, 12  # rounds at most, violations added in each
+_TWIST = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)  # two equal stretches that part
 
 
 @dataclass(frozen=True)
 class States:
     """Where, and for which increment, stability is held."""
 
-    # (m, 3) logarithmic principal stretches
-    x: Array
-    # (m, 3) direction: of the increment of logarithmic strain (drucker), of the normal of a band (elliptic)
-    n: Array
-    # (m, 3) the same again (drucker), the polarisation (elliptic)
-    m: Array
+    x: Array  # (m, 3) logarithmic principal stretches
+    n: Array  # (m, 3) direction: of the increment of logarithmic strain (drucker), of the normal of a band (elliptic)
+    m: Array  # (m, 3) the same again (drucker), the polarisation (elliptic)
 
     def __add__(self, other: States) -> States:
         return States(*(np.vstack(pair) for pair in ((self.x, other.x), (self.n, other.n), (self.m, other.m))))

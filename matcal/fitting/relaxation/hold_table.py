@@ -19,13 +19,11 @@ from matcal.laws.deformation_modes import push_forward
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, decaying
 from matcal.reduction.experiment import Experiment
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # the hold begins where the strain first reaches this share of its largest value, unless the experiment marks it
 _HELD = 0.999
-# longest step of the strain over its largest
-_FAR = 0.02
+_FAR = 0.02  # longest step of the strain over its largest
 # tabulated times in each decade, of which every second spans the basis (the others lie in it to 1e-8); directions
 # smaller than this share of the largest are left out
 _PER_DECADE, _SPANNING, _KEPT = 40, 2, 1e-11
@@ -35,23 +33,17 @@ _PER_DECADE, _SPANNING, _KEPT = 40, 2, 1e-11
 class Hold:
     """One test, ready to be compared."""
 
-    # (n,) times, s, from rest
-    time_s: Array
+    time_s: Array  # (n,) times, s, from rest
     # (m,) times, s, with some between samples where the strain moves far, and (n,) where the samples are among them
     fine_s: Array
     at: NDArray[np.intp]
     # (m, K) columns of the instantaneous second Piola-Kirchhoff stress there, the strain linear between samples
     instantaneous: Array
-    # (n,) push-forward to nominal stress
-    push: Array
-    # (n,) measured nominal stress, Pa
-    stress_Pa: Array
-    # (n,) one over the standard deviation of the noise, 0 where nothing is compared
-    precision: Array
-    # (n,) whether the strain is held
-    held: NDArray[np.bool_]
-    # where the columns come from: "law", "ramp" or "straight"
-    shape: str
+    push: Array  # (n,) push-forward to nominal stress
+    stress_Pa: Array  # (n,) measured nominal stress, Pa
+    precision: Array  # (n,) one over the standard deviation of the noise, 0 where nothing is compared
+    held: NDArray[np.bool_]  # (n,) whether the strain is held
+    shape: str  # where the columns come from: "law", "ramp" or "straight"
 
     @property
     def ramp_s(self) -> float:
@@ -68,16 +60,11 @@ class Hold:
 class HoldTable:
     """One test on a short basis; inner products are those of the full weighted hold."""
 
-    # (n_seen, r) orthonormal directions
-    basis: Array
-    # (r, K) weighted columns without relaxation
-    rest: Array
-    # ln tau -> (r, K) weighted D(tau)
-    slow: CubicSpline
-    # (r,) weighted measured stress
-    target: Array
-    # (r, J) further weighted vectors that were given
-    more: Array
+    basis: Array  # (n_seen, r) orthonormal directions
+    rest: Array  # (r, K) weighted columns without relaxation
+    slow: CubicSpline  # ln tau -> (r, K) weighted D(tau)
+    target: Array  # (r,) weighted measured stress
+    more: Array  # (r, J) further weighted vectors that were given
 
     def unit(self, ln_tau: Array, share: Array) -> Array:
         """(W, r, K) weighted columns for (W, M) ln tau and g/g_inf, over their own long-term scale."""

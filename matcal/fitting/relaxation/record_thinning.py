@@ -11,8 +11,7 @@ from matcal.laws.deformation_modes import MODES
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.block_means import block_means, equal_blocks, log_blocks, sample_noise
 
-# points above which a record is thinned, and about how many are left
-LONG, KEPT = 3000, 1000
+LONG, KEPT = 3000, 1000  # points above which a record is thinned, and about how many are left
 # points above which a relaxation record is thinned, and how many of each hold and of each ramp are left at most
 _LONG_HOLD, _HOLD, _RAMP = 500, 120, 60
 

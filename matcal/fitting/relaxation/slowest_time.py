@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable
 from matcal.fitting.relaxation.prony_search import residual, search_series
 from matcal.laws.prony import Prony
 from matcal.statistics.residual_correlation import Errors
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # where the instantaneous curve of a test comes from
 _SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its own size",
@@ -28,12 +26,9 @@ _CHI_SQUARE, _STEPS = 3.84, 9
 class Slowest:
     """The slowest time and its 95 % profile interval."""
 
-    # fitted time, s
-    tau_s: float
-    # lower end, s
-    lo_s: float
-    # upper end, s; None where the record does not bound it
-    hi_s: float | None
+    tau_s: float  # fitted time, s
+    lo_s: float  # lower end, s
+    hi_s: float | None  # upper end, s; None where the record does not bound it
 
 
 def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array, bounds_s: tuple[float, float],

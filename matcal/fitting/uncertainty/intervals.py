@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
@@ -32,24 +31,20 @@ from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.uncertainty.nuisance import Nuisance, nuisance
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # least points to spare that Student's law is told: the errors' sizes are averaged already, see
 # `matcal.statistics.residual_correlation`
 _LEAST_SPARE = 4.0
-# standard deviations to either side that hold 95 % where many points are left
-_LARGE = float(ndtri(0.975))
-# compression at which the plateau stress is read (CV40 of ISO 3386-1)
-PLATEAU_STRAIN = -0.4
+_LARGE = float(ndtri(0.975))  # standard deviations to either side that hold 95 % where many points are left
+PLATEAU_STRAIN = -0.4  # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 
 
 @dataclass(frozen=True)
 class Interval:
     """A number with its 95 % interval."""
 
-    # best estimate
-    value: float
+    value: float  # best estimate
     # standard deviation, of which `form` comes from the order of the law
     sd: float
     form: float
@@ -62,21 +57,16 @@ class Interval:
 class Uncertainty:
     """Linearised uncertainty of a fit."""
 
-    # derived quantity -> interval; units in the names
-    derived: dict[str, Interval]
-    # (2 N, 2 N) covariance of (mu_Pa, alpha)
-    covariance: Array
+    derived: dict[str, Interval]  # derived quantity -> interval; units in the names
+    covariance: Array  # (2 N, 2 N) covariance of (mu_Pa, alpha)
     # independent points of one common noise level that would know these quantities no better than these curves do
     effective_points: float
     # fitted law, and the one with a further term, which shows what the order hides
     law: Hyperfoam
     wider: Hyperfoam | None
-    # standard deviations to either side that hold 95 %, by Student's law for few effective points
-    reach: float
-    # where the interval of mu_0 comes from, share of its variance
-    shares: Mapping[str, float]
-    # the largest of them, and what was assumed about specimens, one sentence each
-    decisions: tuple[str, ...]
+    reach: float  # standard deviations to either side that hold 95 %, by Student's law for few effective points
+    shares: Mapping[str, float]  # where the interval of mu_0 comes from, share of its variance
+    decisions: tuple[str, ...]  # the largest of them, and what was assumed about specimens, one sentence each
 
 
 def derived_quantities(law: Hyperfoam) -> dict[str, float]:

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.curves import Curve, weighted_design, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
@@ -28,8 +27,7 @@ from matcal.fitting.hyperfoam.linear_response import (
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
 MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_N": "zero_moved_N", "drift_sd_N_per_s": "drift_moved_N_per_s"}
@@ -39,14 +37,10 @@ MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_N": "zero_moved_N", "dr
 class Nuisance:
     """Uncertain numbers z_j ~ N(mean_j, 1) of the record, and what they do."""
 
-    # (n, K) change of the weighted stress with each z_j
-    effect: Array
-    # (K,) prior means: minus what refinement has moved already
-    mean: Array
-    # what each number is, in words
-    names: tuple[str, ...]
-    # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
-    series: Array | None
+    effect: Array  # (n, K) change of the weighted stress with each z_j
+    mean: Array  # (K,) prior means: minus what refinement has moved already
+    names: tuple[str, ...]  # what each number is, in words
+    series: Array | None  # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
 
 
 def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:

@@ -19,8 +19,7 @@ from matcal.readers.recording import Recording
 from matcal.readers.units import split_name
 from touchcal.errors import InputFileError
 
-# lines in which the names of the columns are looked for
-_HEAD = 20
+_HEAD = 20  # lines in which the names of the columns are looked for
 
 
 def _is_nova(source: Source) -> bool:

@@ -16,10 +16,8 @@ from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import metadata_of, sizes_of
 from touchcal.errors import InputFileError
 
-# lines in which the units are looked for
-_HEAD = 60
-# a table with this many times fewer rows than the longest is one of results
-_SHORT = 10
+_HEAD = 60  # lines in which the units are looked for
+_SHORT = 10  # a table with this many times fewer rows than the longest is one of results
 
 
 def _is_instron(source: Source) -> bool:

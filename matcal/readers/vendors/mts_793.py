@@ -26,18 +26,15 @@ from touchcal.errors import InputFileError
 
 MARK = "MTS793|"
 _DELIMITERS = {"0": " ", "1": ",", "2": "\t"}
-# rows below a title within which the names of its columns are looked for
-_HEAD = 20
+_HEAD = 20  # rows below a title within which the names of its columns are looked for
 
 
 @dataclass(frozen=True)
 class _Block:
     """One acquisition."""
 
-    # row of the grid that holds its names; that of its units follows
-    names: int
-    # rows of its numbers
-    rows: range
+    names: int  # row of the grid that holds its names; that of its units follows
+    rows: range  # rows of its numbers
 
 
 def _is_793(source: Source) -> bool:

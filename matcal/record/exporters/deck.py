@@ -19,10 +19,8 @@ from matcal.record.exporters.formatting import number
 class Deck:
     """An exported card."""
 
-    # the file's text
-    text: str
-    # what the target does otherwise than the card, one sentence each; in the text too
-    warnings: tuple[str, ...]
+    text: str  # the file's text
+    warnings: tuple[str, ...]  # what the target does otherwise than the card, one sentence each; in the text too
 
 
 def export(card: MaterialCard | Path | str, target: str, moduli: str | None = None, units: str = "SI",
