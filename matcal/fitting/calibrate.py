@@ -96,9 +96,7 @@ class FittedLaws:
 def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = None,
               predicted: Sequence[Experiment] = ()) -> FittedLaws:
     """Fit everything that the experiments allow; `predicted` are stress-strain tests that are compared, not fitted.
-
-    Raises ValueError for an unknown choice or for tests that cannot be fitted or compared.
-    """
+    Raises ValueError for an unknown choice or for tests that cannot be fitted or compared."""
     options = options or FitOptions()
     started = time.process_time()
     experiments, said = with_drift([thinned(e) for e in experiments])
@@ -180,11 +178,9 @@ def _with_factors(curves: tuple[Curve, ...], options: FitOptions) -> tuple[Curve
 
 
 def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
-    """The curves with contact, load zero and drift refined, by the order that needs least to explain them.
-
-    A term too many takes up what is an error of the record: each lower order of nearly the same residual refines the
-    records its own way, and the criterion of orders decides, the corrections' own prior counted.
-    """
+    """The curves with contact, load zero and drift refined, by the order that needs least to explain them. A term too
+    many takes up what is an error of the record: each lower order of nearly the same residual refines the records its
+    own way, and the criterion of orders decides, the corrections' own prior counted."""
     order, nu = _with_one_nu(options)
     first = fit(curves, order, nu, starts=_FEW, thorough=False)
     best = refined_records(first)

@@ -46,8 +46,7 @@ class ConductivityFit:
 
 def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
     """Cubic with least noise-weighted squares over all conductivity tests, at least FLOOR of the median from
-    LOWEST_STRAIN on. Raises ValueError for fewer than five points or a value that is not positive.
-    """
+    LOWEST_STRAIN on. Raises ValueError for fewer than five points or a value that is not positive."""
     e, c = (np.concatenate([getattr(x, name) for x in experiments]) for name in ("strain", "value"))
     where = ", ".join(s for x in experiments for s in x.source) or "conductivity"
     if e.size < 5 or np.unique(e).size < 4 or np.any(c <= 0):

@@ -48,19 +48,15 @@ def outside(law: Conductivity, strain: ArrayLike) -> NDArray[np.bool_]:
 
 
 def coating_thickness(thickness_m: ArrayLike, areal_stretch: ArrayLike) -> Array:
-    """Current coating thickness, m: the sprayed layer keeps its thickness, t = t_0, whatever the areal stretch.
-
-    This one rule serves both ends: a strip of length L_0(1 + e) and width w has R = L_0(1 + e)/(c(e) w t), and the
-    sheet on a deforming body has the conductance tensor c t J_s C_s^-1 on its reference surface.
-    """
+    """Current coating thickness, m: the sprayed layer keeps its thickness, t = t_0, whatever the areal stretch. This
+    one rule serves both ends: a strip of length L_0(1 + e) and width w has R = L_0(1 + e)/(c(e) w t), and the sheet on
+    a deforming body has the conductance tensor c t J_s C_s^-1 on its reference surface."""
     return np.broadcast_to(np.asarray(thickness_m, dtype=float), np.shape(areal_stretch)).copy()
 
 
 def strip_conductivity(resistance_Ohm: ArrayLike, strain: ArrayLike, length_m: float, ring_area_m2: float) -> Array:
-    """c = L/(R A), S/m, of a coated strip: current length L_0(1 + e), coated ring A with `coating_thickness`.
-
-    Source: paper, section 3.2.
-    """
+    """c = L/(R A), S/m, of a coated strip: current length L_0(1 + e), coated ring A with `coating_thickness`. Source:
+    paper, section 3.2."""
     e = np.asarray(strain, dtype=float)
     ratio = coating_thickness(1.0, 1 + e)
     return length_m * (1 + e) / (np.asarray(resistance_Ohm, dtype=float) * ring_area_m2 * ratio)

@@ -37,9 +37,7 @@ def strongly_elliptic(law: Hyperfoam, x: ArrayLike) -> NDArray[np.bool_]:
 
 def _copositive(diagonal: Array, off: Array) -> NDArray[np.bool_]:
     """Strict copositivity of symmetric matrices with positive diagonals (..., 3) and parts 12, 13, 23 in off (..., 3).
-
-    Where a diagonal is not positive the answer means nothing.
-    """
+    Where a diagonal is not positive the answer means nothing."""
     root = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = off / (root[..., _FIRST] * root[..., _SECOND])
     pairs = 1 + scaled

@@ -116,10 +116,8 @@ def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np
 
 def _rescued(states: Sequence[Any], scale: Array,
              rng: np.random.Generator) -> tuple[list[Any], int]:
-    """States with walkers from lost modes put where walkers of the best ensemble are, and how many they were.
-
-    Lost is a log density below that ensemble's median by _LOST and three for each sampled number.
-    """
+    """States with walkers from lost modes put where walkers of the best ensemble are, and how many they were. Lost is a
+    log density below that ensemble's median by _LOST and three for each sampled number."""
     densities = [np.asarray(state.log_prob, dtype=float) for state in states]
     best = int(np.argmax([np.median(d) for d in densities]))
     least = float(np.median(densities[best])) - _LOST - 3 * scale.size

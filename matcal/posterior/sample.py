@@ -86,11 +86,8 @@ class _Joint:
 def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | None, skin: ConductivityFit | None,
            seed: int, advance: Callable[[int], None] = lambda done: None, fitted_nu: bool = False) -> Posterior:
     """Draws from the posterior of law, series and skin, those that there are; NotConverged carries them where the
-    checks fail.
-
-    `advance` is told the number of steps done, of MOST_STEPS at most; `fitted_nu`: the law's nu was fitted, not given.
-    Raises ValueError where there is nothing to sample, or for unequal nu.
-    """
+    checks fail. `advance` is told the number of steps done, of MOST_STEPS at most; `fitted_nu`: the law's nu was
+    fitted, not given. Raises ValueError where there is nothing to sample, or for unequal nu."""
     start = time.process_time()
     rng = np.random.default_rng([seed, 1])
     relaxing = prony if prony is not None and np.any(prony.prony.g) else None

@@ -93,9 +93,7 @@ def shown(text: str, most: int = 40) -> str:
 
 def text_grid(text: str, path: Path, delimiter: str | None = "", style: Style | None = None) -> Grid:
     """The grid of a text; delimiter ("" to find it; None for any run of blanks) and style are told from its numbers.
-
-    InputFileError where no line holds two numbers, or where 1,424 may be either of two numbers.
-    """
+    InputFileError where no line holds two numbers, or where 1,424 may be either of two numbers."""
     numbered = [(n, line) for n, line in enumerate(lines_of(text), 1) if line.strip()]
     lines = [line for _, line in numbered]
     if delimiter == "":
@@ -124,10 +122,8 @@ def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[st
 
 
 def _delimiter(lines: Sequence[str], path: Path) -> str | None:
-    """The separator under which the last lines are rows of at least two numbers.
-
-    Tabs and semicolons go before commas and blanks, which also stand inside cells; of two, the one with fuller rows.
-    """
+    """The separator under which the last lines are rows of at least two numbers. Tabs and semicolons go before commas
+    and blanks, which also stand inside cells; of two, the one with fuller rows."""
     tail = lines[-_TELLING:]
 
     def score(delimiter: str | None) -> tuple[int, float]:
@@ -159,10 +155,8 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 def style_of(rows: Iterable[Sequence[str]], path: Path) -> Style:
-    """How the numbers of a table are written, from cells that leave no choice; InputFileError where none does.
-
-    Where 1,424 stands beside 0.5 it is 1424, beside 0,5 it is 1.424; alone it is refused.
-    """
+    """How the numbers of a table are written, from cells that leave no choice; InputFileError where none does. Where
+    1,424 stands beside 0.5 it is 1424, beside 0,5 it is 1.424; alone it is refused."""
     dots, commas, doubtful = 0, 0, ""
     for cell in _number_cells(rows):
         dot, comma = cell.rfind("."), cell.rfind(",")

@@ -26,11 +26,8 @@ class Selection:
 
 
 def parse_selection(text: str) -> Selection:
-    """`[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...` with COLUMN a name or a number from 1, and perhaps
-    sheet=NAME or block=N.
-
-    Raises ValueError, with an example, for anything else.
-    """
+    """`[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...` with COLUMN a name or a number from 1, and perhaps sheet=NAME or
+    block=N. Raises ValueError, with an example, for anything else."""
     where, columns, sheet, block = None, {}, None, None
     for k, item in enumerate(text.split(",")):
         parts = [part.strip() for part in item.split("=")]
@@ -58,11 +55,9 @@ def parse_selection(text: str) -> Selection:
 
 
 def selections_of(inputs: Sequence[Any], given: Sequence[Selection]) -> list[dict[Path, Selection]]:
-    """For each input (kind or None, sources), the selection of each of its files; none for what was read before.
-
-    A selection that names a file goes before one that names a kind, and that before one that names neither; several
-    of the same `where` are taken in turn by the inputs that they fit. Raises ValueError where one fits no input.
-    """
+    """For each input (kind or None, sources), the selection of each of its files; none for what was read before. A
+    selection that names a file goes before one that names a kind, and that before one that names neither; several of
+    the same `where` are taken in turn by the inputs that they fit. Raises ValueError where one fits no input."""
     taken: dict[str | None, int] = {}
     out: list[dict[Path, Selection]] = []
     for test in inputs:

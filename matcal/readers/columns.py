@@ -160,9 +160,7 @@ def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], s
 
 def _relation(grid: Grid, header: Header, quantity: str, first: _Column, other: _Column) -> str | None:
     """How another column follows from the first: the same, shifted, or with the sign turned; None where it does not.
-
-    Two clocks need not agree: the preferred one counts.
-    """
+    Two clocks need not agree: the preferred one counts."""
     a, b = (_in_si(grid, header, quantity, column) for column in (first, other))
     span = _SAME * float(np.ptp(a))
     for sign, word in ((1.0, "the same"), (-1.0, "the same with its sign turned")):
@@ -278,9 +276,7 @@ def _from_units(header: Header) -> dict[str, int]:
 
 def _from_numbers(grid: Grid, header: Header) -> dict[str, int]:
     """Of two columns, the one that begins near 1 as the stretch, or else the first as the strain; the other as stress.
-
-    A guess that shows how the option is written; only the user knows.
-    """
+    A guess that shows how the option is written; only the user knows."""
     size = max(len(header.cells), 2)
     first = grid.rows[header.rows.start] if header.rows else []
     begins = [grid.number(cell) for cell in first[:2]]

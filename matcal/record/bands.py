@@ -28,11 +28,9 @@ _POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1  # points of each
 
 
 def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
-    """mode -> strains over which its band is given.
-
-    A fitted mode has its own strains and up to a quarter of their width beyond, any other mode those of the principal
-    stretches that the fitted ones reached; a fitted mode goes no further than these either.
-    """
+    """mode -> strains over which its band is given. A fitted mode has its own strains and up to a quarter of their
+    width beyond, any other mode those of the principal stretches that the fitted ones reached; a fitted mode goes no
+    further than these either."""
     least, most = _stretches(fitted)
     identical = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
     out = {}

@@ -36,10 +36,8 @@ def combined(first: Shift, second: Shift) -> Shift:
 
 
 def shift_by_break(frame_time: Array, load: Array, pot_time: Array, current: Array) -> Shift | None:
-    """The shift that brings the tearing of the specimen together on both clocks; None where either record has none.
-
-    In both it lies within one sampling interval, taken as uniform.
-    """
+    """The shift that brings the tearing of the specimen together on both clocks; None where either record has none. In
+    both it lies within one sampling interval, taken as uniform."""
     torn, open_circuit = _collapse(np.abs(load - np.median(load[:20]))), _collapse(np.abs(current))
     if torn is None or open_circuit is None:
         return None
@@ -50,10 +48,8 @@ def shift_by_break(frame_time: Array, load: Array, pot_time: Array, current: Arr
 
 
 def with_backlash(travel: Array, slack: float) -> Array:
-    """What a gripped specimen does, (n,), behind a crosshead at `travel` (n,) that turns with `slack`, same unit.
-
-    At the first loading there is none; after each reversal the specimen stands still until the slack is taken up.
-    """
+    """What a gripped specimen does, (n,), behind a crosshead at `travel` (n,) that turns with `slack`, same unit. At
+    the first loading there is none; after each reversal the specimen stands still until the slack is taken up."""
     out, at = np.empty_like(travel), float(travel[0])
     for n, value in enumerate(travel):
         at = min(max(at, value), value + slack)

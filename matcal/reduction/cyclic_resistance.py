@@ -44,10 +44,8 @@ class Turns:
 
 def turning_points(strain: Array, resistance: Array) -> tuple[Turns, Turns]:
     """Resistance at rest, before the first cycle and after each, and at the peaks, from samples (n,) of both in order.
-
     Near each turning point R is a straight line in the strain, read where the strain turns. ValueError where there is
-    no cycle.
-    """
+    no cycle."""
     largest = float(strain.max())
     low, high = _groups(strain < _TURN * largest), _groups(strain > (1 - _TURN) * largest)
     if len(low) < 2 or not high:
@@ -113,10 +111,8 @@ def cycle_table(rest: Turns, peak: Turns) -> dict[str, Array]:
 
 
 def settling_facts(rest: Turns, peak: Turns, doubt: float = 0.0) -> dict[str, float]:
-    """First, last and settled resistance at rest, the change by the last cycle, and the course's numbers.
-
-    `doubt` is the standard deviation of where a strip rests between cycles, over the largest travel.
-    """
+    """First, last and settled resistance at rest, the change by the last cycle, and the course's numbers. `doubt` is
+    the standard deviation of where a strip rests between cycles, over the largest travel."""
     value = rest.resistance_Ohm
     out = {"resistance_first_Ohm": float(value[0]), "resistance_settled_Ohm": float(value[-1]),
            "cycles": float(value.size - 1), "resistance_last_change": float(value[-1] / value[-2] - 1)}

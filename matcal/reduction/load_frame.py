@@ -22,11 +22,9 @@ _ENOUGH = 20  # fewer samples than this before contact do not make a zero
 
 
 def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
-    """Strain and stress of a block from displacement, force and time, from contact on or over one later loading.
-
-    Raises InputFileError where a column is missing or constant, nothing moves or is touched, or nothing tells
-    compression from tension; ValueError for an unknown branch.
-    """
+    """Strain and stress of a block from displacement, force and time, from contact on or over one later loading. Raises
+    InputFileError where a column is missing or constant, nothing moves or is touched, or nothing tells compression from
+    tension; ValueError for an unknown branch."""
     if branch not in BRANCHES:
         raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
     stroke = _stroke(recording)

@@ -22,9 +22,7 @@ _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 def reduce_table(kind: str, recording: Recording) -> Experiment:
     """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative.
-
-    InputFileError where a column is missing or constant, signs disagree, or a number cannot be what its column says.
-    """
+    InputFileError where a column is missing or constant, signs disagree, or a number cannot be what its column says."""
     notes = list(recording.notes)
     read: Callable[[str, Recording, list[str]], tuple[Array, Array]] = (
         _volumetric if kind == "volumetric" else _strain_and_value)

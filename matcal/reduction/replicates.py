@@ -32,9 +32,7 @@ class Scatter:
 
 def scatter(experiments: Sequence[Experiment], kind: str) -> Scatter | None:
     """Between-specimen scatter of all experiments of a kind; None for fewer than two or without a common range.
-
-    Compression and tension are kept apart: only specimens strained to the side of the first are compared.
-    """
+    Compression and tension are kept apart: only specimens strained to the side of the first are compared."""
     rest = 1.0 if kind == "volumetric" else 0.0
     chosen = [e for e in experiments if e.kind == kind]
     chosen = [e for e in chosen if _side(e, rest) == _side(chosen[0], rest)]

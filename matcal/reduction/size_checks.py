@@ -28,10 +28,8 @@ def fix_of_sizes(kind: str) -> str:
 
 def check_sizes(kind: str, recording: Recording, block: Block, stroke: Stroke, load: Array, sign: float) -> None:
     """InputFileError where the whole travel is no strain, where the travel under load is more than the specimen has,
-    where the frame would give more than the travel, or where the stress is beyond that of any foam.
-
-    `load` (n,), N, grows in the direction of loading; `sign` is -1 for compression.
-    """
+    where the frame would give more than the travel, or where the stress is beyond that of any foam. `load` (n,), N,
+    grows in the direction of loading; `sign` is -1 for compression."""
     length, area = _KEYS.get(kind, _DISC)
     moving = slice(stroke.start, stroke.end + 1)
     travel, rise = stroke.travel[moving], load[moving] - float(np.median(load[:max(stroke.start, 1)]))

@@ -53,8 +53,7 @@ class _Sums:
 def correlated_errors(residuals: Sequence[Array], slopes: Sequence[Array], prior: Array,
                       least: Sequence[float]) -> tuple[Errors, ...]:
     """Errors of each curve from its residual (n_k,), the slopes (n_k, K) of everything that was fitted, the precision
-    (K, K) of its prior in units of the residual's variance, and the least standard deviation that its noise has.
-    """
+    (K, K) of its prior in units of the residual's variance, and the least standard deviation that its noise has."""
     blocks = [_blocks(r, x) for r, x in zip(residuals, slopes, strict=True)]
     grids = [_grid(r.size) for r, _, _ in blocks]
     sums = [[_sums(correlation, r, x) for correlation in grid] for grid, (r, x, _) in zip(grids, blocks, strict=True)]
@@ -130,10 +129,8 @@ def _average(grid: Sequence[Array], weight: Array, unit: float, first: NDArray[n
 
 
 def integrated_autocorrelation_time(residual: Array) -> float:
-    """Integrated autocorrelation time 1 + 2 sum rho_k of residuals (n,) with known mean 0, at least 1.
-
-    The sum runs to the first window of five times itself (Sokal); n over it is the effective sample size.
-    """
+    """Integrated autocorrelation time 1 + 2 sum rho_k of residuals (n,) with known mean 0, at least 1. The sum runs to
+    the first window of five times itself (Sokal); n over it is the effective sample size."""
     n = residual.size
     power = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
     rho = np.fft.irfft(power)[:n]

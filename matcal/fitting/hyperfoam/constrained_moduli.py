@@ -53,9 +53,7 @@ def bound_rows(alpha: Array) -> Array:
 
 def nearest(matrix: Array, free: Array, rows: Array, floor: Array | float) -> Array:
     """Moduli nearest to `free` in |matrix (mu - free)| with rows @ mu >= floor; zeros where no moduli satisfy that.
-
-    Raises NotConverged where the inner non-negative least squares do not end.
-    """
+    Raises NotConverged where the inner non-negative least squares do not end."""
     short = floor - rows @ free
     if np.all(short <= 0):
         return free

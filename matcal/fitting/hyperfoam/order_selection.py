@@ -43,11 +43,8 @@ def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
 
 def criterion(cost: float, order: int, count: int, different: int) -> float:
     """Bayesian information criterion n ln(cost) + k ln(n) m/(m - k - 2), k = 2 `order`, for `count` n residuals at
-    `different` m strains.
-
-    The last factor is the correction for few points; it is 1 for many.
-    Source: McQuarrie, Stat. Probab. Lett. 44 (1999) 79, DOI 10.1016/S0167-7152(98)00294-6.
-    """
+    `different` m strains. The last factor is the correction for few points; it is 1 for many. Source: McQuarrie, Stat.
+    Probab. Lett. 44 (1999) 79, DOI 10.1016/S0167-7152(98)00294-6."""
     parameters = 2 * order
     price = different / max(different - parameters - 2, 1)
     return float(count * np.log(max(cost, 1e-30)) + parameters * np.log(count) * price)

@@ -37,10 +37,8 @@ class Refined:
 def refine(curves: Sequence[Curve], starts: Sequence[Hyperfoam], allowed: Exponents, fit_nu: bool,
            rows: Callable[[Array, Array], Array] | None = None) -> Refined:
     """Least squares of stress and lateral strain over (mu, alpha), and nu where `fit_nu`, from the best of `starts`.
-
     `rows`(alpha, nu) (m, N): inequalities rows @ mu > 0 held by a penalty (to be checked afterwards). Raises
-    NotConverged where no start gives a law whose free faces find a stress-free stretch.
-    """
+    NotConverged where no start gives a law whose free faces find a stress-free stretch."""
     target, calls = weighted_stress(curves), 0
     lateral = sum(c.experiment.strain.size for c in curves if c.experiment.lateral is not None)
     worst = np.full(target.size + lateral, _REJECTED)

@@ -45,9 +45,7 @@ class States:
 def search_stable(criterion: str, log_range: tuple[float, float],
                   search: Callable[[StabilityRows], Hyperfoam]) -> Hyperfoam:
     """The law of `search` that satisfies `criterion` wherever all three logarithmic stretches lie in `log_range`.
-
-    Raises ValueError for another criterion and NotConverged, with the last law, where violations remain.
-    """
+    Raises ValueError for another criterion and NotConverged, with the last law, where violations remain."""
     if criterion not in CRITERIA:
         raise ValueError(f"--stable {criterion} is unknown; known: {', '.join(CRITERIA)}.")
     held = _first_states(criterion, log_range)
@@ -125,10 +123,8 @@ def _drucker_form(law: Hyperfoam, x: Array, n: Array, m: Array) -> Array:
 
 
 def _not_drucker(law: Hyperfoam, x: Array) -> tuple[States, Array]:
-    """States where T = diag(d) + V 1 1 is not positive definite, with the increment that shows it, and how badly.
-
-    All d must be positive (two equal stretches that part), and then 1 + V sum 1/d.
-    """
+    """States where T = diag(d) + V 1 1 is not positive definite, with the increment that shows it, and how badly. All d
+    must be positive (two equal stretches that part), and then 1 + V sum 1/d."""
     d, volume = _tangent_parts(law, x)
     low = np.argmin(d, axis=1)
     least = np.take_along_axis(d, low[:, None], 1)[:, 0]

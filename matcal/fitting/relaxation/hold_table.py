@@ -74,10 +74,8 @@ class HoldTable:
 def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int,
             held: NDArray[np.bool_] | None = None) -> Hold:
     """The test through the law's curve, or through that of its own ramp, which is then compared too; `held` (n,) marks
-    the hold where it is known already.
-
-    Raises ValueError for a test without clock or ramp, and for fewer points in the hold than `terms` need.
-    """
+    the hold where it is known already. Raises ValueError for a test without clock or ramp, and for fewer points in the
+    hold than `terms` need."""
     where = f"relaxation ({', '.join(experiment.source) or 'no file'})"
     e, t = experiment.strain, experiment.time_s
     if t is None:

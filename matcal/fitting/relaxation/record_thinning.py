@@ -19,8 +19,7 @@ _LONG_HOLD, _HOLD, _RAMP = 500, 120, 60
 def thinned(experiment: Experiment) -> Experiment:
     """A stress-strain record of more than LONG points as means of about KEPT equal blocks, in the order of time, or of
     strain where it has no clock; the first row stays. A relaxation record of more than _LONG_HOLD points keeps its
-    first row, means of ramps, and means of its holds equal in the log of their time. Others come back as they are.
-    """
+    first row, means of ramps, and means of its holds equal in the log of their time. Others come back as they are."""
     n = experiment.strain.size
     if experiment.kind == "relaxation" and n > _LONG_HOLD:
         return _thinned_holds(experiment)

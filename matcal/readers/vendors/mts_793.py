@@ -43,10 +43,8 @@ def _is_793(source: Source) -> bool:
 
 
 def _read_793(source: Source, selection: Selection | None = None) -> Recording:
-    """All acquisition blocks with the same columns as one recording with a column `block`, 1, 2, ...
-
-    InputFileError where line 1 does not say how numbers are written, no block holds numbers, or time runs backwards.
-    """
+    """All acquisition blocks with the same columns as one recording with a column `block`, 1, 2, ... InputFileError
+    where line 1 does not say how numbers are written, no block holds numbers, or time runs backwards."""
     path, (first, _, rest) = source.path, source.text.partition("\n")
     grid = text_grid("\n" + rest, path, *_layout(first.strip(), path))
     blocks, others = _blocks(grid)

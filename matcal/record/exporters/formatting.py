@@ -9,9 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 def number(value: float, width: int | None = None) -> str:
     """The shortest text that reads back as `value`; the nearest of at most `width` characters where that is longer.
-
-    ValueError where nothing of that width comes within 1e-12 of the value.
-    """
+    ValueError where nothing of that width comes within 1e-12 of the value."""
     text = repr(float(value))
     if width is None or len(text) <= width:
         return text
