@@ -1,4 +1,4 @@
-"""The whole calibration: Prony series and hyperfoam law by turns, contact points refined, conductivity beside them."""
+"""The whole calibration: Prony series and hyperfoam law by turns, contact points refined, conductivity separately."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ from touchcal.number_words import percent
 _TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
 _FEW = 3  # starts of the fit that only refines the records
 _FACTOR_TURNS = 2  # fits that find the factors of specimens
-# times the residual of the chosen order up to which a lower one may refine the records as well
-_NEAR = 1.5
+_NEAR = 1.5  # times the residual of the chosen order up to which a lower one may refine the records as well
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
 
 
@@ -46,8 +45,7 @@ class FitOptions:
     order: int | str = "auto"  # terms of the law: 1 to 6, or "auto"
     poisson: Poisson = 0.0  # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
     stable: str | None = None  # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
-    # least and largest principal stretch between which it must; None: those that the curves drive
-    stable_range: tuple[float, float] | None = None
+    stable_range: tuple[float, float] | None = None  # principal stretches between which it must; None: the curves'
     residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
     weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
     prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 6, or "auto"
@@ -156,7 +154,7 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) 
     out = [f"Series and law were fitted by turns until they agreed, {turns} turns."]
     deepest = min(float(e.strain.min()) for e in relaxing)
     if deepest < law.strain_range.get("uniaxial", (0.0, 0.0))[0] - 0.02:
-        out.append(f"The relaxation test reaches a strain of {deepest:.2f}, beyond the compression curve in hand: the "
+        out.append(f"The relaxation test reaches a strain of {deepest:.2f}, outside the compression curve in hand: the "
                    "shape of its ramp is an extrapolation.")
     return out
 
@@ -222,7 +220,6 @@ def _stiffness_sentences(prony: PronyFit | None) -> list[str]:
 
 
 def _stability_sentences(found: Fit, data: Sequence[DataCheck]) -> list[str]:
-    """Where the law loses stability within the tests, and whether the records themselves do."""
     lost = unstable_within(found.law, found.curves)
     said = [f"The law is not {CRITERION_NAMES[criterion]} in {mode} for strains {lo:.3f} to {hi:.3f}, within the tests."
             for criterion, modes in lost.items() for mode, ranges in modes.items() for lo, hi in ranges]

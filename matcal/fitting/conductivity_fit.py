@@ -30,16 +30,12 @@ class ConductivityFit:
 
     law: Conductivity  # fitted law, positive from LOWEST_STRAIN to the end of the data
     centre: Array  # (4,) unconstrained estimate of c_0 (1, a_1, a_2, a_3), S/m
-    # (4, 4) its covariance, widened where residuals are larger than the noise or correlated; the part of it that comes
-    # from an uncertain strain zero, whose size is not told by the residuals
-    covariance: Array
-    zero_covariance: Array
-    # (4, m) columns p(e) of the strains where p(e) . b >= floor is asked, and that floor, S/m
-    positive: tuple[Array, float]
-    # sum of squared residuals over the noise, and its degrees of freedom; None where no noise is known
-    chi_square: float | None
-    freedom: int
-    effective_sample_size: float  # independent points that the residuals are worth, beyond the four coefficients
+    covariance: Array  # (4, 4) its covariance, widened where residuals are larger than the noise or correlated
+    zero_covariance: Array  # the part of it from an uncertain strain zero, whose size the residuals do not show
+    positive: tuple[Array, float]  # (4, m) columns p(e) where p(e) . b >= floor is asked, and that floor, S/m
+    chi_square: float | None  # sum of squared residuals over the noise; None where no noise is known
+    freedom: int  # its degrees of freedom
+    effective_sample_size: float  # independent points that the residuals are worth, less the four coefficients
     relative_rms: tuple[float, ...]  # rms(residual)/rms(value), each experiment
     decisions: tuple[str, ...]  # what was decided, one sentence each
 
@@ -95,7 +91,6 @@ def powers(strain: ArrayLike) -> Array:
 
 
 def _deviation(experiment: Experiment) -> Array:
-    """(n,) standard deviation of each value, S/m."""
     count = np.ones(experiment.value.size) if experiment.samples is None else experiment.samples
     return float(experiment.noise or 0.0) / np.sqrt(count)
 

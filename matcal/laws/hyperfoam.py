@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike
 from touchcal.arrays import Array
 from touchcal.jit import where
 
-# An array, or a number inside a compiled loop.
-Real = Array | float
+Real = Array | float  # an array, or a number inside a compiled loop
 MODULI = ("instantaneous", "longterm")
 
 

@@ -39,21 +39,17 @@ class LawPart:
 
     tables: tuple[Table, ...]  # designs on one short basis, one for each tabulated nu
     nu: Array  # those nu; a single one where nu was not fitted
-    # sum of squares of the lateral strains against nu; None without a lateral record or where nu is given
-    lateral: CubicSpline | None
-    # (r, J) nuisance effects on that basis and (J,) their prior means
-    effect: Array
-    mean: Array
+    lateral: CubicSpline | None  # squares of lateral strains against nu; None without a record of them or with nu given
+    effect: Array  # (r, J) nuisance effects on that basis
+    mean: Array  # (J,) their prior means
     factor: Array  # (r, S - 1) effects of contrasts between the ln s of S specimens; no columns without replicates
-    # rate effect: ln tau -> (r,) per unit g/g_inf, that of the fitted series (r,), the fitted law's stress (r,)
-    rate: CubicSpline | None
-    fitted_rate: Array
-    model: Array
-    # exponents within the prior, their number, unit of the moduli (Pa), independent points of the residuals
-    allowed: Exponents
-    order: int
-    mu_0_Pa: float
-    effective_sample_size: float
+    rate: CubicSpline | None  # rate effect: ln tau -> (r,) per unit g/g_inf
+    fitted_rate: Array  # (r,) that of the fitted series
+    model: Array  # (r,) the fitted law's stress
+    allowed: Exponents  # exponents within the prior
+    order: int  # their number
+    mu_0_Pa: float  # unit of the moduli, Pa
+    effective_sample_size: float  # independent points of the residuals
     decisions: tuple[str, ...]  # what was assumed, one sentence each
 
     @property
@@ -134,7 +130,7 @@ def start_law(part: LawPart, fit: Fit) -> Array:
 def prior_words(part: LawPart) -> str:
     """The prior of everything in the law's part."""
     a = part.allowed
-    words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, {a.gap:.2g} apart",
+    words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, at distances of {a.gap:.2g} at least",
              f"mu_i normal about 0 with {PRIOR_MODULI:g} mu_0, mu_0 positive", "ln sigma flat",
              "contact points, load zeros, drifts and stated scatter normal with their own errors"]
     if part.nu.size > 1:

@@ -67,7 +67,7 @@ class Grid:
         return sum(self.style.number(cell) is not None for cell in row)
 
     def cell(self, row: int, column: int) -> str:
-        """A cell, "" beyond the end of its row."""
+        """A cell, "" past the end of its row."""
         cells = self.rows[row]
         return cells[column] if column < len(cells) else ""
 
@@ -91,8 +91,14 @@ def shown(text: str, most: int = 40) -> str:
     return text if len(text) <= most else text[:most - 1] + "…"
 
 
+def no_table(path: Path) -> InputFileError:
+    """The error of a file in which no row holds two numbers."""
+    return InputFileError(path, "no table of numbers in two or more columns was found. Expected a line of names such "
+                                "as strain,stress, a line of units such as -,kPa, then the numbers.")
+
+
 def text_grid(text: str, path: Path, delimiter: str | None = "", style: Style | None = None) -> Grid:
-    """The grid of a text; delimiter ("" to find it; None for any run of blanks) and style are told from its numbers.
+    """The grid of a text; delimiter ("" to find it; None for any run of blanks) and style follow from its numbers.
     InputFileError where no line holds two numbers, or where 1,424 may be either of two numbers."""
     numbered = [(n, line) for n, line in enumerate(lines_of(text), 1) if line.strip()]
     lines = [line for _, line in numbered]
@@ -115,7 +121,7 @@ def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[st
         try:
             cells = [cell.strip().strip('"').strip() for cell in next(csv.reader((line,), delimiter=delimiter))]
         except csv.Error as error:
-            raise InputFileError(path, f"the cells cannot be told apart ({error}).", line=number) from None
+            raise InputFileError(path, f"the cells cannot be separated ({error}).", line=number) from None
     while cells and not cells[-1]:
         cells.pop()
     return cells
@@ -137,11 +143,7 @@ def _delimiter(lines: Sequence[str], path: Path) -> str | None:
     clear = [delimiter for delimiter in ("\t", ";") if scores[delimiter][0] >= max(most / 2, 1)]
     best = max(clear or DELIMITERS, key=lambda delimiter: scores[delimiter])
     if not most:
-        raise InputFileError(
-            path,
-            "no table of numbers in two or more columns was found. Expected a line of names such "
-            "as strain,stress, a line of units such as -,kPa, then the numbers.",
-        )
+        raise no_table(path)
     return best
 
 
@@ -156,7 +158,7 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 def style_of(rows: Iterable[Sequence[str]], path: Path) -> Style:
     """How the numbers of a table are written, from cells that leave no choice; InputFileError where none does. Where
-    1,424 stands beside 0.5 it is 1424, beside 0,5 it is 1.424; alone it is refused."""
+    1,424 stands next to 0.5 it is 1424, next to 0,5 it is 1.424; alone it is refused."""
     dots, commas, doubtful = 0, 0, ""
     for cell in _number_cells(rows):
         dot, comma = cell.rfind("."), cell.rfind(",")

@@ -29,15 +29,13 @@ class Recording:
     """What a file holds, before anything is decided about the test behind it."""
 
     paths: tuple[Path, ...]  # the files it was read from, in order of time
-    # name of the reader that recognised the layout (matcal.readers.vendors.READERS), "arrays" without a file
-    vendor: str
+    vendor: str  # name of the reader that recognised the layout (one of `vendors.READERS`), "arrays" without a file
     columns: Mapping[str, Array]  # quantity (a key of QUANTITIES) -> (n,) values in SI
     names: Mapping[str, str]  # quantity -> column name in the file
     units: Mapping[str, str]  # quantity -> unit in the file
     first_line: int | None  # line of the first number in the first file, counted from 1; None without a file
     metadata: Mapping[str, str] = field(default_factory=dict)  # key -> value lines that stand above the table
-    # size that the file itself states (a key of SIZES) -> value in SI
-    properties: Mapping[str, float] = field(default_factory=dict)
+    properties: Mapping[str, float] = field(default_factory=dict)  # size in the file (a key of SIZES) -> value in SI
     notes: tuple[str, ...] = ()  # what was assumed or left out, one sentence each
 
     def __post_init__(self) -> None:

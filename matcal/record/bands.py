@@ -1,4 +1,4 @@
-"""Stress in every mode and conductivity, each with its 95 % band, for the folder beside a card.
+"""Stress in every mode and conductivity, each with its 95 % band, for the folder next to a card.
 
 A band comes from the posterior's draws where there are any, otherwise from the linearised covariance of the fit. Modes
 that were not fitted are given over the principal stretches that the fitted ones reached, and marked as extrapolated.
@@ -29,7 +29,7 @@ _POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1  # points of each
 
 def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
     """mode -> strains over which its band is given. A fitted mode has its own strains and up to a quarter of their
-    width beyond, any other mode those of the principal stretches that the fitted ones reached; a fitted mode goes no
+    width more, any other mode those of the principal stretches that the fitted ones reached; a fitted mode goes no
     further than these either."""
     least, most = _stretches(fitted)
     identical = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}

@@ -61,7 +61,7 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
                         first: Shift) -> tuple[Shift, float, float]:
     """Shift and slack, m, under which the conductance of a cycled strip agrees with its motion; the slack's error, m.
 
-    A slack delays every later half cycle alike, as a shift does, so that the record tells hardly more than their sum:
+    A slack delays each later half cycle by one time, as a shift does, so the record tells hardly more than their sum:
     both are posterior means over slacks from 0 to a tenth of the largest travel, equally likely beforehand, the shift
     taken at its best for each slack under the regression of `shift_by_motion`, from the shift `first`.
     """
@@ -81,7 +81,7 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
     mean, slack = float(weight @ shift), float(weight @ slacks)
     spread = float(np.sqrt(weight @ (shift - mean) ** 2 + first.sd_s**2))
     wide = max(float(np.sqrt(weight @ (slacks - slack) ** 2)), float(slacks[1]) / 4)
-    return Shift(mean, spread, "the best agreement of conductance with motion, backlash beside it"), slack, wide
+    return Shift(mean, spread, "the best agreement of conductance with motion, backlash included"), slack, wide
 
 
 def _best_shift(start: float, reach: float, frame_time: Array, strain: Array, pot_time: Array,
@@ -157,7 +157,7 @@ def _regression(shift: float, frame_time: Array, strain: Array, pot_time: Array,
 
 def _standard_deviation(shift: float, frame_time: Array, strain: Array, pot_time: Array, conductance: Array,
                         degree: int) -> float:
-    """Of the shift, by linearising: what a shift changes beyond what the polynomials can follow."""
+    """Of the shift, by linearising: what a shift changes that the polynomials cannot follow."""
     h = 4 * float(np.median(np.diff(pot_time)))
     basis, c = _regression(shift, frame_time, strain, pot_time, conductance, degree)
     coefficients, *_ = np.linalg.lstsq(basis, c, rcond=None)
@@ -165,6 +165,6 @@ def _standard_deviation(shift: float, frame_time: Array, strain: Array, pot_time
                                 for s in (shift + h, shift - h))
     n = min(len(later), len(earlier), len(basis))
     slope = (later[:n] - earlier[:n]) @ coefficients / (2 * h)
-    beyond = slope - basis[:n] @ np.linalg.lstsq(basis[:n], slope, rcond=None)[0]
+    left = slope - basis[:n] @ np.linalg.lstsq(basis[:n], slope, rcond=None)[0]
     residual = c - basis @ coefficients
-    return float(np.sqrt(np.mean(residual**2) / np.sum(beyond**2)))
+    return float(np.sqrt(np.mean(residual**2) / np.sum(left**2)))

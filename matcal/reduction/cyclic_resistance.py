@@ -21,9 +21,8 @@ _DOUBTFUL = 0.01  # probability of a larger misfit below which the course is no 
 class ResistanceHistory:
     """R(k) = R_inf + (R_0 - R_inf) exp(-k/k_c) over k cycles."""
 
-    # resistance at first and in the end, Ohm
-    first_Ohm: float
-    settled_Ohm: float
+    first_Ohm: float  # resistance at first, Ohm
+    settled_Ohm: float  # resistance in the end, Ohm
     cycles: float  # cycles after which 1/e of the change is left
     sd: tuple[float, float, float]  # standard errors of the three, same units
     likely: float  # probability of a larger misfit under the noise of the readings

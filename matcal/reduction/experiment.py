@@ -20,8 +20,7 @@ class Experiment:
 
     kind: str  # one of KINDS
     strain: Array  # (n,) nominal strain, compression negative (gamma for shear, J for volumetric)
-    # (n,) nominal stress, Pa, compression negative (pressure-negative for volumetric); conductivity: c, S/m
-    value: Array
+    value: Array  # (n,) nominal stress, Pa, compression negative (minus pressure for volumetric); conductivity: c, S/m
     # (n,) time from the start of loading, s; None where the file has no clock (then no rate correction is possible)
     time_s: Array | None = None
     source: tuple[str, ...] = ()  # file name(s) it came from
@@ -32,7 +31,7 @@ class Experiment:
     samples: Array | None = None
     # (n,) scatter of `value` from specimen to specimen where the file states it, same unit; None where it does not
     deviation: Array | None = None
-    # (n,) nominal strain of the free faces, measured beside a uniaxial, planar or biaxial test; None where it was not
+    # (n,) nominal strain of the free faces, measured in a uniaxial, planar or biaxial test; None where it was not
     lateral: Array | None = None
     # (n,) 1 where the strain of a relaxation is held, 0 on the ramps between the holds; None where nothing is held
     held: Array | None = None
@@ -62,7 +61,6 @@ class Experiment:
 
 
 def _table(kind: str, columns: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Columns of one length, read-only."""
     out = {name: np.array(values, dtype=float, ndmin=1) for name, values in columns.items()}
     if len({values.shape for values in out.values()}) > 1:
         raise ValueError(f"experiment '{kind}': the columns of its cycles must have one length, got "

@@ -1,4 +1,4 @@
-"""Loadings of a cyclic test: one of them kept, loss and set of all of them told."""
+"""Loadings of a cyclic test: one of them kept, loss and set of all of them reported."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from touchcal.arrays import Array
 BRANCHES = ("last", "first")  # which loading of a cyclic test is used
 _SMOOTH = 10  # samples that are averaged to see where the stress passes zero
 _UNLOADED = 0.7  # share of its largest strain below which a specimen counts as unloaded
-# strains of a later loading above zero stress over which its start is read, and fewest samples there
-_START, _FEWEST = 0.03, 8
+_START, _FEWEST = 0.03, 8  # strains of a later loading above zero stress that show its start, fewest samples there
 
 
 @dataclass(frozen=True)
@@ -26,9 +25,8 @@ class Loading:
     stress_Pa: Array  # (n,) nominal stress, Pa, compression negative
     end: int  # index of the first sample at the end of the loading
     noise_Pa: float  # standard deviation of the noise of one sample of stress, Pa
-    # sentences and numbers of the reduction
-    decisions: tuple[str, ...]
-    facts: Mapping[str, float]
+    decisions: tuple[str, ...]  # sentences of the reduction
+    facts: Mapping[str, float]  # its numbers
     # one row a cycle where the test has several: cycle, peak_stress_Pa, loss_Pa, residual_strain; else None
     cycles: Mapping[str, Array] | None = None
     from_rest: bool = True  # whether it begins without stress

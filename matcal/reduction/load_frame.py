@@ -43,18 +43,15 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
         contact, moved = _contact(stroke, load, block, noise, notes)
     except ValueError as error:
         raise InputFileError(
-            recording.paths[0],
-            f"{error}, so the contact cannot be found. Check {fix_of_sizes(kind)} "
-            "and the unit of the displacement; if they are right, give preload_N "
-            "and the height at it, or a record with more samples.",
+            recording.paths[0], f"{error}, so the contact cannot be found. Check {fix_of_sizes(kind)} and the unit of "
+            "the displacement; if they are right, give preload_N and the height at it, or a record with more samples."
         ) from None
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
     first = int(np.argmax(moved >= contact.travel_m))
     check_reach(kind, recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
     facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
-             "zero_sd_N": contact.zero_sd_N,
-             "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
+             "zero_sd_N": contact.zero_sd_N, "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
              "strain_zero_sd": contact.sd_m / block.length_m, "area_mm2": block.area_m2 * 1e6,
              "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
     if drift_sd is not None:
@@ -156,7 +153,7 @@ def _contact_time(time: Array, moved: Array, first: int, at: float) -> float:
 
 def _direction(kind: str, recording: Recording, block: Block, sign: float,
                load_sign: float) -> tuple[float, tuple[str, ...]]:
-    """-1 for compression, 1 for tension and shear, and what it was told from."""
+    """-1 for compression, 1 for tension and shear, and what says so."""
     if kind == "shear":
         return 1.0, ()
     if kind == "volumetric":

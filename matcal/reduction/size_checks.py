@@ -11,7 +11,7 @@ from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-# a loading that ends below is no test of foam, nor is one beyond, nor a stress above, Pa
+# a loading that ends below is no test of foam, nor is one above the next, nor a stress above, Pa
 _LEAST_STRAIN, _LARGEST_STRAIN, _LARGEST_STRESS = 0.03, 20.0, 1e9
 # kind -> keys of the specimen's table behind its length and its area
 _KEYS = {"shear": ("thickness_mm", "faces, length_mm and width_mm"), "volumetric": ("height_mm or volume_mm3",
@@ -28,7 +28,7 @@ def fix_of_sizes(kind: str) -> str:
 
 def check_sizes(kind: str, recording: Recording, block: Block, stroke: Stroke, load: Array, sign: float) -> None:
     """InputFileError where the whole travel is no strain, where the travel under load is more than the specimen has,
-    where the frame would give more than the travel, or where the stress is beyond that of any foam. `load` (n,), N,
+    where the frame would give more than the travel, or where the stress is more than that of any foam. `load` (n,), N,
     grows in the direction of loading; `sign` is -1 for compression."""
     length, area = _KEYS.get(kind, _DISC)
     moving = slice(stroke.start, stroke.end + 1)

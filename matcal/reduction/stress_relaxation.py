@@ -25,7 +25,7 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
     """Nominal stress against time of ramps and holds, with the strain history that belongs to it; `held` marks the
     holds.
 
-    A ramp keeps its samples (means of them beyond 300): its stress is far from linear in time for a foam that
+    A ramp keeps its samples (means of them above 300): its stress is far from linear in time for a foam that
     densifies, so a fit should convolve the whole history rather than assume a step or a linear ramp. Each hold is
     thinned to means of blocks equal in the log of the time since it began, `samples` says of how many. Raises
     InputFileError as `matcal.reduction.load_frame.correct`, and where there is no clock or no hold.

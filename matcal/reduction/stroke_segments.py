@@ -9,8 +9,7 @@ import numpy as np
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 
-# a loading passes the upper share of the largest travel after the travel was below the lower one
-_UPPER, _LOWER = 0.75, 0.60
+_UPPER, _LOWER = 0.75, 0.60  # a loading passes the upper share of the largest travel after being below the lower
 
 
 @dataclass(frozen=True)
@@ -21,8 +20,7 @@ class Stroke:
     sign: float  # 1.0 where the file's displacement grows under load, -1.0 where it falls
     start: int  # index of the first sample that moves
     end: int  # index of the first sample at the end of the first loading
-    # (first sample, first sample at the end) of every loading; the first is (start, end)
-    spans: tuple[tuple[int, int], ...]
+    spans: tuple[tuple[int, int], ...]  # (first sample, first at the end) of every loading; the first is (start, end)
     noise_m: float  # noise of the displacement, m
 
     @property

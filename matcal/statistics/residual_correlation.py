@@ -1,8 +1,8 @@
-"""How correlated the residuals of a fit are, told from what the fit has left of them.
+"""How correlated the residuals of a fit are, judged by what the fit has left of them.
 
 A flexible law absorbs slow errors, so its residuals look less correlated than the errors were. Restricted maximum
 likelihood undoes that: errors of each curve are sigma^2 [(1 - w) rho^|i - j| + w delta_ij], slow ones with a length
--1/ln rho beside white ones, and the likelihood is that of the part of the data which no parameter can follow. It is
+-1/ln rho next to white ones, and the likelihood is that of the part of the data which no parameter can follow. It is
 averaged over a grid of lengths, shares and sizes, because few residuals do not pin them down; before looking, errors
 are as likely white as correlated.
 
@@ -78,7 +78,7 @@ def _blocks(residual: Array, slopes: Array) -> tuple[Array, Array, NDArray[np.in
 
 
 def _grid(n: int) -> list[Array]:
-    """Correlation matrices (n, n): white, then slow ones of several lengths with some white noise beside them."""
+    """Correlation matrices (n, n): white, then slow ones of several lengths with some white noise added."""
     lags, out = np.arange(n), [np.eye(n)]
     for length in np.geomspace(0.7, max(n / 4, 1.0), _LENGTHS):
         slow = toeplitz(np.exp(-lags / length))

@@ -17,8 +17,7 @@ from matcal.fitting.hyperfoam.variable_projection import Solve, least_moduli
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-# (N,) exponents -> (m, N) rows whose product with the moduli must not fall below a floor
-Rows = Callable[[Array], Array]
+Rows = Callable[[Array], Array]  # (N,) exponents -> (m, N) rows whose product with the moduli keeps a floor
 
 FLOOR = 0.005  # least value of a stability row per mu_0
 

@@ -32,9 +32,7 @@ class Curve:
     unit: str = "the rms stress of the curve"  # what one unit of residual is, in words
     # (n, n) from long-term second Piola-Kirchhoff history to relaxed history; None: the record is taken as long-term
     kernel: Array | None = None
-    # stiffness of this specimen over that of the mean foam, see
-    # `matcal.fitting.hyperfoam.specimen_factors.with_factors`
-    factor: float = 1.0
+    factor: float = 1.0  # stiffness of this specimen over that of the mean foam, see `specimen_factors`
 
     def design(self, alpha: Array, nu: float) -> Array:
         """d stress/d mu_longterm, (n, N), of this specimen."""
@@ -102,10 +100,9 @@ def with_history(curve: Curve, prony: Prony) -> Curve:
                          f"that starts at rest, this one starts at a strain of {curve.experiment.strain[0]:g}. "
                          "Add a first row without strain and stress, or leave the time column out.")
     if time.size > _MOST_POINTS:
-        raise ValueError(
-            f"{curve.label}: the rate correction of {time.size} points needs a matrix of that size; at "
-            f"most {_MOST_POINTS}. Thin the record with matcal.fitting.relaxation.record_thinning.thinned."
-        )
+        raise ValueError(f"{curve.label}: the rate correction of {time.size} points needs a matrix of that size; at "
+                         f"most {_MOST_POINTS}. Thin the record with "
+                         "matcal.fitting.relaxation.record_thinning.thinned.")
     return replace(curve, kernel=hereditary_kernel(prony, time) / prony.g_infinity)
 
 
@@ -204,5 +201,5 @@ def _check(experiment: Experiment) -> None:
         raise ValueError(f"{where}: {different} different strains away from rest in {e.size} points; a fit needs at "
                          "least three. Is the strain column the right one?")
     if np.sum((e - rest) * value) <= 0:
-        raise ValueError(f"{where}: stress and strain have opposite signs. Compression is negative in both; "
-                         "turn the sign of one column.")
+        raise ValueError(f"{where}: stress and strain have opposite signs. Compression is negative in both; turn the "
+                         "sign of one column.")

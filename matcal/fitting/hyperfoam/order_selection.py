@@ -10,9 +10,8 @@ import numpy as np
 from matcal.fitting.hyperfoam.variable_projection import Optimum
 from touchcal.arrays import Array
 
-EXPLODING = 50.0  # single moduli beyond this many times mu_0 count as exploding
-# share of the rms of a lower order to which a term that merges with another must bring it to be worth having
-WORTH = 0.9
+EXPLODING = 50.0  # single moduli of more than this many times mu_0 count as exploding
+WORTH = 0.9  # share of the rms of a lower order to which a term that merges with another must bring it to be worth it
 # relative RMS of every curve within which a lower order whose parameters can be read is taken all the same: specimens
 # of one foam differ by as much, and merged terms pay for the rest with what they say outside the tests
 GOOD_ENOUGH = 0.05

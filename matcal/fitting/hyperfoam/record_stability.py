@@ -38,7 +38,7 @@ class DataCheck:
 
 
 def check_data(curves: Sequence[Curve], nu_is_zero: bool) -> tuple[DataCheck, ...]:
-    """One check a record and criterion that says something there; ellipticity beyond shear needs nu = 0."""
+    """One check a record and criterion that says something there; ellipticity outside shear needs nu = 0."""
     out = []
     for curve in curves:
         e = curve.experiment
@@ -64,14 +64,14 @@ def check_sentences(checks: Sequence[DataCheck], nu_is_zero: bool) -> list[str]:
 
 
 def as_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The checks of a card's records, `fit.data_stability`, one line each, beside the range that each record covers."""
+    """The checks of a card's records, `fit.data_stability`, one line each, with the range that each record covers."""
     return [f"{row['test']}, record itself, {row['criterion']}: "
             + (", ".join(f"violated at {lo:.3g} to {hi:.3g}" for lo, hi in row["violated_strain"]) or "not violated")
             + " within the strains {:.3g} to {:.3g}".format(*row["covered_strain"]) for row in rows]
 
 
 def falling(strain: Array, coordinate: Array, measure: Array) -> list[list[float]]:
-    """[[lo, hi], ...] of `strain` (n,) where `measure` falls with `coordinate`, beyond its own noise."""
+    """[[lo, hi], ...] of `strain` (n,) where `measure` falls with `coordinate`, by more than its own noise."""
     order = np.argsort(coordinate, kind="stable")
     s, x, y = strain[order], coordinate[order], measure[order]
     flags = np.zeros(s.size, dtype=bool)

@@ -21,7 +21,7 @@ from touchcal.arrays import Array
 
 # scale of the half-normal prior of omega; share of the shorter strain range that replicates must have in common
 PRIOR_OMEGA, _SHARED = 0.2, 0.5
-_ANOTHER_RATE = 2.0  # ratio of loading rates from which replicates are told to be tests at another rate
+_ANOTHER_RATE = 2.0  # ratio of loading rates from which replicates are reported as tests at another rate
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def _sentences(curves: Sequence[Curve], repeated: list[str], stating: list[int])
     out = []
     if repeated:
         out.append(f"{', '.join(repeated)} are replicates: every specimen has a stiffness factor of its own, and mu_0 "
-                   "is that of the mean foam; the value for a new specimen is given beside it.")
+                   "is that of the mean foam; the value for a new specimen is given separately.")
     elif not stating:
         out.append("No replicates and no stated scatter: differences from specimen to specimen are not in the "
                    "intervals.")

@@ -21,11 +21,9 @@ from matcal.laws.stability import CRITERIA, acoustic_form, worst_acoustic_direct
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-# (alpha (N,), nu (N,)) -> (m, N) rows that must stay positive times the moduli
-StabilityRows = Callable[[Array, Array], Array]
+StabilityRows = Callable[[Array, Array], Array]  # (alpha, nu), (N,) each -> (m, N) rows: times mu positive
 
-# stretches of the grid on which a law is searched for violations, and on which it is accepted
-_SEARCHED, _ACCEPTED = 21, 41
+_SEARCHED, _ACCEPTED = 21, 41  # stretches of the grids on which violations are searched and a law is accepted
 _ROUNDS, _ADDED = 20, 12  # rounds at most, violations added in each
 _TWIST = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)  # two equal stretches that part
 

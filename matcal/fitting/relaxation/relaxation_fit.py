@@ -30,7 +30,7 @@ TERMS = (1, 2, 3, 4, 5, 6)  # terms that "auto" chooses among
 _LONGEST = 20.0  # longest time over the length of the holds
 # difference of BIC up to which fewer terms whose times the holds bound are preferred to more whose slowest they do not
 _NEARLY = 10.0
-_FINEST = 1e-4  # relative RMS below which no record tells numbers of terms apart
+_FINEST = 1e-4  # relative RMS below which no record distinguishes numbers of terms
 _FLAT = 4.0  # least fall of the stress over its noise's standard deviation that counts as relaxation
 
 
@@ -40,8 +40,7 @@ class SeriesRow:
 
     terms: int  # number of terms
     rms: float  # rms(residual)/rms(stress) over all holds
-    # Bayesian information criterion n ln(rms^2) + 2 terms ln n, n the points that correlated residuals are worth
-    bic: float
+    bic: float  # Bayesian criterion n ln(rms^2) + 2 terms ln n, n the points that correlated residuals are worth
     bounded: bool | None = None  # whether the holds bound its slowest time above; None where that was not asked
 
 
@@ -61,9 +60,8 @@ class PronyFit:
     bounds_s: tuple[float, float]  # shortest and longest time that was searched, s
     orders: tuple[SeriesRow, ...]  # every number of terms tried
     slowest: Slowest  # what the holds say about the slowest time
-    # each test through the law's curve, and its weighted change for one standard deviation of what it doubts, (n, J)
-    holds: tuple[Hold, ...]
-    doubts: tuple[Array, ...]
+    holds: tuple[Hold, ...]  # each test through the law's curve
+    doubts: tuple[Array, ...]  # its weighted change for one standard deviation of what it doubts, (n, J)
     effective_sample_size: float  # independent points that the residuals are worth
 
 
@@ -106,8 +104,6 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
 
 @dataclass(frozen=True)
 class _Judged:
-    """What the holds say about one series."""
-
     doubts: tuple[Array, ...]
     errors: tuple[Errors, ...]
     slowest: Slowest
@@ -263,8 +259,7 @@ def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array)
     return correlated_errors(residuals, columns, prior, [1.0] * len(tables))
 
 
-def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors],
-                vector: Array) -> Array:
+def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors], vector: Array) -> Array:
     """Covariance of (g, tau): correlated noise and misfit, contact point and load drift."""
     jacobian = slopes(lambda v: residual(tables, v), vector)
     free = np.linalg.norm(jacobian, axis=0) > 0

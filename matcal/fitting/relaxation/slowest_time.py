@@ -18,8 +18,7 @@ _SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its 
            "ramp": "a spline that the stress recorded on the ramp itself shapes (no stress-strain curve was given)",
            "straight": "a stress straight between the strains that are held (no stress-strain curve was given, and the "
                        "ramp has too few samples to show its shape: what a bent curve would change is in the errors)"}
-# fall of twice the log likelihood at the ends of a 95 % interval; longest step of the profile in ln tau
-_CHI_SQUARE, _STEPS = 3.84, 9
+_CHI_SQUARE, _STEPS = 3.84, 9  # fall of twice the log likelihood at the ends of a 95 % interval; steps of the profile
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.curves import Curve, weighted_design, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
-from matcal.fitting.hyperfoam.linear_response import (
-    effective_variance,
-    errors_of,
-    free_slopes,
-    joint_gain,
-    prior_precision,
-    weighted_residual,
-)
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
@@ -65,8 +58,7 @@ def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...
         sd = float(np.sqrt(np.mean(np.square(known))))
         said.append(f"Drift of the load zero could not be measured in {names}: 0 ± {sd * 1e3:.2g} mN/s is assumed, "
                     + _drift_reason(len(measured), typical) + ".")
-        facts = {**experiment.facts, "drift_sd_N_per_s": sd, "drift_assumed": 1.0}
-        out.append(replace(experiment, facts=facts))
+        out.append(replace(experiment, facts={**experiment.facts, "drift_sd_N_per_s": sd, "drift_assumed": 1.0}))
     return tuple(out), tuple(said)
 
 
@@ -101,9 +93,10 @@ def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
 def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     """The curves with contact and drift where the whole curve wants them under their priors, and what was moved."""
     known = nuisance(fit)
-    slopes = free_slopes(fit)
-    gain = joint_gain(slopes, known.effect, effective_variance(errors_of(fit, known.effect)), prior_precision(fit))
-    miss = -weighted_residual(fit)
+    slopes = linear_response.free_slopes(fit)
+    variance = linear_response.effective_variance(linear_response.errors_of(fit, known.effect))
+    gain = linear_response.joint_gain(slopes, known.effect, variance, linear_response.prior_precision(fit))
+    miss = -linear_response.weighted_residual(fit)
     curves, said = list(fit.curves), []
     for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:, :miss.size] @ miss, strict=True):
         sd = curves[k].experiment.facts[fact]

@@ -37,8 +37,7 @@ class Material:
 
     name: str  # name of the card, as it stands there
     law: Hyperfoam  # the law with the moduli as asked for, Pa
-    # relaxation, times in s; None where the card has none
-    prony: Prony | None
+    prony: Prony | None  # relaxation, times in s; None where the card has none
     units: Units
     density_kg_per_m3: float | None = None  # mass density at rest, kg/m3; None where it was not given
     moduli_asked: bool = False  # whether `law.moduli` was asked for, or is only what the card holds
@@ -89,7 +88,7 @@ def refuse_more_terms(material: Material, most: int, title: str) -> None:
 
 def moduli_note(material: Material) -> str:
     """The sentence that says which moduli were written."""
-    return (f"Moduli: {MEANING[material.law.moduli]}, mu_0 = {material.mu.sum():.8g} {material.units.stress_name}")
+    return f"Moduli: {MEANING[material.law.moduli]}, mu_0 = {material.mu.sum():.8g} {material.units.stress_name}"
 
 
 def elastic_warning(material: Material, reason: str) -> tuple[str, ...]:
