@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from matcal.readers.decoding import lines_of
-from matcal.readers.recording import Array
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
 DELIMITERS = ("\t", ";", ",", None)

@@ -11,9 +11,10 @@ import numpy as np
 from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.plausibility import check_credible
-from matcal.readers.recording import QUANTITIES, Array, Recording
+from matcal.readers.recording import QUANTITIES, Recording
 from matcal.readers.units import COMMON, is_common, measures, si_factor
 from matcal.readers.vocabulary import preference, quantity_of
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
 _SAME = 1e-3  # two columns of one quantity that differ by no more than this share of their range are one

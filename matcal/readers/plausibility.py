@@ -7,7 +7,8 @@ import re
 import numpy as np
 
 from matcal.readers.cells import Grid, shown
-from matcal.readers.recording import QUANTITIES, Array
+from matcal.readers.recording import QUANTITIES
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
 # above this a strain without a unit may as well be a percentage, and above the next no unit fixes it

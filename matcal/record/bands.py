@@ -50,7 +50,7 @@ def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> pd.DataFrame:
 
     tables = []
     for mode, span in spans(law.strain_range).items():
-        strain = _grid(mode, span)
+        strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
         low, high = (stress_band(source, mode, strain) if isinstance(source, Draws) else
                      _linear_band(source, mode, strain))
         lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
@@ -94,12 +94,6 @@ def _stretches(fitted: Ranges) -> tuple[float, float]:
         else:
             ends += [lo ** (1 / 3), hi ** (1 / 3)] if mode == "volumetric" else [1 + lo, 1 + hi]
     return min(ends), max(ends)
-
-
-def _grid(mode: str, span: tuple[float, float]) -> Array:
-    """Strains over a span, the state of rest among them."""
-    rest = 1.0 if mode == "volumetric" else 0.0
-    return np.unique(np.r_[np.linspace(*span, _POINTS), rest])
 
 
 def _linear_band(about: Uncertainty, mode: str, strain: Array) -> tuple[Array, Array]:

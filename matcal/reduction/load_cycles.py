@@ -48,28 +48,23 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     begin, end = spans[-1]
     start = _zero_crossing(record, begin, end)
     side = 1.0 if record.strain[record.end] > 0 else -1.0
+    chosen = (f"The last of {len(spans)} loadings is used, the ones before being its preconditioning (--branch first "
+              "takes the first). ")
     if start is None:
-        return _not_from_rest(record, begin, end, cycles, facts, len(spans))
+        said = (f"{chosen}The stress does not return to zero before it, so its strain is counted from the first "
+                "contact and its clock is left out: no rate correction is possible.")
+        return replace(record, time_s=None, strain=record.strain[begin:end + 1], end=end - begin, cycles=cycles,
+                       stress_Pa=record.stress_Pa[begin:end + 1], facts=facts, from_rest=False,
+                       decisions=(*record.decisions, said, *_sentences(cycles)))
     first, at = start
     facts |= {"residual_strain": side * at}
-    said = (f"The last of {len(spans)} loadings is used, the ones before being its preconditioning (--branch first "
-            f"takes the first). It begins to carry load at a strain of {side * at:.4f}, the set that is left; its "
-            f"strain is counted from there, over the original length of {length_m * 1e3:.4g} mm, and its history from "
-            "there as from rest: what the cycles before left unrelaxed is not corrected for.",)
+    said = (f"{chosen}It begins to carry load at a strain of {side * at:.4f}, the set that is left; its strain is "
+            f"counted from there, over the original length of {length_m * 1e3:.4g} mm, and its history from there as "
+            "from rest: what the cycles before left unrelaxed is not corrected for.")
     time = None if record.time_s is None else record.time_s[first:end + 1] - record.time_s[first]
     return replace(record, time_s=time, strain=record.strain[first:end + 1] - side * at,
                    stress_Pa=record.stress_Pa[first:end + 1], end=end - first, cycles=cycles, facts=facts,
-                   decisions=record.decisions + said + _sentences(cycles))
-
-
-def _not_from_rest(record: Loading, begin: int, end: int, cycles: Mapping[str, Array] | None,
-                   facts: Mapping[str, float], count: int) -> Loading:
-    said = (f"The last of {count} loadings is used, the ones before being its preconditioning (--branch first takes "
-            "the first). The stress does not return to zero before it, so its strain is counted from the first contact "
-            "and its clock is left out: no rate correction is possible.",)
-    return replace(record, time_s=None, strain=record.strain[begin:end + 1], stress_Pa=record.stress_Pa[begin:end + 1],
-                   end=end - begin, cycles=cycles, facts=facts, from_rest=False,
-                   decisions=record.decisions + said + _sentences(cycles))
+                   decisions=(*record.decisions, said, *_sentences(cycles)))
 
 
 def _zero_crossing(record: Loading, begin: int, end: int) -> tuple[int, float] | None:
