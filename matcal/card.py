@@ -30,14 +30,10 @@ class MaterialCard:
     hyperfoam: Hyperfoam | None = None
     prony: Prony | None = None
     conductivity: Conductivity | None = None
-    # experiment -> {rms, relative_rms, r2, n, weight}
-    fit: Mapping[str, Any] = field(default_factory=dict)
-    # criterion -> mode -> {stable, unstable_strain}
-    stability: Mapping[str, Any] = field(default_factory=dict)
-    # {file, n, checks, ...}
-    posterior: Mapping[str, Any] = field(default_factory=dict)
-    # files with sha256, versions, seed, date, decisions
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    fit: Mapping[str, Any] = field(default_factory=dict)  # experiment -> {rms, relative_rms, r2, n, weight}
+    stability: Mapping[str, Any] = field(default_factory=dict)  # criterion -> mode -> {stable, unstable_strain}
+    posterior: Mapping[str, Any] = field(default_factory=dict)  # {file, n, checks, ...}
+    provenance: Mapping[str, Any] = field(default_factory=dict)  # files with sha256, versions, seed, date, decisions
     # folder of reduced experiments and posterior, relative to the card; None when the card stands alone
     data: str | None = None
     schema: int = SCHEMA

@@ -1,4 +1,4 @@
-"""The whole calibration: Prony series and hyperfoam law by turns, contact points refined, conductivity beside them."""
+"""The whole calibration: Prony series and hyperfoam law by turns, contact points refined, conductivity separately."""
 
 from __future__ import annotations
 
@@ -25,14 +25,10 @@ from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 from touchcal.number_words import percent
 
-# turns of (series, law) at most, and the change of g below which they have settled
-_TURNS, _SETTLED = 6, 1e-5
-# starts of the fit that only refines the records
-_FEW = 3
-# fits that find the factors of specimens
-_FACTOR_TURNS = 2
-# times the residual of the chosen order up to which a lower one may refine the records as well
-_NEAR = 1.5
+_TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
+_FEW = 3  # starts of the fit that only refines the records
+_FACTOR_TURNS = 2  # fits that find the factors of specimens
+_NEAR = 1.5  # times the residual of the chosen order up to which a lower one may refine the records as well
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
 
 
@@ -46,20 +42,13 @@ class FitOptions:
     'auto'
     """
 
-    # terms of the law: 1 to 6, or "auto"
-    order: int | str = "auto"
-    # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
-    poisson: Poisson = 0.0
-    # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
-    stable: str | None = None
-    # least and largest principal stretch between which it must; None: those that the curves drive
-    stable_range: tuple[float, float] | None = None
-    # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
-    residual: str = "relative"
-    # kind -> weight
-    weights: Mapping[str, float] = field(default_factory=dict)
-    # terms of the Prony series: 1 to 6, or "auto"
-    prony_terms: int | str = "auto"
+    order: int | str = "auto"  # terms of the law: 1 to 6, or "auto"
+    poisson: Poisson = 0.0  # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
+    stable: str | None = None  # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
+    stable_range: tuple[float, float] | None = None  # principal stretches between which it must; None: the curves'
+    residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
+    weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
+    prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 6, or "auto"
 
     def __post_init__(self) -> None:
         if self.stable_range is not None and self.stable is None:
@@ -86,24 +75,15 @@ class FitOptions:
 class FittedLaws:
     """Every law that one calibration fitted, and how."""
 
-    # reduced tests, in the order given
-    experiments: tuple[Experiment, ...]
-    # long-term law; None without a stress-strain curve
-    fit: Fit | None
-    # its linearised intervals
-    uncertainty: Uncertainty | None
-    # relaxation; None without a relaxation test
-    prony: PronyFit | None
-    # skin; None without a conductivity test
-    conductivity: ConductivityFit | None
-    # stage -> what was decided there, one sentence each, in order
-    stages: Mapping[str, tuple[str, ...]]
-    # stage -> CPU seconds
-    cpu_s: Mapping[str, float]
-    # tests kept out of the fit, and the errors with which its laws predict them
-    predicted: tuple[Predicted, ...] = ()
-    # what the records themselves say about stability
-    data_checks: tuple[DataCheck, ...] = ()
+    experiments: tuple[Experiment, ...]  # reduced tests, in the order given
+    fit: Fit | None  # long-term law; None without a stress-strain curve
+    uncertainty: Uncertainty | None  # its linearised intervals
+    prony: PronyFit | None  # relaxation; None without a relaxation test
+    conductivity: ConductivityFit | None  # skin; None without a conductivity test
+    stages: Mapping[str, tuple[str, ...]]  # stage -> what was decided there, one sentence each, in order
+    cpu_s: Mapping[str, float]  # stage -> CPU seconds
+    predicted: tuple[Predicted, ...] = ()  # tests kept out of the fit, and the errors with which its laws predict them
+    data_checks: tuple[DataCheck, ...] = ()  # what the records themselves say about stability
 
     @property
     def decisions(self) -> tuple[str, ...]:
@@ -114,9 +94,7 @@ class FittedLaws:
 def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = None,
               predicted: Sequence[Experiment] = ()) -> FittedLaws:
     """Fit everything that the experiments allow; `predicted` are stress-strain tests that are compared, not fitted.
-
-    Raises ValueError for an unknown choice or for tests that cannot be fitted or compared.
-    """
+    Raises ValueError for an unknown choice or for tests that cannot be fitted or compared."""
     options = options or FitOptions()
     started = time.process_time()
     experiments, said = with_drift([thinned(e) for e in experiments])
@@ -176,7 +154,7 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) 
     out = [f"Series and law were fitted by turns until they agreed, {turns} turns."]
     deepest = min(float(e.strain.min()) for e in relaxing)
     if deepest < law.strain_range.get("uniaxial", (0.0, 0.0))[0] - 0.02:
-        out.append(f"The relaxation test reaches a strain of {deepest:.2f}, beyond the compression curve in hand: the "
+        out.append(f"The relaxation test reaches a strain of {deepest:.2f}, outside the compression curve in hand: the "
                    "shape of its ramp is an extrapolation.")
     return out
 
@@ -198,11 +176,9 @@ def _with_factors(curves: tuple[Curve, ...], options: FitOptions) -> tuple[Curve
 
 
 def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
-    """The curves with contact, load zero and drift refined, by the order that needs least to explain them.
-
-    A term too many takes up what is an error of the record: each lower order of nearly the same residual refines the
-    records its own way, and the criterion of orders decides, the corrections' own prior counted.
-    """
+    """The curves with contact, load zero and drift refined, by the order that needs least to explain them. A term too
+    many takes up what is an error of the record: each lower order of nearly the same residual refines the records its
+    own way, and the criterion of orders decides, the corrections' own prior counted."""
     order, nu = _with_one_nu(options)
     first = fit(curves, order, nu, starts=_FEW, thorough=False)
     best = refined_records(first)
@@ -244,7 +220,6 @@ def _stiffness_sentences(prony: PronyFit | None) -> list[str]:
 
 
 def _stability_sentences(found: Fit, data: Sequence[DataCheck]) -> list[str]:
-    """Where the law loses stability within the tests, and whether the records themselves do."""
     lost = unstable_within(found.law, found.curves)
     said = [f"The law is not {CRITERION_NAMES[criterion]} in {mode} for strains {lo:.3f} to {hi:.3f}, within the tests."
             for criterion, modes in lost.items() for mode, ranges in modes.items() for lo, hi in ranges]

@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from matcal.fitting.hyperfoam.constrained_moduli import nearest
 from matcal.laws.conductivity import Conductivity
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.residual_correlation import integrated_autocorrelation_time
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # lowest strain in use, and the least conductivity allowed from there on, as a share of the data's median
 LOWEST_STRAIN, FLOOR = -0.9, 0.01
@@ -29,31 +28,21 @@ _GRID = 181
 class ConductivityFit:
     """A fitted cubic and how well the data determine it."""
 
-    # fitted law, positive from LOWEST_STRAIN to the end of the data
-    law: Conductivity
-    # (4,) unconstrained estimate of c_0 (1, a_1, a_2, a_3), S/m
-    centre: Array
-    # (4, 4) its covariance, widened where residuals are larger than the noise or correlated; the part of it that comes
-    # from an uncertain strain zero, whose size is not told by the residuals
-    covariance: Array
-    zero_covariance: Array
-    # (4, m) columns p(e) of the strains where p(e) . b >= floor is asked, and that floor, S/m
-    positive: tuple[Array, float]
-    # sum of squared residuals over the noise, and its degrees of freedom; None where no noise is known
-    chi_square: float | None
-    freedom: int
-    # independent points that the residuals are worth, beyond the four coefficients
-    effective_sample_size: float
-    # rms(residual)/rms(value), each experiment
-    relative_rms: tuple[float, ...]
-    # what was decided, one sentence each
-    decisions: tuple[str, ...]
+    law: Conductivity  # fitted law, positive from LOWEST_STRAIN to the end of the data
+    centre: Array  # (4,) unconstrained estimate of c_0 (1, a_1, a_2, a_3), S/m
+    covariance: Array  # (4, 4) its covariance, widened where residuals are larger than the noise or correlated
+    zero_covariance: Array  # the part of it from an uncertain strain zero, whose size the residuals do not show
+    positive: tuple[Array, float]  # (4, m) columns p(e) where p(e) . b >= floor is asked, and that floor, S/m
+    chi_square: float | None  # sum of squared residuals over the noise; None where no noise is known
+    freedom: int  # its degrees of freedom
+    effective_sample_size: float  # independent points that the residuals are worth, less the four coefficients
+    relative_rms: tuple[float, ...]  # rms(residual)/rms(value), each experiment
+    decisions: tuple[str, ...]  # what was decided, one sentence each
 
 
 def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
     """Cubic with least noise-weighted squares over all conductivity tests, at least FLOOR of the median from
-    LOWEST_STRAIN on. Raises ValueError for fewer than five points or a value that is not positive.
-    """
+    LOWEST_STRAIN on. Raises ValueError for fewer than five points or a value that is not positive."""
     e, c = (np.concatenate([getattr(x, name) for x in experiments]) for name in ("strain", "value"))
     where = ", ".join(s for x in experiments for s in x.source) or "conductivity"
     if e.size < 5 or np.unique(e).size < 4 or np.any(c <= 0):
@@ -102,7 +91,6 @@ def powers(strain: ArrayLike) -> Array:
 
 
 def _deviation(experiment: Experiment) -> Array:
-    """(n,) standard deviation of each value, S/m."""
     count = np.ones(experiment.value.size) if experiment.samples is None else experiment.samples
     return float(experiment.noise or 0.0) / np.sqrt(count)
 

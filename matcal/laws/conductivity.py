@@ -7,19 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class Conductivity:
     """Cubic law (paper, figure 6c) and the strain over which it was fitted."""
 
-    # conductivity at no strain, S/m, positive
-    c0_S_per_m: float
-    # (3,) coefficients a_1, a_2, a_3
-    a: Array
-    # (lowest, highest) fitted nominal strain
-    strain_range: tuple[float, float] = (0.0, 0.0)
+    c0_S_per_m: float  # conductivity at no strain, S/m, positive
+    a: Array  # (3,) coefficients a_1, a_2, a_3
+    strain_range: tuple[float, float] = (0.0, 0.0)  # (lowest, highest) fitted nominal strain
 
     def __post_init__(self) -> None:
         a = np.array(self.a, dtype=float, ndmin=1)
@@ -51,19 +48,15 @@ def outside(law: Conductivity, strain: ArrayLike) -> NDArray[np.bool_]:
 
 
 def coating_thickness(thickness_m: ArrayLike, areal_stretch: ArrayLike) -> Array:
-    """Current coating thickness, m: the sprayed layer keeps its thickness, t = t_0, whatever the areal stretch.
-
-    This one rule serves both ends: a strip of length L_0(1 + e) and width w has R = L_0(1 + e)/(c(e) w t), and the
-    sheet on a deforming body has the conductance tensor c t J_s C_s^-1 on its reference surface.
-    """
+    """Current coating thickness, m: the sprayed layer keeps its thickness, t = t_0, whatever the areal stretch. This
+    one rule serves both ends: a strip of length L_0(1 + e) and width w has R = L_0(1 + e)/(c(e) w t), and the sheet on
+    a deforming body has the conductance tensor c t J_s C_s^-1 on its reference surface."""
     return np.broadcast_to(np.asarray(thickness_m, dtype=float), np.shape(areal_stretch)).copy()
 
 
 def strip_conductivity(resistance_Ohm: ArrayLike, strain: ArrayLike, length_m: float, ring_area_m2: float) -> Array:
-    """c = L/(R A), S/m, of a coated strip: current length L_0(1 + e), coated ring A with `coating_thickness`.
-
-    Source: paper, section 3.2.
-    """
+    """c = L/(R A), S/m, of a coated strip: current length L_0(1 + e), coated ring A with `coating_thickness`. Source:
+    paper, section 3.2."""
     e = np.asarray(strain, dtype=float)
     ratio = coating_thickness(1.0, 1 + e)
     return length_m * (1 + e) / (np.asarray(resistance_Ohm, dtype=float) * ring_area_m2 * ratio)

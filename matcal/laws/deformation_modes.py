@@ -14,13 +14,12 @@ Source: paper, equations 2-4; Abaqus Theory Guide, "Hyperelastic material behavi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_per_modulus, kirchhoff_tangent
 from matcal.laws.prony import Prony, convolve
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 MODES = ("uniaxial", "biaxial", "planar", "shear", "volumetric")
 # mode -> logarithmic stretches that follow the driven one freely, as (axes driven, axes free)
@@ -63,9 +62,7 @@ def nominal_stress(law: Hyperfoam, mode: str, strain: ArrayLike) -> Array:
 
 def hereditary_stress(law: Hyperfoam, prony: Prony, mode: str, time_s: ArrayLike, strain: ArrayLike) -> Array:
     """Nominal stress, Pa, (n,), along a strain history (n,) at times (n,), s, from rest; `law` is instantaneous.
-
-    Quasi-linear viscoelasticity on the second Piola-Kirchhoff stress, see `matcal.laws.prony.convolve`.
-    """
+    Quasi-linear viscoelasticity on the second Piola-Kirchhoff stress, see `matcal.laws.prony.convolve`."""
     if law.moduli != "instantaneous":
         raise ValueError(f"hereditary_stress needs instantaneous moduli, got {law.moduli}. "
                          "Use matcal.card.with_moduli(card, 'instantaneous').")
@@ -74,10 +71,8 @@ def hereditary_stress(law: Hyperfoam, prony: Prony, mode: str, time_s: ArrayLike
 
 
 def design(mode: str, strain: ArrayLike, alpha: ArrayLike, nu: float = 0.0, kernel: Array | None = None) -> Array:
-    """d stress/d mu_i, (n, N), at strains (n,) for exponents alpha (N,) and one nu; stress = design @ mu.
-
-    `kernel` (n, n) maps an instantaneous history of second Piola-Kirchhoff stress to the relaxed one.
-    """
+    """d stress/d mu_i, (n, N), at strains (n,) for exponents alpha (N,) and one nu; stress = design @ mu. `kernel`
+    (n, n) maps an instantaneous history of second Piola-Kirchhoff stress to the relaxed one."""
     e = _checked(mode, strain)
     unit = second_piola_per_modulus(mode, e, alpha, nu)
     if kernel is not None:
@@ -122,9 +117,7 @@ def push_forward(mode: str, strain: ArrayLike) -> Array:
 
 def log_stretches(law: Hyperfoam, mode: str, strain: ArrayLike) -> Array:
     """Logarithmic principal stretches, (..., 3); free faces are solved for unless all nu are equal (x_2 = -nu x_1).
-
-    Raises NotConverged where no stress-free lateral stretch is found.
-    """
+    Raises NotConverged where no stress-free lateral stretch is found."""
     e = _checked(mode, strain)
     x = _shared_nu_stretches(mode, e, float(law.nu.mean()))
     if mode in ("shear", "volumetric") or np.ptp(law.nu) == 0:

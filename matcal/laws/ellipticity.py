@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_difference, kirchhoff_tangent, sinh_ratio
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 _FIRST, _SECOND = np.array([0, 0, 1]), np.array([1, 2, 2])
-# Signs e_i e_j of the pairs (1, 2), (1, 3), (2, 3).
-_SIGNS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+_SIGNS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))  # Signs e_i e_j of the pairs (1, 2), (1, 3), (2, 3).
 
 
 def strongly_elliptic(law: Hyperfoam, x: ArrayLike) -> NDArray[np.bool_]:
@@ -39,9 +37,7 @@ def strongly_elliptic(law: Hyperfoam, x: ArrayLike) -> NDArray[np.bool_]:
 
 def _copositive(diagonal: Array, off: Array) -> NDArray[np.bool_]:
     """Strict copositivity of symmetric matrices with positive diagonals (..., 3) and parts 12, 13, 23 in off (..., 3).
-
-    Where a diagonal is not positive the answer means nothing.
-    """
+    Where a diagonal is not positive the answer means nothing."""
     root = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = off / (root[..., _FIRST] * root[..., _SECOND])
     pairs = 1 + scaled

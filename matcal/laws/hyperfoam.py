@@ -15,13 +15,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from touchcal.arrays import Array
 from touchcal.jit import where
 
-Array = NDArray[np.float64]
-# An array, or a number inside a compiled loop.
-Real = Array | float
+Real = Array | float  # an array, or a number inside a compiled loop
 MODULI = ("instantaneous", "longterm")
 
 
@@ -29,14 +28,10 @@ MODULI = ("instantaneous", "longterm")
 class Hyperfoam:
     """Parameters of the law."""
 
-    # (N,) shear moduli, Pa; any sign, their sum (mu_0) must be positive
-    mu_Pa: Array
-    # (N,) exponents, non-zero
-    alpha: Array
-    # (N,) Poisson-like ratios, -1 < nu < 1/2
-    nu: Array
-    # whether mu_Pa are the moduli before or after relaxation
-    moduli: str = "longterm"
+    mu_Pa: Array  # (N,) shear moduli, Pa; any sign, their sum (mu_0) must be positive
+    alpha: Array  # (N,) exponents, non-zero
+    nu: Array  # (N,) Poisson-like ratios, -1 < nu < 1/2
+    moduli: str = "longterm"  # whether mu_Pa are the moduli before or after relaxation
     # mode -> (lowest, highest) fitted nominal strain (gamma for shear, J for volumetric)
     strain_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 

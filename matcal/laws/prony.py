@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class Prony:
     """Relaxing fractions and their times; with nu = 0 the whole stress relaxes (paper, equation 5)."""
 
-    # (M,) fractions, each >= 0, sum < 1
-    g: Array
-    # (M,) times, s, positive, increasing
-    tau_s: Array
+    g: Array  # (M,) fractions, each >= 0, sum < 1
+    tau_s: Array  # (M,) times, s, positive, increasing
 
     def __post_init__(self) -> None:
         for name in ("g", "tau_s"):

@@ -11,15 +11,12 @@ Source: Smith, Oper. Res. 32 (1984) 1296, DOI 10.1287/opre.32.6.1296 (hit and ru
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from matcal.fitting.conductivity_fit import FLOOR, LOWEST_STRAIN, ConductivityFit, powers
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# chains, steps before draws are kept, steps between two kept draws
-_CHAINS, _BURN, _STRIDE = 20, 300, 40
+_CHAINS, _BURN, _STRIDE = 20, 300, 40  # chains, steps before draws are kept, steps between two kept draws
 
 
 def skin_chains(fit: ConductivityFit, count: int, rng: np.random.Generator) -> Array:

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BarycentricInterpolator
 
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN
 from matcal.laws.deformation_modes import design, nominal_stress
 from matcal.posterior.draws import Draws, law_of
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# shares of the fitted range at which stresses are watched
-_WATCHED = (0.3, 0.65, 1.0)
-# values of nu between which stresses are interpolated
-_NU_NODES = 9
+_WATCHED = (0.3, 0.65, 1.0)  # shares of the fitted range at which stresses are watched
+_NU_NODES = 9  # values of nu between which stresses are interpolated
 
 
 def derived_of(draws: Draws) -> dict[str, Array]:
@@ -35,7 +32,8 @@ def derived_of(draws: Draws) -> dict[str, Array]:
         if "mu_0_Pa" in out:
             out["mu_0_instantaneous_Pa"] = out["mu_0_Pa"] / out["g_infinity"]
     if draws.omega is not None and "mu_0_Pa" in out:
-        out["mu_0_new_specimen_Pa"] = out["mu_0_Pa"] * np.exp(_one_normal_each(draws.omega))
+        same = np.random.default_rng(0).normal(size=draws.omega.size)  # the same numbers every time
+        out["mu_0_new_specimen_Pa"] = out["mu_0_Pa"] * np.exp(draws.omega * same)
         out["omega"] = draws.omega
     if draws.conductivity_S_per_m is not None:
         out["c0_S_per_m"] = draws.conductivity_S_per_m[:, 0]
@@ -81,8 +79,3 @@ def _young(draws: Draws) -> Array:
     beta = draws.nu / (1 - 2 * draws.nu)
     bulk, mu = np.sum(2 * draws.mu_Pa * (1 / 3 + beta), axis=1), draws.mu_Pa.sum(axis=1)
     return 9 * bulk * mu / (3 * bulk + mu)
-
-
-def _one_normal_each(omega: Array) -> Array:
-    """omega times one standard normal number a draw, the same ones every time."""
-    return omega * np.random.default_rng(0).normal(size=omega.size)

@@ -1,4 +1,4 @@
-"""Draws of whole parameter sets: the file beside the card, cards made from them, bands of what they predict."""
+"""Draws of whole parameter sets: the file next to the card, cards made from them, bands of what they predict."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from matcal.card import MaterialCard, as_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 FILE = "posterior.nc"
 _NAMES = ("mu_Pa", "alpha", "nu", "prony_g", "prony_tau_s", "conductivity_S_per_m")
@@ -26,19 +25,13 @@ _NAMES = ("mu_Pa", "alpha", "nu", "prony_g", "prony_tau_s", "conductivity_S_per_
 class Draws:
     """D parameter sets; row k of every array belongs to one and the same material."""
 
-    # (D, N) long-term moduli, Pa; N = 0 without a law
-    mu_Pa: Array
-    # (D, N) exponents
-    alpha: Array
-    # (D, N) Poisson-like ratios; given as one number where they are all the same
-    nu: Array
-    # (D, M) relaxing fractions and times, s; None without a relaxation test
-    g: Array | None = None
-    tau_s: Array | None = None
-    # (D, 4) coefficients c_0 (1, a_1, a_2, a_3), S/m; None without a conductivity test
-    conductivity_S_per_m: Array | None = None
-    # (D,) standard deviation of ln stiffness from specimen to specimen; None without replicates
-    omega: Array | None = None
+    mu_Pa: Array  # (D, N) long-term moduli, Pa; N = 0 without a law
+    alpha: Array  # (D, N) exponents
+    nu: Array  # (D, N) Poisson-like ratios; given as one number where they are all the same
+    g: Array | None = None  # (D, M) relaxing fractions; None without a relaxation test
+    tau_s: Array | None = None  # (D, M) their times, s
+    conductivity_S_per_m: Array | None = None  # (D, 4) c_0 (1, a_1, a_2, a_3), S/m; None without a conductivity test
+    omega: Array | None = None  # (D,) standard deviation of ln stiffness between specimens; None without replicates
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nu", np.broadcast_to(np.asarray(self.nu, dtype=float), self.mu_Pa.shape))
@@ -60,8 +53,8 @@ def read_draws(card: MaterialCard | Path | str) -> Draws:
                          "first.")
     file = path.parent / str(card.posterior["file"])
     if not file.exists():
-        raise InputFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} beside "
-                                   "the card, or fit it again with --posterior.")
+        raise InputFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} "
+                                   "next to the card, or fit it again with --posterior.")
     with h5netcdf.File(file) as stored:
         held = stored.groups["posterior"].variables
         found = {name: np.array(held[name]).reshape(-1, held[name].shape[-1]) for name in _NAMES if name in held}

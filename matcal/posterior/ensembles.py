@@ -19,36 +19,29 @@ from typing import Any
 
 import emcee
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-# (W, size) points and the share of the data that counts -> (W,) log density
-Density = Callable[[Array, float], Array]
-# (D, size) points -> quantity -> (D,)
-Derived = Callable[[Array], Mapping[str, Array]]
+from touchcal.arrays import Array
+
+Density = Callable[[Array, float], Array]  # (W, size) points and the share of the data that counts -> (W,) log density
+Derived = Callable[[Array], Mapping[str, Array]]  # (D, size) points -> quantity -> (D,)
 
 # walkers for each sampled number, at least, and in each ensemble; spread of the start of each ensemble
 _PER_NUMBER, _LEAST_WALKERS, _SPREADS = 6, 40, (0.05, 0.4)
-# shares of the data while the walkers are cooled, and steps at each
-_COOLING, _COOLING_STEPS = np.geomspace(0.01, 1.0, 12), 40
-# log density below which a walker is lost, see `_rescued`
-_LOST = 20.0
+_COOLING, _COOLING_STEPS = np.geomspace(0.01, 1.0, 12), 40  # shares of the data while cooling, steps at each
+_LOST = 20.0  # log density below which a walker is lost, see `_rescued`
 # steps between checks, most steps, most CPU seconds, times of each chain that derived quantities are checked at
 CHUNK, MOST_STEPS, MOST_CPU_S, _CHECKED = 1000, 24000, 50.0, 120
-# gate: largest R-hat, least effective sample size, least number of autocorrelation times
-RHAT, ESS, TIMES = 1.01, 1000.0, 50.0
+RHAT, ESS, TIMES = 1.01, 1000.0, 50.0  # gate: largest R-hat, least effective sample size and autocorrelation times
 
 
 @dataclass(frozen=True)
 class Chains:
     """Draws of the sampled numbers, and whether they may be used."""
 
-    # (ensembles, steps, walkers, size) after burn-in
-    points: Array
+    points: Array  # (ensembles, steps, walkers, size) after burn-in
     # rhat, ess, autocorrelation_steps, steps, steps_kept, walkers, ensembles, acceptance, converged
     checks: dict[str, float | bool]
-    # quantity -> {rhat, ess}
-    quantities: dict[str, dict[str, float]]
+    quantities: dict[str, dict[str, float]]  # quantity -> {rhat, ess}
 
     def spread_out(self, count: int) -> Array:
         """(count, size) draws evenly over ensembles, steps and walkers."""
@@ -84,18 +77,17 @@ def run_ensembles(density: Density, centre: Array, scale: Array, derived: Derive
                 sampler.reset()
             checks, since, rescued = checks | {"converged": False}, 0, rescued + lost
     acceptance = float(np.mean([s.acceptance_fraction.mean() for s in samplers]))
-    return Chains(points, checks | {"steps": float(steps), "steps_kept": float(points.shape[1]),
-                                    "walkers": float(walkers), "ensembles": float(len(_SPREADS)),
-                                    "rescued": float(rescued),
-                                    "acceptance": acceptance}, quantities)
+    about = {"steps": float(steps), "steps_kept": float(points.shape[1]), "walkers": float(walkers),
+             "ensembles": float(len(_SPREADS)), "rescued": float(rescued), "acceptance": acceptance}
+    return Chains(points, checks | about, quantities)
 
 
 def gate_words(checks: Mapping[str, float | bool]) -> str:
-    """What a run reached and what was wanted."""
+    """What a run reached and what was required."""
     lengths = checks["steps_kept"] / max(float(checks["autocorrelation_steps"]), 1e-9)
-    return (f"after {checks['steps']:.0f} steps the worst R-hat is {checks['rhat']:.3f} (wanted at most {RHAT}), the "
-            f"least effective sample size {checks['ess']:.0f} (wanted {ESS:.0f}) and the chain {lengths:.0f} "
-            f"autocorrelation times long (wanted {TIMES:.0f})")
+    return (f"after {checks['steps']:.0f} steps the worst R-hat is {checks['rhat']:.3f} (required at most {RHAT}), "
+            f"the least effective sample size {checks['ess']:.0f} (required {ESS:.0f}) and the chain {lengths:.0f} "
+            f"autocorrelation times long (required {TIMES:.0f})")
 
 
 def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np.random.Generator) -> Array:
@@ -119,12 +111,9 @@ def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np
     return np.where(np.isfinite(density(separation, 1.0))[:, None], separation, points)
 
 
-def _rescued(states: Sequence[Any], scale: Array,
-             rng: np.random.Generator) -> tuple[list[Any], int]:
-    """States with walkers from lost modes put where walkers of the best ensemble are, and how many they were.
-
-    Lost is a log density below that ensemble's median by _LOST and three for each sampled number.
-    """
+def _rescued(states: Sequence[Any], scale: Array, rng: np.random.Generator) -> tuple[list[Any], int]:
+    """States with walkers from lost modes put where walkers of the best ensemble are, and how many they were. Lost is a
+    log density below that ensemble's median by _LOST and three for each sampled number."""
     densities = [np.asarray(state.log_prob, dtype=float) for state in states]
     best = int(np.argmax([np.median(d) for d in densities]))
     least = float(np.median(densities[best])) - _LOST - 3 * scale.size

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator, CubicSpline
 
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
@@ -28,41 +27,30 @@ from matcal.laws.deformation_modes import push_forward, second_piola
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, decaying
 from matcal.statistics.linear_marginals import conditional, log_marginal, triangles
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# values of nu that are tabulated, and how far they reach in standard deviations of nu
-_NU_NODES, _NU_REACH = 5, 8.0
-# relaxation times, in each decade, at which the rate effect is tabulated
-_PER_DECADE = 12
+_NU_NODES, _NU_REACH = 5, 8.0  # values of nu that are tabulated, and how far they reach in standard deviations of nu
+_PER_DECADE = 12  # relaxation times, in each decade, at which the rate effect is tabulated
 
 
 @dataclass(frozen=True)
 class LawPart:
     """Everything that one evaluation of the law's part needs, moduli in units of mu_0."""
 
-    # designs on one short basis, one for each tabulated nu
-    tables: tuple[Table, ...]
-    # those nu; a single one where nu was not fitted
-    nu: Array
-    # sum of squares of the lateral strains against nu; None without a lateral record or where nu is given
-    lateral: CubicSpline | None
-    # (r, J) nuisance effects on that basis and (J,) their prior means
-    effect: Array
-    mean: Array
-    # (r, S - 1) effects of contrasts between the ln s of S specimens; no columns without replicates
-    factor: Array
-    # rate effect: ln tau -> (r,) per unit g/g_inf, that of the fitted series (r,), the fitted law's stress (r,)
-    rate: CubicSpline | None
-    fitted_rate: Array
-    model: Array
-    # exponents within the prior, their number, unit of the moduli (Pa), independent points of the residuals
-    allowed: Exponents
-    order: int
-    mu_0_Pa: float
-    effective_sample_size: float
-    # what was assumed, one sentence each
-    decisions: tuple[str, ...]
+    tables: tuple[Table, ...]  # designs on one short basis, one for each tabulated nu
+    nu: Array  # those nu; a single one where nu was not fitted
+    lateral: CubicSpline | None  # squares of lateral strains against nu; None without a record of them or with nu given
+    effect: Array  # (r, J) nuisance effects on that basis
+    mean: Array  # (J,) their prior means
+    factor: Array  # (r, S - 1) effects of contrasts between the ln s of S specimens; no columns without replicates
+    rate: CubicSpline | None  # rate effect: ln tau -> (r,) per unit g/g_inf
+    fitted_rate: Array  # (r,) that of the fitted series
+    model: Array  # (r,) the fitted law's stress
+    allowed: Exponents  # exponents within the prior
+    order: int  # their number
+    mu_0_Pa: float  # unit of the moduli, Pa
+    effective_sample_size: float  # independent points of the residuals
+    decisions: tuple[str, ...]  # what was assumed, one sentence each
 
     @property
     def size(self) -> int:
@@ -142,7 +130,7 @@ def start_law(part: LawPart, fit: Fit) -> Array:
 def prior_words(part: LawPart) -> str:
     """The prior of everything in the law's part."""
     a = part.allowed
-    words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, {a.gap:.2g} apart",
+    words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, at distances of {a.gap:.2g} at least",
              f"mu_i normal about 0 with {PRIOR_MODULI:g} mu_0, mu_0 positive", "ln sigma flat",
              "contact points, load zeros, drifts and stated scatter normal with their own errors"]
     if part.nu.size > 1:

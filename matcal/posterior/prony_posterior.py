@@ -11,34 +11,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.relaxation.hold_table import HoldTable, tabulate_hold
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, residual, vector_of
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.statistics.linear_marginals import log_marginal, triangles
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# precision that holds a size only where no record sees it, over that of a size as large as the fitted ones
-_HELD = 1e-2
+_HELD = 1e-2  # precision that holds a size where no record sees it, over that of a size as large as the fitted ones
 
 
 @dataclass(frozen=True)
 class SeriesPart:
     """Everything that one evaluation of the series' part needs."""
 
-    # tests on their bases, with the effects of what they doubt
-    tables: tuple[HoldTable, ...]
-    # (K,) scale of the sizes of each test
-    sizes: tuple[Array, ...]
-    # ln of the shortest and longest time
-    bounds: tuple[float, float]
-    # number of terms
-    terms: int
-    # residuals, and the independent ones that they are worth
-    count: float
-    effective_sample_size: float
+    tables: tuple[HoldTable, ...]  # tests on their bases, with the effects of what they doubt
+    sizes: tuple[Array, ...]  # (K,) scale of the sizes of each test
+    bounds: tuple[float, float]  # ln of the shortest and longest time
+    terms: int  # number of terms
+    count: float  # residuals
+    effective_sample_size: float  # the independent ones that they are worth
 
     @property
     def size(self) -> int:
@@ -66,7 +58,7 @@ def log_series(part: SeriesPart, x: Array, share: float = 1.0) -> Array:
     out = np.full(x.shape[0], -np.inf)
     if inside.any():
         y = x[inside]
-        taken = sum(c.size for c in part.sizes)  # points that the sizes take up, beside those that are left to judge by
+        taken = sum(c.size for c in part.sizes)  # points that the sizes take up, on top of those left to judge by
         effective = min(part.effective_sample_size + taken, part.count)
         precision = np.exp(-y[:, -1]) * np.sqrt(share * effective / part.count)
         out[inside] = -share * part.effective_sample_size * y[:, -1]
@@ -88,17 +80,14 @@ def start_series(part: SeriesPart, prony: PronyFit) -> Array:
 def prior_words(part: SeriesPart) -> str:
     """The prior of everything in the series' part."""
     low, high = np.exp(part.bounds)
-    return (f"ln tau uniform between {low:.3g} and {high:.3g} s, in order, a ratio of {LEAST_RATIO:g} apart; g uniform "
-            f"over g_i >= 0 with a sum below 1; sizes of the instantaneous curve flat over the stress that "
+    return (f"ln tau uniform between {low:.3g} and {high:.3g} s, in order, at ratios of {LEAST_RATIO:g} at least; g "
+            f"uniform over g_i >= 0 with a sum below 1; sizes of the instantaneous curve flat over the stress that "
             f"they make; ln of their noise flat; {part.effective_sample_size:.0f} effective points in the holds")
 
 
-def _share(g: Array) -> Array:
-    return g / (1 - g.sum(axis=1, keepdims=True))
-
-
 def _triangles(table: HoldTable, sizes: Array, ln_tau: Array, g: Array, precision: Array) -> Array:
-    unit = sizes * (1 - g.sum(axis=1))[:, None, None] * table.unit(ln_tau, _share(g))
+    share = g / (1 - g.sum(axis=1, keepdims=True))
+    unit = sizes * (1 - g.sum(axis=1))[:, None, None] * table.unit(ln_tau, share)
     doubt = np.broadcast_to(table.more, (g.shape[0], *table.more.shape))
     columns = np.concatenate([unit, doubt], axis=2) * precision[:, None, None]
     width = columns.shape[2]

@@ -3,7 +3,7 @@
 Sampled together are, where they were fitted: exponents and noise of the law, a shared nu, the scatter between specimens
 (`matcal.posterior.hyperfoam_posterior`), ln tau, g and noise of the series (`matcal.posterior.prony_posterior`). Moduli
 and nuisances are linear and are drawn given those, so that one draw is one whole card: its law is the one that its
-series' rate correction asks for. The skin shares nothing with the foam and is drawn beside them
+series' rate correction asks for. The skin shares nothing with the foam and is drawn separately
 (`matcal.posterior.conductivity_posterior`).
 
 The likelihood counts as many points as the fit's residuals are worth: misfit leaves correlated residuals, and taking
@@ -18,7 +18,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
@@ -27,17 +26,13 @@ from matcal.fitting.uncertainty.intervals import Uncertainty
 from matcal.posterior import conductivity_posterior, hyperfoam_posterior, prony_posterior
 from matcal.posterior.derived_quantities import watched
 from matcal.posterior.draws import Draws
-from matcal.posterior.ensembles import ESS, MOST_STEPS, RHAT, TIMES, Chains, gate_words, run_ensembles
+from matcal.posterior.ensembles import ESS, RHAT, Chains, gate_words, run_ensembles
 from matcal.posterior.hyperfoam_posterior import LawPart
 from matcal.posterior.prony_posterior import SeriesPart
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-
-__all__ = ["ESS", "MOST_STEPS", "RHAT", "TIMES", "Posterior", "sample"]
-
-# draws kept
-_KEPT = 1000
+_KEPT = 1000  # draws kept
 # spread of the widest start in exponents, ln noise, nu, ln omega; in ln tau, over g, ln noise
 _LAW_SPREAD, _SERIES_SPREAD = 0.4, (0.3, 0.03, 0.2)
 
@@ -46,26 +41,18 @@ _LAW_SPREAD, _SERIES_SPREAD = 0.4, (0.3, 0.03, 0.2)
 class Posterior:
     """Draws of whole parameter sets and how far they can be trusted."""
 
-    # parameter sets
-    draws: Draws
+    draws: Draws  # parameter sets
     # rhat, ess, autocorrelation_steps, steps, steps_kept, acceptance, effective_points, converged, cpu_s
     checks: dict[str, float | bool]
-    # the prior in words
-    prior: str
-    # derived quantity -> {rhat, ess}
-    quantities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    # what was assumed about specimens, one sentence each
-    decisions: tuple[str, ...] = ()
-    # (D,) log density of each draw in the sampled numbers; None without any
-    log_density: Array | None = None
-    # seed of everything
-    seed: int = 0
+    prior: str  # the prior in words
+    quantities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # derived quantity -> {rhat, ess}
+    decisions: tuple[str, ...] = ()  # what was assumed about specimens, one sentence each
+    log_density: Array | None = None  # (D,) log density of each draw in the sampled numbers; None without any
+    seed: int = 0  # seed of everything
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """Parts that are sampled together."""
-
     law: LawPart | None
     series: SeriesPart | None
 
@@ -95,11 +82,8 @@ class _Joint:
 def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | None, skin: ConductivityFit | None,
            seed: int, advance: Callable[[int], None] = lambda done: None, fitted_nu: bool = False) -> Posterior:
     """Draws from the posterior of law, series and skin, those that there are; NotConverged carries them where the
-    checks fail.
-
-    `advance` is told the number of steps done, of MOST_STEPS at most; `fitted_nu`: the law's nu was fitted, not given.
-    Raises ValueError where there is nothing to sample, or for unequal nu.
-    """
+    checks fail. `advance` gets the number of steps done, of MOST_STEPS at most; `fitted_nu`: the law's nu was
+    fitted, not given. Raises ValueError where there is nothing to sample, or for unequal nu."""
     start = time.process_time()
     rng = np.random.default_rng([seed, 1])
     relaxing = prony if prony is not None and np.any(prony.prony.g) else None
@@ -172,8 +156,8 @@ def _checks(chains: Chains | None, skin: ConductivityFit | None, along: Array | 
     passed = own["rhat"] <= RHAT and own["ess"] >= ESS
     if not checks:
         return {**own, "steps": own["steps_kept"], "converged": passed}
-    return checks | {"converged": bool(checks["converged"]) and passed, "skin_rhat": own["rhat"],
-                     "skin_ess": own["ess"]}
+    passed = bool(checks["converged"]) and passed
+    return checks | {"converged": passed, "skin_rhat": own["rhat"], "skin_ess": own["ess"]}
 
 
 def _prior(joint: _Joint, skin: ConductivityFit | None) -> str:
@@ -185,7 +169,7 @@ def _prior(joint: _Joint, skin: ConductivityFit | None) -> str:
 
 def _remedy(joint: _Joint) -> str:
     if joint.law is not None and joint.law.order > 1:
-        return (f"Give --order {joint.law.order - 1}: with fewer terms the exponents are told apart better. Or add a "
+        return (f"Give --order {joint.law.order - 1}: with fewer terms the exponents are better separated. Or add a "
                 "test in another mode.")
     if joint.series is not None and joint.series.terms > 1:
         return f"Give --prony-terms {joint.series.terms - 1}, or a longer hold."

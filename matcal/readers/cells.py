@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from matcal.readers.decoding import lines_of
-from matcal.readers.recording import Array
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
 DELIMITERS = ("\t", ";", ",", None)
@@ -20,20 +20,16 @@ _NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+|\d{1,3}(?:,\d{3})+(?:\.\d
                      r"(?:[eE][-+]?\d{1,3})?")
 _COMMA_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
 _DOT_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
-# rows of a file's end that tell its delimiter
-_TELLING = 20
-# numbers that settle how all are written
-_VOTES = 2000
+_TELLING = 20  # rows of a file's end that tell its delimiter
+_VOTES = 2000  # numbers that settle how all are written
 
 
 @dataclass(frozen=True)
 class Style:
     """How a number is written."""
 
-    # "." or ","
-    decimal: str = "."
-    # "," or "." between groups of three digits, "" where there are none
-    thousands: str = ""
+    decimal: str = "."  # "." or ","
+    thousands: str = ""  # "," or "." between groups of three digits, "" where there are none
 
     def number(self, cell: str) -> float | None:
         """The value of a cell, None where it is no number."""
@@ -57,14 +53,10 @@ class Grid:
     """The rows of a file or sheet that are not blank."""
 
     path: Path
-    # rows of cells, without blanks and quotes around them and without empty cells at the end
-    rows: Sequence[list[str]]
-    # line of each row in the file (row of the sheet), counted from 1
-    lines: Sequence[int]
-    # how its numbers are written
-    style: Style = Style()
-    # name of the sheet it came from, "" for text
-    sheet: str = ""
+    rows: Sequence[list[str]]  # rows of cells, without blanks and quotes around them and without empty cells at the end
+    lines: Sequence[int]  # line of each row in the file (row of the sheet), counted from 1
+    style: Style = Style()  # how its numbers are written
+    sheet: str = ""  # name of the sheet it came from, "" for text
 
     def number(self, cell: str) -> float | None:
         """The value of a cell, None where it is no number."""
@@ -75,7 +67,7 @@ class Grid:
         return sum(self.style.number(cell) is not None for cell in row)
 
     def cell(self, row: int, column: int) -> str:
-        """A cell, "" beyond the end of its row."""
+        """A cell, "" past the end of its row."""
         cells = self.rows[row]
         return cells[column] if column < len(cells) else ""
 
@@ -99,11 +91,15 @@ def shown(text: str, most: int = 40) -> str:
     return text if len(text) <= most else text[:most - 1] + "…"
 
 
-def text_grid(text: str, path: Path, delimiter: str | None = "", style: Style | None = None) -> Grid:
-    """The grid of a text; delimiter ("" to find it; None for any run of blanks) and style are told from its numbers.
+def no_table(path: Path) -> InputFileError:
+    """The error of a file in which no row holds two numbers."""
+    return InputFileError(path, "no table of numbers in two or more columns was found. Expected a line of names such "
+                                "as strain,stress, a line of units such as -,kPa, then the numbers.")
 
-    InputFileError where no line holds two numbers, or where 1,424 may be either of two numbers.
-    """
+
+def text_grid(text: str, path: Path, delimiter: str | None = "", style: Style | None = None) -> Grid:
+    """The grid of a text; delimiter ("" to find it; None for any run of blanks) and style follow from its numbers.
+    InputFileError where no line holds two numbers, or where 1,424 may be either of two numbers."""
     numbered = [(n, line) for n, line in enumerate(lines_of(text), 1) if line.strip()]
     lines = [line for _, line in numbered]
     if delimiter == "":
@@ -125,17 +121,15 @@ def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[st
         try:
             cells = [cell.strip().strip('"').strip() for cell in next(csv.reader((line,), delimiter=delimiter))]
         except csv.Error as error:
-            raise InputFileError(path, f"the cells cannot be told apart ({error}).", line=number) from None
+            raise InputFileError(path, f"the cells cannot be separated ({error}).", line=number) from None
     while cells and not cells[-1]:
         cells.pop()
     return cells
 
 
 def _delimiter(lines: Sequence[str], path: Path) -> str | None:
-    """The separator under which the last lines are rows of at least two numbers.
-
-    Tabs and semicolons go before commas and blanks, which also stand inside cells; of two, the one with fuller rows.
-    """
+    """The separator under which the last lines are rows of at least two numbers. Tabs and semicolons go before commas
+    and blanks, which also stand inside cells; of two, the one with fuller rows."""
     tail = lines[-_TELLING:]
 
     def score(delimiter: str | None) -> tuple[int, float]:
@@ -149,11 +143,7 @@ def _delimiter(lines: Sequence[str], path: Path) -> str | None:
     clear = [delimiter for delimiter in ("\t", ";") if scores[delimiter][0] >= max(most / 2, 1)]
     best = max(clear or DELIMITERS, key=lambda delimiter: scores[delimiter])
     if not most:
-        raise InputFileError(
-            path,
-            "no table of numbers in two or more columns was found. Expected a line of names such "
-            "as strain,stress, a line of units such as -,kPa, then the numbers.",
-        )
+        raise no_table(path)
     return best
 
 
@@ -167,10 +157,8 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 def style_of(rows: Iterable[Sequence[str]], path: Path) -> Style:
-    """How the numbers of a table are written, from cells that leave no choice; InputFileError where none does.
-
-    Where 1,424 stands beside 0.5 it is 1424, beside 0,5 it is 1.424; alone it is refused.
-    """
+    """How the numbers of a table are written, from cells that leave no choice; InputFileError where none does. Where
+    1,424 stands next to 0.5 it is 1424, next to 0,5 it is 1.424; alone it is refused."""
     dots, commas, doubtful = 0, 0, ""
     for cell in _number_cells(rows):
         dot, comma = cell.rfind("."), cell.rfind(",")

@@ -17,24 +17,17 @@ EXAMPLE = "--columns \"stress=1:MPa,stretch=2\""
 class Selection:
     """One --columns option: what it applies to, and its choice of sheet and columns."""
 
-    # kind or file name it applies to, None for every file
-    where: str | None
+    where: str | None  # kind or file name it applies to, None for every file
     # quantity (a key of QUANTITIES) -> (column name or number from 1, unit or None where the file has it)
     columns: Mapping[str, tuple[str, str | None]]
-    # sheet of a workbook, None where the file leaves no choice
-    sheet: str | None = None
-    # the option as it was given
-    text: str = ""
-    # acquisition block of a controller's file, from 1; None for all of them
-    block: int | None = None
+    sheet: str | None = None  # sheet of a workbook, None where the file leaves no choice
+    text: str = ""  # the option as it was given
+    block: int | None = None  # acquisition block of a controller's file, from 1; None for all of them
 
 
 def parse_selection(text: str) -> Selection:
-    """`[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...` with COLUMN a name or a number from 1, and perhaps
-    sheet=NAME or block=N.
-
-    Raises ValueError, with an example, for anything else.
-    """
+    """`[KIND=|FILE=]QUANTITY=COLUMN[:UNIT],...` with COLUMN a name or a number from 1, and perhaps sheet=NAME or
+    block=N. Raises ValueError, with an example, for anything else."""
     where, columns, sheet, block = None, {}, None, None
     for k, item in enumerate(text.split(",")):
         parts = [part.strip() for part in item.split("=")]
@@ -62,11 +55,9 @@ def parse_selection(text: str) -> Selection:
 
 
 def selections_of(inputs: Sequence[Any], given: Sequence[Selection]) -> list[dict[Path, Selection]]:
-    """For each input (kind or None, sources), the selection of each of its files; none for what was read before.
-
-    A selection that names a file goes before one that names a kind, and that before one that names neither; several
-    of the same `where` are taken in turn by the inputs that they fit. Raises ValueError where one fits no input.
-    """
+    """For each input (kind or None, sources), the selection of each of its files; none for what was read before. A
+    selection that names a file goes before one that names a kind, and that before one that names neither; several of
+    the same `where` are taken in turn by the inputs that they fit. Raises ValueError where one fits no input."""
     taken: dict[str | None, int] = {}
     out: list[dict[Path, Selection]] = []
     for test in inputs:

@@ -5,23 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.plausibility import check_credible
-from matcal.readers.recording import QUANTITIES, Array, Recording
+from matcal.readers.recording import QUANTITIES, Recording
 from matcal.readers.units import COMMON, is_common, measures, si_factor
 from matcal.readers.vocabulary import preference, quantity_of
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-if TYPE_CHECKING:
-    from matcal.readers.columns import Header
-
-# two columns of one quantity that differ by no more than this share of their range are one
-_SAME = 1e-3
+_SAME = 1e-3  # two columns of one quantity that differ by no more than this share of their range are one
 _UNITS = {"Pa": "MPa", "m": "mm", "N": "N", "s": "s", "A": "A", "V": "V", "ohm": "ohm", "S/m": "S/m"}
 _PAIRS = (("stretch", "stress"), ("strain", "stress"), ("displacement", "force"), ("time", "current"))
 
@@ -30,12 +26,9 @@ _PAIRS = (("stretch", "stress"), ("strain", "stress"), ("displacement", "force")
 class Header:
     """What stands above the numbers."""
 
-    # name and unit (None where none is given) of each column
-    cells: Sequence[tuple[str, str | None]]
-    # line that names the columns, or that of their units
-    line: int
-    # rows of the grid that hold the numbers
-    rows: range
+    cells: Sequence[tuple[str, str | None]]  # name and unit (None where none is given) of each column
+    line: int  # line that names the columns, or that of their units
+    rows: range  # rows of the grid that hold the numbers
 
 
 @dataclass(frozen=True)
@@ -43,14 +36,13 @@ class _Column:
     index: int
     name: str
     unit: str | None
-    # whether the unit is the user's word
-    chosen: bool = False
+    chosen: bool = False  # whether the unit is the user's word
 
 
 def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection | None = None, *,
                  metadata: Mapping[str, str] | None = None, sizes: Mapping[str, float] | None = None,
                  notes: Sequence[str] = ()) -> Recording:
-    """The recording of a grid; InputFileError where columns cannot be told apart, a unit is missing or of something
+    """The recording of a grid; InputFileError where columns cannot be distinguished, a unit is missing or of something
     else, a cell is no finite number, or values cannot be what their name says."""
     said, header = list(notes), _widened(grid, header)
     if selection is not None and selection.columns:
@@ -73,7 +65,7 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
 
 
 def _widened(grid: Grid, header: Header) -> Header:
-    """The header with a nameless cell for each column of numbers beyond the names."""
+    """The header with a nameless cell for each column of numbers past the names."""
     width = max((len(grid.rows[n]) for n in header.rows[:50]), default=0)
     return Header([*header.cells, *[("", None)] * (width - len(header.cells))], header.line, header.rows)
 
@@ -84,12 +76,9 @@ def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Co
         index = _index(grid, header, requested)
         if before := next((q for q, column in out.items() if column.index == index), None):
             raise InputFileError(
-                grid.path,
-                f"--columns '{selection.text}': column {index + 1} "
-                f"'{shown(header.cells[index][0])}' is given as {before} and as {quantity}. "
-                f"Choose another for one of them. {_listed(header)}",
-                line=header.line,
-            )
+                grid.path, f"--columns '{selection.text}': column {index + 1} '{shown(header.cells[index][0])}' is "
+                f"given as {before} and as {quantity}. Choose another for one of them. {_listed(header)}",
+                line=header.line)
         name, own = header.cells[index]
         if unit is None and own is None and not QUANTITIES[quantity]:
             own = "-"
@@ -109,13 +98,12 @@ def _index(grid: Grid, header: Header, requested: str) -> int:
 
 
 def _listed(header: Header) -> str:
-    """The columns with their numbers, for a message."""
     cells = [f"{n} '{shown(name)}'" if name else f"{n} (no name)" for n, (name, _) in enumerate(header.cells, 1)]
     return f"Columns: {', '.join(cells[:24])}{' ...' if len(cells) > 24 else ''}."
 
 
 def _shortened(grid: Grid, header: Header, columns: Mapping[str, _Column], said: list[str]) -> Header:
-    """The header without the last rows, where the chosen columns are shorter than others beside them."""
+    """The header without the last rows, where the chosen columns are shorter than others next to them."""
     end = header.rows.stop
     while end > header.rows.start and not any(grid.cell(end - 1, c.index) for c in columns.values()):
         end -= 1
@@ -151,12 +139,9 @@ def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], s
         how = _relation(grid, header, quantity, first, other)
         if how is None:
             raise InputFileError(
-                grid.path,
-                f"columns '{shown(first.name)}' ({first.index + 1}) and "
-                f"'{shown(other.name)}' ({other.index + 1}) are both {quantity} and differ. "
-                f"Say which to use: {flag_for(grid, header)}",
-                line=header.line,
-            )
+                grid.path, f"columns '{shown(first.name)}' ({first.index + 1}) and '{shown(other.name)}' "
+                f"({other.index + 1}) are both {quantity} and differ. Say which to use: {flag_for(grid, header)}",
+                line=header.line)
         said.append(f"two columns of {quantity}: '{shown(first.name)}' is used, '{shown(other.name)}' left out "
                     f"({how}).")
     return first
@@ -164,9 +149,7 @@ def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], s
 
 def _relation(grid: Grid, header: Header, quantity: str, first: _Column, other: _Column) -> str | None:
     """How another column follows from the first: the same, shifted, or with the sign turned; None where it does not.
-
-    Two clocks need not agree: the preferred one counts.
-    """
+    Two clocks need not agree: the preferred one counts."""
     a, b = (_in_si(grid, header, quantity, column) for column in (first, other))
     span = _SAME * float(np.ptp(a))
     for sign, word in ((1.0, "the same"), (-1.0, "the same with its sign turned")):
@@ -210,13 +193,9 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
         raise InputFileError(grid.path, f"column '{name}' {problem}", line=header.line)
     problem = f"has the unit '{shown(unit)}', which is no unit of {quantity}" if unit else "has no unit"
     example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "-"}.get(QUANTITIES[quantity], QUANTITIES[quantity])
-    raise InputFileError(
-        grid.path,
-        f"column '{name}' {problem}. Put a row of units below the names (for example -,kPa),"
-        f" write '{name} ({example})', or give --columns with the unit, for example "
-        f"{flag_for(grid, header)}",
-        line=header.line,
-    )
+    raise InputFileError(grid.path, f"column '{name}' {problem}. Put a row of units below the names (for example "
+                                    f"-,kPa), write '{name} ({example})', or give --columns with the unit, for example "
+                                    f"{flag_for(grid, header)}", line=header.line)
 
 
 def check_clock(recording: Recording) -> Recording:
@@ -225,10 +204,8 @@ def check_clock(recording: Recording) -> Recording:
     if time is not None and np.any(back := np.diff(time) < 0):
         at = int(np.argmax(back))
         raise InputFileError(
-            recording.paths[0],
-            f"the time runs backwards, from {time[at]:.9g} s to {time[at + 1]:.9g} "
-            f"s in sample {at + 2}. Export each run to a file of its own.",
-        )
+            recording.paths[0], f"the time runs backwards, from {time[at]:.9g} s to {time[at + 1]:.9g} s in sample "
+            f"{at + 2}. Export each run to a file of its own.")
     return recording
 
 
@@ -270,7 +247,7 @@ def _last_words(name: str) -> str | None:
 
 
 def _from_units(header: Header) -> dict[str, int]:
-    """Columns by what their units measure, where these tell two quantities that belong together apart."""
+    """Columns by what their units measure, where these distinguish two quantities that belong together."""
     found: dict[str, int] = {}
     for n, (_, unit) in enumerate(header.cells):
         for quantity in measures(unit) if unit else []:
@@ -282,9 +259,7 @@ def _from_units(header: Header) -> dict[str, int]:
 
 def _from_numbers(grid: Grid, header: Header) -> dict[str, int]:
     """Of two columns, the one that begins near 1 as the stretch, or else the first as the strain; the other as stress.
-
-    A guess that shows how the option is written; only the user knows.
-    """
+    A guess that shows how the option is written; only the user knows."""
     size = max(len(header.cells), 2)
     first = grid.rows[header.rows.start] if header.rows else []
     begins = [grid.number(cell) for cell in first[:2]]

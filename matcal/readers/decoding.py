@@ -43,7 +43,7 @@ def lines_of(text: str) -> list[str]:
 
 
 def _candidates(data: bytes) -> list[str]:
-    """Encodings to try: what a mark says, UTF-8, then what the bytes beyond ASCII look like."""
+    """Encodings to try: what a mark says, UTF-8, then what the bytes outside ASCII look like."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return ["utf-16"]
     if b"\x00" in data[:200]:

@@ -1,4 +1,4 @@
-"""One door to every reader: the layout is told from what the file holds, never from its name."""
+"""One door to every reader: the layout is known from what the file holds, never from its name."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from touchcal.errors import InputFileError
 
 
 def read(path: Path | str, selection: Selection | None = None) -> Recording:
-    """The columns of one test in SI, from a file or a folder of the parts of one TestSuite test.
-
-    A file that is one part of a split test brings its other parts along; `selection` says which columns mean what
-    where the file does not. InputFileError names what is wrong, where, and the mend.
-    """
+    """The columns of one test in SI, from a file or a folder of the parts of one TestSuite test. A file that is one
+    part of a split test brings its other parts along; `selection` says which columns mean what where the file does not.
+    InputFileError names what is wrong, where, and the fix."""
     path = Path(path)
     files = files_of(path)
     if path.is_dir() or len(files) > 1:

@@ -7,16 +7,17 @@ import re
 import numpy as np
 
 from matcal.readers.cells import Grid, shown
-from matcal.readers.recording import QUANTITIES, Array
+from matcal.readers.recording import QUANTITIES
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-# beyond this a strain without a unit may as well be a percentage, and beyond the next no unit mends it
+# above this a strain without a unit may as well be a percentage, and above the next no unit fixes it
 _LARGEST_STRAIN, _IMPOSSIBLE_STRAIN = 3.0, 20.0
 # quantity -> magnitude in SI that no test of a soft foam reaches
 _LARGEST = {"time": 1e10, "displacement": 10.0, "force": 1e8, "stress": 1e12, "deviation": 1e12, "pressure": 1e12,
             "current": 1e6, "potential": 1e9, "resistance": 1e20, "conductivity": 1e12, "volume_ratio": 100.0,
             "cycle": 1e12, "block": 1e12, "lateral": 20.0, "lateral_stretch": 20.0}
-# fewer rows do not show equal steps; a column within this share of its range of equal steps has them, one beyond the
+# fewer rows do not show equal steps; a column within this share of its range of equal steps has them, one above the
 # next has not
 _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
 
@@ -24,7 +25,7 @@ _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
 def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
                    said: list[str], flag: str, *, chosen: bool) -> None:
     """Turn a stretch below 0 into a strain and a lateral stretch into a strain, in place; InputFileError where a column
-    cannot be what it is called. With columns `chosen` by the user, only what no unit mends is refused."""
+    cannot be what it is called. With columns `chosen` by the user, only what no unit fixes is refused."""
     _ratios(values, names, units, said)
     for quantity, column in values.items():
         reach = float(np.max(np.abs(column)))
@@ -72,7 +73,7 @@ def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: di
 
 
 def _check_steps(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], flag: str) -> None:
-    """A table is written over equal steps of strain; a "stress" in equal steps beside a curved "strain" is that."""
+    """A table is written over equal steps of strain; a "stress" in equal steps next to a curved "strain" is that."""
     measure = next((q for q in ("strain", "stretch") if q in values), None)
     if measure is None or "stress" not in values or "displacement" in values or values["stress"].size < _ENOUGH:
         return

@@ -17,12 +17,9 @@ class Source:
     """A file that is open: its text, or the sheet of a workbook."""
 
     path: Path
-    # the whole text; "" for a sheet
-    text: str
-    # the cells of a sheet; None for text, see `grid`
-    sheet: Grid | None = None
-    # what was decided in opening it, one sentence each
-    notes: tuple[str, ...] = ()
+    text: str  # the whole text; "" for a sheet
+    sheet: Grid | None = None  # the cells of a sheet; None for text, see `grid`
+    notes: tuple[str, ...] = ()  # what was decided in opening it, one sentence each
 
     @cached_property
     def grid(self) -> Grid:
@@ -35,13 +32,9 @@ class Source:
 class Reader:
     """One layout of files; `matcal.readers.vendors.READERS` names them all."""
 
-    # the word for it, as in `Recording.vendor`
-    name: str
-    # what a user calls it
-    title: str
-    # whether a file has this layout, from what it holds
-    recognises: Callable[[Source], bool]
+    name: str  # the word for it, as in `Recording.vendor`
+    title: str  # what a user calls it
+    recognises: Callable[[Source], bool]  # whether a file has this layout, from what it holds
     # its columns in SI, as the selection says; InputFileError where it cannot be used
     read: Callable[[Source, Selection | None], Recording]
-    # whether its files have acquisition blocks, of which a selection may choose one
-    has_blocks: bool = False
+    has_blocks: bool = False  # whether its files have acquisition blocks, of which a selection may choose one

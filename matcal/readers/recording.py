@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # quantity -> SI unit of its column
 QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
@@ -29,24 +28,15 @@ _TITLE = re.compile(r"test|method|prüf|versuch|essai|m[ée]thode|ensayo|m[ée]t
 class Recording:
     """What a file holds, before anything is decided about the test behind it."""
 
-    # the files it was read from, in order of time
-    paths: tuple[Path, ...]
-    # name of the reader that recognised the layout (matcal.readers.vendors.READERS), "arrays" without a file
-    vendor: str
-    # quantity (a key of QUANTITIES) -> (n,) values in SI
-    columns: Mapping[str, Array]
-    # quantity -> column name in the file
-    names: Mapping[str, str]
-    # quantity -> unit in the file
-    units: Mapping[str, str]
-    # line of the first number in the first file, counted from 1; None without a file
-    first_line: int | None
-    # key -> value lines that stand above the table
-    metadata: Mapping[str, str] = field(default_factory=dict)
-    # size that the file itself states (a key of SIZES) -> value in SI
-    properties: Mapping[str, float] = field(default_factory=dict)
-    # what was assumed or left out, one sentence each
-    notes: tuple[str, ...] = ()
+    paths: tuple[Path, ...]  # the files it was read from, in order of time
+    vendor: str  # name of the reader that recognised the layout (one of `vendors.READERS`), "arrays" without a file
+    columns: Mapping[str, Array]  # quantity (a key of QUANTITIES) -> (n,) values in SI
+    names: Mapping[str, str]  # quantity -> column name in the file
+    units: Mapping[str, str]  # quantity -> unit in the file
+    first_line: int | None  # line of the first number in the first file, counted from 1; None without a file
+    metadata: Mapping[str, str] = field(default_factory=dict)  # key -> value lines that stand above the table
+    properties: Mapping[str, float] = field(default_factory=dict)  # size in the file (a key of SIZES) -> value in SI
+    notes: tuple[str, ...] = ()  # what was assumed or left out, one sentence each
 
     def __post_init__(self) -> None:
         if unknown := sorted(set(self.columns) - set(QUANTITIES)):

@@ -6,8 +6,7 @@ import re
 import unicodedata
 from functools import cache
 
-# kinds of tests
-KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")
+KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")  # kinds of tests
 
 # first match wins; each is matched against the whole lower-case name, accents and channel prefixes taken off
 _COLUMNS = (

@@ -1,4 +1,4 @@
-"""Stress in every mode and conductivity, each with its 95 % band, for the folder beside a card.
+"""Stress in every mode and conductivity, each with its 95 % band, for the folder next to a card.
 
 A band comes from the posterior's draws where there are any, otherwise from the linearised covariance of the fit. Modes
 that were not fitted are given over the principal stretches that the fitted ones reached, and marked as extrapolated.
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from matcal.laws.conductivity import outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from touchcal.arrays import Array
 
 if TYPE_CHECKING:
     from matcal.fitting.conductivity_fit import ConductivityFit
@@ -21,21 +22,17 @@ if TYPE_CHECKING:
     from matcal.laws.hyperfoam import Hyperfoam
     from matcal.posterior.draws import Draws
 
-Array = NDArray[np.float64]
 Ranges = Mapping[str, tuple[float, float]]
 # name -> column (n,) of a table
 Columns = Mapping[str, NDArray[Any]]
 
-# points of each mode; strains that no band leaves
-_POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1
+_POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1  # points of each mode; strains that no band leaves
 
 
 def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
-    """mode -> strains over which its band is given.
-
-    A fitted mode has its own strains and up to a quarter of their width beyond, any other mode those of the principal
-    stretches that the fitted ones reached; a fitted mode goes no further than these either.
-    """
+    """mode -> strains over which its band is given. A fitted mode has its own strains and up to a quarter of their
+    width more, any other mode those of the principal stretches that the fitted ones reached; a fitted mode goes no
+    further than these either."""
     least, most = _stretches(fitted)
     identical = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
     out = {}
@@ -55,7 +52,7 @@ def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> Columns:
 
     tables = []
     for mode, span in spans(law.strain_range).items():
-        strain = _grid(mode, span)
+        strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
         low, high = (stress_band(source, mode, strain) if isinstance(source, Draws) else
                      _linear_band(source, mode, strain))
         lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
@@ -99,12 +96,6 @@ def _stretches(fitted: Ranges) -> tuple[float, float]:
         else:
             ends += [lo ** (1 / 3), hi ** (1 / 3)] if mode == "volumetric" else [1 + lo, 1 + hi]
     return min(ends), max(ends)
-
-
-def _grid(mode: str, span: tuple[float, float]) -> Array:
-    """Strains over a span, the state of rest among them."""
-    rest = 1.0 if mode == "volumetric" else 0.0
-    return np.unique(np.r_[np.linspace(*span, _POINTS), rest])
 
 
 def _linear_band(about: Uncertainty, mode: str, strain: Array) -> tuple[Array, Array]:

@@ -75,8 +75,8 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     if draws is not None and _drawn(draws, name):
         low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
-    if (beyond := _extrapolated(card, mode, at)) is not None:
-        columns["extrapolated"] = beyond
+    if (rows := _extrapolated(card, mode, at)) is not None:
+        columns["extrapolated"] = rows
     if card.hyperfoam is not None and name == "stress_Pa":
         columns["moduli"] = card.hyperfoam.moduli
     return columns

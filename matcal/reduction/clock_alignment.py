@@ -7,30 +7,24 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from matcal.statistics.residual_correlation import integrated_autocorrelation_time
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # conductivity = polynomial of the strain + (1 + strain) x polynomial of the time, for the settling of the coating
 _STRAIN_DEGREE, _TIME_DEGREE = 3, 7
 _POINTS, _SHIFTS = 400, 600
-# sizes of backlash that are compared
-_SLACKS = 13
+_SLACKS = 13  # sizes of backlash that are compared
 
 
 @dataclass(frozen=True)
 class Shift:
     """Potentiostat time minus frame time."""
 
-    # s
-    seconds: float
-    # standard deviation, s
-    sd_s: float
-    # what it was read from
-    how: str
+    seconds: float  # s
+    sd_s: float  # standard deviation, s
+    how: str  # what it was read from
 
 
 def combined(first: Shift, second: Shift) -> Shift:
@@ -42,10 +36,8 @@ def combined(first: Shift, second: Shift) -> Shift:
 
 
 def shift_by_break(frame_time: Array, load: Array, pot_time: Array, current: Array) -> Shift | None:
-    """The shift that brings the tearing of the specimen together on both clocks; None where either record has none.
-
-    In both it lies within one sampling interval, taken as uniform.
-    """
+    """The shift that brings the tearing of the specimen together on both clocks; None where either record has none. In
+    both it lies within one sampling interval, taken as uniform."""
     torn, open_circuit = _collapse(np.abs(load - np.median(load[:20]))), _collapse(np.abs(current))
     if torn is None or open_circuit is None:
         return None
@@ -56,10 +48,8 @@ def shift_by_break(frame_time: Array, load: Array, pot_time: Array, current: Arr
 
 
 def with_backlash(travel: Array, slack: float) -> Array:
-    """What a gripped specimen does, (n,), behind a crosshead at `travel` (n,) that turns with `slack`, same unit.
-
-    At the first loading there is none; after each reversal the specimen stands still until the slack is taken up.
-    """
+    """What a gripped specimen does, (n,), behind a crosshead at `travel` (n,) that turns with `slack`, same unit. At
+    the first loading there is none; after each reversal the specimen stands still until the slack is taken up."""
     out, at = np.empty_like(travel), float(travel[0])
     for n, value in enumerate(travel):
         at = min(max(at, value), value + slack)
@@ -71,7 +61,7 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
                         first: Shift) -> tuple[Shift, float, float]:
     """Shift and slack, m, under which the conductance of a cycled strip agrees with its motion; the slack's error, m.
 
-    A slack delays every later half cycle alike, as a shift does, so that the record tells hardly more than their sum:
+    A slack delays each later half cycle by one time, as a shift does, so the record tells hardly more than their sum:
     both are posterior means over slacks from 0 to a tenth of the largest travel, equally likely beforehand, the shift
     taken at its best for each slack under the regression of `shift_by_motion`, from the shift `first`.
     """
@@ -91,7 +81,7 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
     mean, slack = float(weight @ shift), float(weight @ slacks)
     spread = float(np.sqrt(weight @ (shift - mean) ** 2 + first.sd_s**2))
     wide = max(float(np.sqrt(weight @ (slacks - slack) ** 2)), float(slacks[1]) / 4)
-    return Shift(mean, spread, "the best agreement of conductance with motion, backlash beside it"), slack, wide
+    return Shift(mean, spread, "the best agreement of conductance with motion, backlash included"), slack, wide
 
 
 def _best_shift(start: float, reach: float, frame_time: Array, strain: Array, pot_time: Array,
@@ -167,7 +157,7 @@ def _regression(shift: float, frame_time: Array, strain: Array, pot_time: Array,
 
 def _standard_deviation(shift: float, frame_time: Array, strain: Array, pot_time: Array, conductance: Array,
                         degree: int) -> float:
-    """Of the shift, by linearising: what a shift changes beyond what the polynomials can follow."""
+    """Of the shift, by linearising: what a shift changes that the polynomials cannot follow."""
     h = 4 * float(np.median(np.diff(pot_time)))
     basis, c = _regression(shift, frame_time, strain, pot_time, conductance, degree)
     coefficients, *_ = np.linalg.lstsq(basis, c, rcond=None)
@@ -175,6 +165,6 @@ def _standard_deviation(shift: float, frame_time: Array, strain: Array, pot_time
                                 for s in (shift + h, shift - h))
     n = min(len(later), len(earlier), len(basis))
     slope = (later[:n] - earlier[:n]) @ coefficients / (2 * h)
-    beyond = slope - basis[:n] @ np.linalg.lstsq(basis[:n], slope, rcond=None)[0]
+    left = slope - basis[:n] @ np.linalg.lstsq(basis[:n], slope, rcond=None)[0]
     residual = c - basis @ coefficients
-    return float(np.sqrt(np.mean(residual**2) / np.sum(beyond**2)))
+    return float(np.sqrt(np.mean(residual**2) / np.sum(left**2)))

@@ -5,22 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.statistics.block_means import block_means, sample_noise
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# half width of the toe that is left out, of the length
-_TOE = 0.005
+_TOE = 0.005  # half width of the toe that is left out, of the length
 # strains over which the load curve is read, the first that fixes the contact well enough, and how well that is
 _REACHES, _WELL = (0.10, 0.20, 0.40), 0.0025
-# samples that a curve needs
-_FEWEST = 8
-# block means that the curve is read from, contacts tried at once, bends tried
-_BLOCKS, _CONTACTS, _BENDS = 40, 41, 7
-# prior of the bend (see `find_contact`) over the first reach, log-uniform between these, and as the square of a reach
-# beyond it; below 1 intervals proved too narrow
+_FEWEST = 8  # samples that a curve needs
+_BLOCKS, _CONTACTS, _BENDS = 40, 41, 7  # block means that the curve is read from, contacts tried at once, bends tried
+# prior of the bend (see `find_contact`) over the first reach, log-uniform between these, and as the square of a longer
+# reach; below 1 intervals proved too narrow
 _LEAST_BEND, _MOST_BEND = 1.0, 1e3
 # noise of a block mean at least, of the load at the end of the reach, so that no peak is narrower than the first grid
 _LEAST_NOISE = 5e-4
@@ -32,28 +27,20 @@ _UNSEEN = 3e-4
 class Contact:
     """The start of the specimen's own deformation."""
 
-    # travel at which an ideal, flat specimen would have been touched, m
-    travel_m: float
-    # its standard deviation: the noise of the load and the unknown shape of the curve, m
-    sd_m: float
-    # load reading without specimen, N
-    zero_N: float
-    # standard deviation of that reading: the noise of the load over the root of the samples behind it, N
-    zero_sd_N: float
-    # strain over which the load curve was read
-    reach: float = 0.0
+    travel_m: float  # travel at which an ideal, flat specimen would have been touched, m
+    sd_m: float  # its standard deviation: the noise of the load and the unknown shape of the curve, m
+    zero_N: float  # load reading without specimen, N
+    zero_sd_N: float  # standard deviation of that reading, N: noise of the load over the root of the samples behind it
+    reach: float = 0.0  # strain over which the load curve was read
 
 
 @dataclass(frozen=True)
 class _Means:
     """Block means of one record: first that of all samples before contact, then those of the curve."""
 
-    # (m,) travel beyond the toe, over the reach
-    position: Array
-    # (1 + m,) load over its size at the end of the reach
-    load: Array
-    # (1 + m,) variance of `load`
-    variance: Array
+    position: Array  # (m,) travel past the toe, over the reach
+    load: Array  # (1 + m,) load over its size at the end of the reach
+    variance: Array  # (1 + m,) variance of `load`
 
 
 def find_contact(travel: Array, load: Array, rest: int, length_m: float, latest_m: float) -> Contact:
@@ -84,8 +71,7 @@ def find_contact(travel: Array, load: Array, rest: int, length_m: float, latest_
     return min(found, key=lambda contact: contact.sd_m)
 
 
-def _within(travel: Array, load: Array, noise: float, length_m: float, limit: float,
-            reach: float) -> Contact | None:
+def _within(travel: Array, load: Array, noise: float, length_m: float, limit: float, reach: float) -> Contact | None:
     """The contact from the curve up to `reach`, the samples of the toe chosen again until they stay."""
     at, sd, zero = limit / 2, limit, float(load[0])
     for _ in range(6):

@@ -10,29 +10,22 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
-# share of the largest strain, at either turning point, over which the resistance is read
-_TURN = 0.10
-# fewest turning points for a course of three parameters
-_FEWEST = 5
-# probability of a larger misfit below which the course is no single exponential
-_DOUBTFUL = 0.01
+_TURN = 0.10  # share of the largest strain, at either turning point, over which the resistance is read
+_FEWEST = 5  # fewest turning points for a course of three parameters
+_DOUBTFUL = 0.01  # probability of a larger misfit below which the course is no single exponential
 
 
 @dataclass(frozen=True)
 class ResistanceHistory:
     """R(k) = R_inf + (R_0 - R_inf) exp(-k/k_c) over k cycles."""
 
-    # resistance at first and in the end, Ohm
-    first_Ohm: float
-    settled_Ohm: float
-    # cycles after which 1/e of the change is left
-    cycles: float
-    # standard errors of the three, same units
-    sd: tuple[float, float, float]
-    # probability of a larger misfit under the noise of the readings
-    likely: float
+    first_Ohm: float  # resistance at first, Ohm
+    settled_Ohm: float  # resistance in the end, Ohm
+    cycles: float  # cycles after which 1/e of the change is left
+    sd: tuple[float, float, float]  # standard errors of the three, same units
+    likely: float  # probability of a larger misfit under the noise of the readings
 
     def at(self, cycle: Array) -> Array:
         """R, Ohm, after `cycle` cycles (n,)."""
@@ -43,20 +36,15 @@ class ResistanceHistory:
 class Turns:
     """Resistance at the turning points of one side."""
 
-    # (m,) cycles behind each
-    cycle: Array
-    # (m,) resistance at the turning strain, Ohm
-    resistance_Ohm: Array
-    # (m,) its standard error, Ohm
-    sd_Ohm: Array
+    cycle: Array  # (m,) cycles behind each
+    resistance_Ohm: Array  # (m,) resistance at the turning strain, Ohm
+    sd_Ohm: Array  # (m,) its standard error, Ohm
 
 
 def turning_points(strain: Array, resistance: Array) -> tuple[Turns, Turns]:
     """Resistance at rest, before the first cycle and after each, and at the peaks, from samples (n,) of both in order.
-
     Near each turning point R is a straight line in the strain, read where the strain turns. ValueError where there is
-    no cycle.
-    """
+    no cycle."""
     largest = float(strain.max())
     low, high = _groups(strain < _TURN * largest), _groups(strain > (1 - _TURN) * largest)
     if len(low) < 2 or not high:
@@ -122,10 +110,8 @@ def cycle_table(rest: Turns, peak: Turns) -> dict[str, Array]:
 
 
 def settling_facts(rest: Turns, peak: Turns, doubt: float = 0.0) -> dict[str, float]:
-    """First, last and settled resistance at rest, the change by the last cycle, and the course's numbers.
-
-    `doubt` is the standard deviation of where a strip rests between cycles, over the largest travel.
-    """
+    """First, last and settled resistance at rest, the change by the last cycle, and the course's numbers. `doubt` is
+    the standard deviation of where a strip rests between cycles, over the largest travel."""
     value = rest.resistance_Ohm
     out = {"resistance_first_Ohm": float(value[0]), "resistance_settled_Ohm": float(value[-1]),
            "cycles": float(value.size - 1), "resistance_last_change": float(value[-1] / value[-2] - 1)}

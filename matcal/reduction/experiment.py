@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.vocabulary import KINDS
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 _OPTIONAL = ("time_s", "samples", "deviation", "lateral", "held")
 
@@ -20,16 +18,12 @@ _OPTIONAL = ("time_s", "samples", "deviation", "lateral", "held")
 class Experiment:
     """One specimen in one mode; a relaxation has time and stress, a conductivity test strain and conductivity."""
 
-    # one of KINDS
-    kind: str
-    # (n,) nominal strain, compression negative (gamma for shear, J for volumetric)
-    strain: Array
-    # (n,) nominal stress, Pa, compression negative (pressure-negative for volumetric); conductivity: c, S/m
-    value: Array
+    kind: str  # one of KINDS
+    strain: Array  # (n,) nominal strain, compression negative (gamma for shear, J for volumetric)
+    value: Array  # (n,) nominal stress, Pa, compression negative (minus pressure for volumetric); conductivity: c, S/m
     # (n,) time from the start of loading, s; None where the file has no clock (then no rate correction is possible)
     time_s: Array | None = None
-    # file name(s) it came from
-    source: tuple[str, ...] = ()
+    source: tuple[str, ...] = ()  # file name(s) it came from
     # standard deviation of the noise of `value`, same unit, estimated from the record; None where it cannot be
     noise: float | None = None
     # (n,) raw samples averaged into each value, where these differ: `noise` is then that of one sample and value k has
@@ -37,19 +31,17 @@ class Experiment:
     samples: Array | None = None
     # (n,) scatter of `value` from specimen to specimen where the file states it, same unit; None where it does not
     deviation: Array | None = None
-    # (n,) nominal strain of the free faces, measured beside a uniaxial, planar or biaxial test; None where it was not
+    # (n,) nominal strain of the free faces, measured in a uniaxial, planar or biaxial test; None where it was not
     lateral: Array | None = None
     # (n,) 1 where the strain of a relaxation is held, 0 on the ramps between the holds; None where nothing is held
     held: Array | None = None
     # column -> (m,) values, one row a cycle, of a cyclic test: cycle, resistance_rest_Ohm, resistance_peak_Ohm, their
     # fitted courses fit_*; or cycle, loss_Pa, residual_strain, peak_stress_Pa. None where nothing is cycled
     cycles: Mapping[str, Array] | None = None
-    # every correction applied and decision taken, one sentence each, in order
-    decisions: tuple[str, ...] = ()
+    decisions: tuple[str, ...] = ()  # every correction applied and decision taken, one sentence each, in order
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
     facts: Mapping[str, float] = field(default_factory=dict)
-    # every file that was read for it, sizes included; empty for arrays
-    files: tuple[Path, ...] = ()
+    files: tuple[Path, ...] = ()  # every file that was read for it, sizes included; empty for arrays
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -69,7 +61,6 @@ class Experiment:
 
 
 def _table(kind: str, columns: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Columns of one length, read-only."""
     out = {name: np.array(values, dtype=float, ndmin=1) for name, values in columns.items()}
     if len({values.shape for values in out.values()}) > 1:
         raise ValueError(f"experiment '{kind}': the columns of its cycles must have one length, got "

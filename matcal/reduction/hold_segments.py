@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.statistics.block_means import sample_noise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # share of the largest travel within which a held crosshead stays, and how much slower than the ramp it moves there
 _STILL, _SLOWER = 2e-3, 0.1
@@ -15,10 +13,8 @@ _STILL, _SLOWER = 2e-3, 0.1
 
 def find_holds(time: Array, travel: Array) -> list[tuple[int, int]]:
     """(first sample, one past the last) of every hold after the first motion of a record (n,) of time, s, and travel.
-
     In a hold the travel stays within 0.2 % of the largest (or within its noise), for at least ten times what the mean
-    speed of the ramp before it would need to cross that band, and is away from where the record began.
-    """
+    speed of the ramp before it would need to cross that band, and is away from where the record began."""
     largest = float(np.abs(travel).max())
     band = max(_STILL * largest, 6 * sample_noise(travel))
     out, at, ramp_from = [], 0, 0

@@ -119,7 +119,8 @@ def print_description(path: str, found: dict[str, Any]) -> None:
     console.width = console.width if console.is_terminal else 120
     parts = f" in {len(found['files'])} parts" if len(found["files"]) > 1 else ""
     console.print(Text(path, style="bold"))
-    console.print(f"  {_title(found['layout'])}, {found['rows']:,} rows{parts} from line {found['first_line']}")
+    title = next(reader.title for reader in vendors.READERS if reader.name == found["layout"])
+    console.print(f"  {title}, {found['rows']:,} rows{parts} from line {found['first_line']}")
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name, side in (("quantity", "left"), ("column", "left"), ("from", "right"), ("to", "right"), ("unit", "left")):
         table.add_column(name, justify=side)  # type: ignore[arg-type]
@@ -136,12 +137,7 @@ def print_description(path: str, found: dict[str, Any]) -> None:
     console.print(Padding(facts, (0, 2, 1, 2), expand=False))
 
 
-def _title(layout: str) -> str:
-    return next(reader.title for reader in vendors.READERS if reader.name == layout)
-
-
 def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:
-    """(name, sentence) of everything but the columns."""
     reason = found["kind_reason"]
     out = [("taken for", reason.partition(": ")[2] if found["kind"] else reason[:1].upper() + reason[1:])]
     if "specimen" in found:

@@ -1,4 +1,4 @@
-"""Loadings of a cyclic test: one of them kept, loss and set of all of them told."""
+"""Loadings of a cyclic test: one of them kept, loss and set of all of them reported."""
 
 from __future__ import annotations
 
@@ -6,43 +6,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.statistics.block_means import block_means
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# which loading of a cyclic test is used
-BRANCHES = ("last", "first")
-# samples that are averaged to see where the stress passes zero
-_SMOOTH = 10
-# share of its largest strain below which a specimen counts as unloaded
-_UNLOADED = 0.7
-# strains of a later loading above zero stress over which its start is read, and fewest samples there
-_START, _FEWEST = 0.03, 8
+BRANCHES = ("last", "first")  # which loading of a cyclic test is used
+_SMOOTH = 10  # samples that are averaged to see where the stress passes zero
+_UNLOADED = 0.7  # share of its largest strain below which a specimen counts as unloaded
+_START, _FEWEST = 0.03, 8  # strains of a later loading above zero stress that show its start, fewest samples there
 
 
 @dataclass(frozen=True)
 class Loading:
     """The corrected record from contact on, signs as in `Experiment`."""
 
-    # (n,) time since contact, s; None where the file has no clock
-    time_s: Array | None
-    # (n,) nominal strain, compression negative
-    strain: Array
-    # (n,) nominal stress, Pa, compression negative
-    stress_Pa: Array
-    # index of the first sample at the end of the loading
-    end: int
-    # standard deviation of the noise of one sample of stress, Pa
-    noise_Pa: float
-    # sentences and numbers of the reduction
-    decisions: tuple[str, ...]
-    facts: Mapping[str, float]
+    time_s: Array | None  # (n,) time since contact, s; None where the file has no clock
+    strain: Array  # (n,) nominal strain, compression negative
+    stress_Pa: Array  # (n,) nominal stress, Pa, compression negative
+    end: int  # index of the first sample at the end of the loading
+    noise_Pa: float  # standard deviation of the noise of one sample of stress, Pa
+    decisions: tuple[str, ...]  # sentences of the reduction
+    facts: Mapping[str, float]  # its numbers
     # one row a cycle where the test has several: cycle, peak_stress_Pa, loss_Pa, residual_strain; else None
     cycles: Mapping[str, Array] | None = None
-    # whether it begins without stress
-    from_rest: bool = True
+    from_rest: bool = True  # whether it begins without stress
 
 
 def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, length_m: float) -> Loading:
@@ -61,28 +48,23 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     begin, end = spans[-1]
     start = _zero_crossing(record, begin, end)
     side = 1.0 if record.strain[record.end] > 0 else -1.0
+    chosen = (f"The last of {len(spans)} loadings is used, the ones before being its preconditioning (--branch first "
+              "takes the first). ")
     if start is None:
-        return _not_from_rest(record, begin, end, cycles, facts, len(spans))
+        said = (f"{chosen}The stress does not return to zero before it, so its strain is counted from the first "
+                "contact and its clock is left out: no rate correction is possible.")
+        return replace(record, time_s=None, strain=record.strain[begin:end + 1], end=end - begin, cycles=cycles,
+                       stress_Pa=record.stress_Pa[begin:end + 1], facts=facts, from_rest=False,
+                       decisions=(*record.decisions, said, *_sentences(cycles)))
     first, at = start
     facts |= {"residual_strain": side * at}
-    said = (f"The last of {len(spans)} loadings is used, the ones before being its preconditioning (--branch first "
-            f"takes the first). It begins to carry load at a strain of {side * at:.4f}, the set that is left; its "
-            f"strain is counted from there, over the original length of {length_m * 1e3:.4g} mm, and its history from "
-            "there as from rest: what the cycles before left unrelaxed is not corrected for.",)
+    said = (f"{chosen}It begins to carry load at a strain of {side * at:.4f}, the set that is left; its strain is "
+            f"counted from there, over the original length of {length_m * 1e3:.4g} mm, and its history from there as "
+            "from rest: what the cycles before left unrelaxed is not corrected for.")
     time = None if record.time_s is None else record.time_s[first:end + 1] - record.time_s[first]
     return replace(record, time_s=time, strain=record.strain[first:end + 1] - side * at,
                    stress_Pa=record.stress_Pa[first:end + 1], end=end - first, cycles=cycles, facts=facts,
-                   decisions=record.decisions + said + _sentences(cycles))
-
-
-def _not_from_rest(record: Loading, begin: int, end: int, cycles: Mapping[str, Array] | None,
-                   facts: Mapping[str, float], count: int) -> Loading:
-    said = (f"The last of {count} loadings is used, the ones before being its preconditioning (--branch first takes "
-            "the first). The stress does not return to zero before it, so its strain is counted from the first contact "
-            "and its clock is left out: no rate correction is possible.",)
-    return replace(record, time_s=None, strain=record.strain[begin:end + 1], stress_Pa=record.stress_Pa[begin:end + 1],
-                   end=end - begin, cycles=cycles, facts=facts, from_rest=False,
-                   decisions=record.decisions + said + _sentences(cycles))
+                   decisions=(*record.decisions, said, *_sentences(cycles)))
 
 
 def _zero_crossing(record: Loading, begin: int, end: int) -> tuple[int, float] | None:

@@ -6,7 +6,6 @@ Of a cyclic test one loading is kept, the last or the first; preconditioning is 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.reduction.contact_point import Contact, find_contact
@@ -16,20 +15,16 @@ from matcal.reduction.size_checks import check_reach, check_sizes, fix_of_sizes
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.statistics.block_means import block_means, sample_noise
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
-
-# fewer samples than this before contact do not make a zero
-_ENOUGH = 20
+_ENOUGH = 20  # fewer samples than this before contact do not make a zero
 
 
 def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
-    """Strain and stress of a block from displacement, force and time, from contact on or over one later loading.
-
-    Raises InputFileError where a column is missing or constant, nothing moves or is touched, or nothing tells
-    compression from tension; ValueError for an unknown branch.
-    """
+    """Strain and stress of a block from displacement, force and time, from contact on or over one later loading. Raises
+    InputFileError where a column is missing or constant, nothing moves or is touched, or nothing tells compression from
+    tension; ValueError for an unknown branch."""
     if branch not in BRANCHES:
         raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
     stroke = _stroke(recording)
@@ -48,18 +43,15 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
         contact, moved = _contact(stroke, load, block, noise, notes)
     except ValueError as error:
         raise InputFileError(
-            recording.paths[0],
-            f"{error}, so the contact cannot be found. Check {fix_of_sizes(kind)} "
-            "and the unit of the displacement; if they are right, give preload_N "
-            "and the height at it, or a record with more samples.",
+            recording.paths[0], f"{error}, so the contact cannot be found. Check {fix_of_sizes(kind)} and the unit of "
+            "the displacement; if they are right, give preload_N and the height at it, or a record with more samples."
         ) from None
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
     first = int(np.argmax(moved >= contact.travel_m))
     check_reach(kind, recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
     facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
-             "zero_sd_N": contact.zero_sd_N,
-             "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
+             "zero_sd_N": contact.zero_sd_N, "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
              "strain_zero_sd": contact.sd_m / block.length_m, "area_mm2": block.area_m2 * 1e6,
              "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
     if drift_sd is not None:
@@ -161,7 +153,7 @@ def _contact_time(time: Array, moved: Array, first: int, at: float) -> float:
 
 def _direction(kind: str, recording: Recording, block: Block, sign: float,
                load_sign: float) -> tuple[float, tuple[str, ...]]:
-    """-1 for compression, 1 for tension and shear, and what it was told from."""
+    """-1 for compression, 1 for tension and shear, and what says so."""
     if kind == "shear":
         return 1.0, ()
     if kind == "volumetric":

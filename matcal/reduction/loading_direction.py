@@ -6,11 +6,10 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 DIRECTIONS = ("compression", "tension")
 SIGNS = {"compression": -1.0, "tension": 1.0}
 # how the sentence begins that says that a direction was assumed; `matcal.record.cautions` repeats it

@@ -11,8 +11,7 @@ from matcal.reduction.specimen import Block
 from matcal.statistics.block_means import block_means, equal_blocks
 from touchcal.errors import InputFileError
 
-# points left of a loading, and the strain below which the toe is not the material's
-_POINTS, _TOE_STRAIN = 200, 0.01
+_POINTS, _TOE_STRAIN = 200, 0.01  # points left of a loading, and the strain below which the toe is not the material's
 
 
 def reduce_quasistatic(kind: str, recording: Recording, block: Block, branch: str = "last") -> Experiment:

@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples
 from matcal.reduction.loading_direction import ASSUMED, densifies, named_direction, words_about
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
-
-# a strain beyond this is another quantity, or in another unit
-_LARGEST_STRAIN = 20.0
+_LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another unit
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 
 def reduce_table(kind: str, recording: Recording) -> Experiment:
     """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative.
-
-    InputFileError where a column is missing or constant, signs disagree, or a number cannot be what its column says.
-    """
+    InputFileError where a column is missing or constant, signs disagree, or a number cannot be what its column says."""
     notes = list(recording.notes)
-    read: Callable[[str, Recording, list[str]], tuple[Array, Array]] = (
-        _volumetric if kind == "volumetric" else _strain_and_value)
-    strain, value = read(kind, recording, notes)
+    strain, value = (_volumetric if kind == "volumetric" else _strain_and_value)(kind, recording, notes)
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation"):
         strain, value = _compression_negative(kind, recording, strain, value, notes)
@@ -45,7 +37,6 @@ def reduce_table(kind: str, recording: Recording) -> Experiment:
 
 
 def _strain_and_value(kind: str, recording: Recording, notes: list[str]) -> tuple[Array, Array]:
-    """Nominal strain (gamma) and stress or conductivity."""
     columns = dict(recording.columns)
     if "strain" not in columns and "stretch" in columns:
         if kind == "shear":
@@ -85,7 +76,6 @@ def _volumetric(kind: str, recording: Recording, notes: list[str]) -> tuple[Arra
 
 
 def _check(kind: str, recording: Recording, strain: Array, value: Array) -> None:
-    """Whether the columns can be what they say."""
     what = {"shear": "gamma", "volumetric": "J"}.get(kind, "strain")
     if strain.size < 3:
         raise _error(recording, f"{strain.size} rows are no curve. A fit needs at least three.")

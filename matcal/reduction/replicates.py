@@ -6,16 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.reduction.experiment import Experiment
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# points of the common range
-_POINTS = 60
-# specimens below which a standard deviation says little
-_FEW = 4
+_POINTS = 60  # points of the common range
+_FEW = 4  # specimens below which a standard deviation says little
 _COMPARED = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "conductivity")
 
 
@@ -23,26 +19,18 @@ _COMPARED = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "conductivi
 class Scatter:
     """What the specimens of one kind share and how they differ; descriptive, nothing is fitted to them."""
 
-    # one of experiment.KINDS
-    kind: str
-    # (m,) strain (gamma, J) over the range that all specimens cover
-    strain: Array
-    # (m,) mean of their values and standard deviation from specimen to specimen, Pa (S/m)
-    mean: Array
-    sd: Array
-    # (k,) each specimen's value over the mean, least squares over the range
-    factor: Array
-    # standard deviation of `factor`
-    factor_sd: float
-    # rms over the range of what a factor does not explain, of the rms of the mean
-    shape_sd: float
+    kind: str  # one of experiment.KINDS
+    strain: Array  # (m,) strain (gamma, J) over the range that all specimens cover
+    mean: Array  # (m,) mean of their values, Pa (S/m)
+    sd: Array  # (m,) standard deviation from specimen to specimen, same unit
+    factor: Array  # (k,) each specimen's value over the mean, least squares over the range
+    factor_sd: float  # standard deviation of `factor`
+    shape_sd: float  # rms over the range of what a factor does not explain, of the rms of the mean
 
 
 def scatter(experiments: Sequence[Experiment], kind: str) -> Scatter | None:
     """Between-specimen scatter of all experiments of a kind; None for fewer than two or without a common range.
-
-    Compression and tension are kept apart: only specimens strained to the side of the first are compared.
-    """
+    Compression and tension are kept separate: only specimens strained to the side of the first are compared."""
     rest = 1.0 if kind == "volumetric" else 0.0
     chosen = [e for e in experiments if e.kind == kind]
     chosen = [e for e in chosen if _side(e, rest) == _side(chosen[0], rest)]
@@ -83,7 +71,7 @@ def _sentence(found: Scatter, factor: float) -> str:
     what = "J" if found.kind == "volumetric" else "gamma" if found.kind == "shear" else "strains"
     return (f"One of {found.factor.size} {found.kind} specimens: its values are {factor:.3f} times their mean for "
             f"{what} {lo:.3f} to {hi:.3f}; such factors have a standard deviation of {found.factor_sd:.3f}, and shapes "
-            f"differ beyond them by {found.shape_sd:.1%} of the rms.{few}")
+            f"differ on top of them by {found.shape_sd:.1%} of the rms.{few}")
 
 
 def _side(experiment: Experiment, rest: float) -> float:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke
 from matcal.statistics.block_means import sample_noise
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
-
-# a loading that ends below is no test of foam, nor is one beyond, nor a stress above, Pa
+# a loading that ends below is no test of foam, nor is one above the next, nor a stress above, Pa
 _LEAST_STRAIN, _LARGEST_STRAIN, _LARGEST_STRESS = 0.03, 20.0, 1e9
 # kind -> keys of the specimen's table behind its length and its area
 _KEYS = {"shear": ("thickness_mm", "faces, length_mm and width_mm"), "volumetric": ("height_mm or volume_mm3",
@@ -30,10 +28,8 @@ def fix_of_sizes(kind: str) -> str:
 
 def check_sizes(kind: str, recording: Recording, block: Block, stroke: Stroke, load: Array, sign: float) -> None:
     """InputFileError where the whole travel is no strain, where the travel under load is more than the specimen has,
-    where the frame would give more than the travel, or where the stress is beyond that of any foam.
-
-    `load` (n,), N, grows in the direction of loading; `sign` is -1 for compression.
-    """
+    where the frame would give more than the travel, or where the stress is more than that of any foam. `load` (n,), N,
+    grows in the direction of loading; `sign` is -1 for compression."""
     length, area = _KEYS.get(kind, _DISC)
     moving = slice(stroke.start, stroke.end + 1)
     travel, rise = stroke.travel[moving], load[moving] - float(np.median(load[:max(stroke.start, 1)]))

@@ -20,8 +20,7 @@ _DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compli
          "direction"}
 # ways to give a cross-section, the first that a table has counts and the others must agree
 SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
-# areas that differ by less are one
-SAME = 0.01
+SAME = 0.01  # areas that differ by less are one
 # table -> keys it may hold
 KEYS = {
     "uniaxial": _DISC,
@@ -39,32 +38,22 @@ KEYS = {
 class Block:
     """A specimen under load: stress = force/area, strain = displacement/length."""
 
-    # loaded area (all faces together in shear, the piston's on a fluid), m2
-    area_m2: float
-    # height, or thickness in shear, length between the grips of a sheet, volume over piston area in a fluid, m
-    length_m: float
-    # what the frame itself gives per newton, m/N
-    compliance_m_per_N: float = 0.0
-    # load at which the height was measured, N; 0 where the contact point is looked for
-    preload_N: float = 0.0
-    # one of DIRECTIONS, or None where the file must tell
-    direction: str | None = None
-    # mean stress over axial stress of a volumetric test: 1 in a fluid, (1 + 2 lateral_ratio)/3 in a sleeve
-    mean_share: float = 1.0
-    # what the sizes say about the test, one sentence each
-    notes: tuple[str, ...] = ()
+    area_m2: float  # loaded area (all faces together in shear, the piston's on a fluid), m2
+    length_m: float  # height, m; thickness in shear, length between grips of a sheet, volume over piston area in fluid
+    compliance_m_per_N: float = 0.0  # what the frame itself gives per newton, m/N
+    preload_N: float = 0.0  # load at which the height was measured, N; 0 where the contact point is looked for
+    direction: str | None = None  # one of DIRECTIONS, or None where the file must tell
+    mean_share: float = 1.0  # mean over axial stress, volumetric: 1 in a fluid, (1 + 2 lateral_ratio)/3 in a sleeve
+    notes: tuple[str, ...] = ()  # what the sizes say about the test, one sentence each
 
 
 @dataclass(frozen=True)
 class Strip:
     """A coated strip under voltage."""
 
-    # length between the electrodes, m
-    length_m: float
-    # cross-section of the coating ring at its constant thickness, 2 (width + thickness) x coating, m2
-    ring_area_m2: float
-    # applied voltage, V; None where the potentiostat's own column is to be used
-    voltage_V: float | None = None
+    length_m: float  # length between the electrodes, m
+    ring_area_m2: float  # cross-section of the coating ring, m2: 2 (width + thickness) x coating, of constant thickness
+    voltage_V: float | None = None  # applied voltage, V; None where the potentiostat's own column is to be used
 
 
 def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
@@ -126,12 +115,9 @@ def _volume(table: Mapping[str, Any], size: Callable[..., float], compliance: fl
     """A volumetric test from force and travel: J = 1 + (change of volume)/volume."""
     method = table.get("method")
     if method not in METHODS:
-        raise InputFileError(
-            path,
-            f"[volumetric] method = {method!r} does not tell what the force is: write method = "
-            '"hydrostatic" (piston on a fluid: piston_diameter_mm, volume_mm3) or "confined" '
-            "(specimen in a rigid sleeve: diameter_mm, height_mm, lateral_ratio).",
-        )
+        raise InputFileError(path, f"[volumetric] method = {method!r} does not tell what the force is: write method = "
+                                   '"hydrostatic" (piston on a fluid: piston_diameter_mm, volume_mm3) or "confined" '
+                                   "(specimen in a rigid sleeve: diameter_mm, height_mm, lateral_ratio).")
     if method == "hydrostatic":
         piston = np.pi * (size("piston_diameter_mm") * 1e-3) ** 2 / 4
         return Block(piston, size("volume_mm3") * 1e-9 / piston, compliance, preload, "compression", notes=(
@@ -139,7 +125,7 @@ def _volume(table: Mapping[str, Any], size: Callable[..., float], compliance: fl
             "fluid's own compression counts only as far as the compliance covers it.",))
     if "lateral_ratio" not in table:
         raise InputFileError(path, "[volumetric] method = \"confined\" measures the axial stress, but the mean stress "
-                                   "is wanted: add lateral_ratio, lateral over axial stress (nu/(1 - nu) at small "
+                                   "is required: add lateral_ratio, lateral over axial stress (nu/(1 - nu) at small "
                                    "strain; 0 for a foam with nu = 0, for which uniaxial= says the same).")
     ratio = size("lateral_ratio", 0.0)
     said = (f"Confined: J = 1 + axial strain, mean stress = axial stress x (1 + 2 x {ratio:g})/3 with the "
@@ -159,9 +145,8 @@ def _same_area(table: Mapping[str, Any], size: Callable[..., float], ways: Seque
         if (stray := [key for key in way if key in table]) and way not in whole and not any(
                 set(stray) <= set(other) for other in whole):
             needed = next(key for key in way if key not in table)
-            raise InputFileError(
-                path, f"[{kind}] {stray[0]} has no effect without {needed}. Add that, or leave it out."
-            )
+            raise InputFileError(path, f"[{kind}] {stray[0]} has no effect without {needed}. Add that, or leave it "
+                                       "out.")
     areas = {way: _area_of(way, size) for way in whole}
     first, *others = areas
     for other in others:

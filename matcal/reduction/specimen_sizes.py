@@ -1,4 +1,4 @@
-"""Which sizes belong to a test: those given, the file's own, or a TOML beside it; and what to do where they differ."""
+"""Which sizes belong to a test: those given, the file's own, or a TOML next to it; and what to do where they differ."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def specimen_of(kind: str, recording: Recording,
     """Sizes for `kind`, sentences that say where they are from, and the files that were used.
 
     `given` comes first, and a file that states other sizes is mentioned; without it a TOML of the file's name, else
-    specimen.toml beside it, where the two must agree. A table that lacks a size is completed by the file's own, and
+    specimen.toml next to it, where the two must agree. A table that lacks a size is completed by the file's own, and
     where no table is there the file's own serve alone. InputFileError where two sources differ, or sizes are missing.
     """
     own, path = own_table(kind, recording.properties), recording.paths[0]
@@ -61,14 +61,12 @@ def own_table(kind: str, sizes: Mapping[str, float]) -> dict[str, float]:
         if size in sizes:
             out.setdefault(key, sizes[size] * (1e6 if key == "area_mm2" else 1e3))
     if kind in ("uniaxial", "relaxation") and "diameter_mm" in out and "width_mm" not in out and "depth_mm" in out:
-        # a disc's thickness is its height
-        out.setdefault("height_mm", out["depth_mm"])
+        out.setdefault("height_mm", out["depth_mm"])  # a disc's thickness is its height
     lone = {"width_mm", "depth_mm"} - set(out) if kind in ("uniaxial", "relaxation") else set()
     return {key: value for key, value in out.items() if not (lone and key in ("width_mm", "depth_mm"))}
 
 
 def _table(kind: str, path: Path, given: Path | None) -> tuple[Path | None, Mapping[str, Any] | None]:
-    """The TOML that counts and its table of `kind`."""
     if given is not None:
         return given, read_tables(given).get(kind)
     for candidate in (path.with_suffix(".toml"), path.parent / "specimen.toml"):
@@ -84,11 +82,8 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
         sizes = make_specimen(kind, own, path)
     except InputFileError as error:
         if own:
-            raise InputFileError(
-                path,
-                f"{error.problem} The file itself states {_words(recording.properties)}; a table "
-                f"[{kind}] in --specimen specimen.toml completes it.",
-            ) from None
+            raise InputFileError(path, f"{error.problem} The file itself states {_words(recording.properties)}; a "
+                                       f"table [{kind}] in --specimen specimen.toml completes it.") from None
         if given is not None:
             raise InputFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
                                         f"{_wanted(kind)}.") from None

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment
@@ -15,9 +14,8 @@ from matcal.reduction.load_cycles import Loading
 from matcal.reduction.load_frame import correct
 from matcal.reduction.specimen import Block
 from matcal.statistics.block_means import Edges, block_means, log_blocks
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # points left of each hold and, at most, of each ramp, and the strain below which the toe is not the material's
 _POINTS, _RAMP, _TOE_STRAIN = 120, 300, 0.01
@@ -27,7 +25,7 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
     """Nominal stress against time of ramps and holds, with the strain history that belongs to it; `held` marks the
     holds.
 
-    A ramp keeps its samples (means of them beyond 300): its stress is far from linear in time for a foam that
+    A ramp keeps its samples (means of them above 300): its stress is far from linear in time for a foam that
     densifies, so a fit should convolve the whole history rather than assume a step or a linear ramp. Each hold is
     thinned to means of blocks equal in the log of the time since it began, `samples` says of how many. Raises
     InputFileError as `matcal.reduction.load_frame.correct`, and where there is no clock or no hold.

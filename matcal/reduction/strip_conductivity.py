@@ -6,42 +6,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.conductivity import strip_conductivity
 from matcal.readers.recording import Recording
-from matcal.reduction.clock_alignment import (
-    Shift,
-    combined,
-    shift_by_break,
-    shift_by_motion,
-    shift_with_backlash,
-    with_backlash,
-)
+from matcal.reduction import clock_alignment
+from matcal.reduction.clock_alignment import Shift
 from matcal.reduction.cyclic_resistance import Turns, cycle_table, settling_facts, settling_sentences, turning_points
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.specimen import Strip
 from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.statistics.block_means import block_means, equal_blocks, sample_noise
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
-
 _POINTS = 100
-# from this many loadings on a test is the cyclic stage
-_CYCLIC = 3
+_CYCLIC = 3  # from this many loadings on a test is the cyclic stage
 
 
 @dataclass(frozen=True)
 class _Circuit:
     """The electrical record while the strip was whole."""
 
-    # (n,) time on the potentiostat's clock, s
-    time_s: Array
-    # (n,) conductance, S
-    conductance_S: Array
-    # what was assumed
-    notes: tuple[str, ...]
+    time_s: Array  # (n,) time on the potentiostat's clock, s
+    conductance_S: Array  # (n,) conductance, S
+    notes: tuple[str, ...]  # what was assumed
 
 
 def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
@@ -62,9 +50,9 @@ def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
     shift = _align(frame, pot, circuit, strain, cyclic)
     facts, said = {}, []
     if cyclic and frame is not pot:
-        shift, slack, slack_sd = shift_with_backlash(frame.columns["time"], stroke.travel, strip.length_m,
-                                                     circuit.time_s, circuit.conductance_S, shift)
-        strain = with_backlash(stroke.travel, slack) / strip.length_m
+        shift, slack, slack_sd = clock_alignment.shift_with_backlash(
+            frame.columns["time"], stroke.travel, strip.length_m, circuit.time_s, circuit.conductance_S, shift)
+        strain = clock_alignment.with_backlash(stroke.travel, slack) / strip.length_m
         facts = {"backlash_mm": slack * 1e3, "backlash_sd_mm": slack_sd * 1e3}
         said = [f"Backlash of the crosshead at its reversals, {slack * 1e3:.3f} ± {slack_sd * 1e3:.3f} mm by the best "
                 "agreement of conductance with motion: after each reversal the strip is taken to stand still until it "
@@ -137,13 +125,13 @@ def _align(frame: Recording, pot: Recording, circuit: _Circuit, strain: Array, c
         return Shift(0.0, 0.0, "one file, one clock")
     time = frame.columns["time"]
     try:
-        moved = shift_by_motion(time, strain, circuit.time_s, circuit.conductance_S, cyclic)
+        moved = clock_alignment.shift_by_motion(time, strain, circuit.time_s, circuit.conductance_S, cyclic)
     except ValueError as error:
         raise InputFileError(pot.paths[0], f"{error}. Check that both files belong to one test.") from None
     if cyclic or "force" not in frame.columns:
         return moved
-    torn = shift_by_break(time, frame.columns["force"], pot.columns["time"], pot.columns["current"])
-    return moved if torn is None else combined(moved, torn)
+    torn = clock_alignment.shift_by_break(time, frame.columns["force"], pot.columns["time"], pot.columns["current"])
+    return moved if torn is None else clock_alignment.combined(moved, torn)
 
 
 def _span(time: Array, stroke: Stroke, cyclic: bool) -> tuple[float, float]:

@@ -5,32 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.statistics.block_means import sample_noise
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# a loading passes the upper share of the largest travel after the travel was below the lower one
-_UPPER, _LOWER = 0.75, 0.60
+_UPPER, _LOWER = 0.75, 0.60  # a loading passes the upper share of the largest travel after being below the lower
 
 
 @dataclass(frozen=True)
 class Stroke:
     """Where the loadings of a record lie."""
 
-    # (n,) travel from rest, m, positive in the direction of loading
-    travel: Array
-    # 1.0 where the file's displacement grows under load, -1.0 where it falls
-    sign: float
-    # index of the first sample that moves
-    start: int
-    # index of the first sample at the end of the first loading
-    end: int
-    # (first sample, first sample at the end) of every loading; the first is (start, end)
-    spans: tuple[tuple[int, int], ...]
-    # noise of the displacement, m
-    noise_m: float
+    travel: Array  # (n,) travel from rest, m, positive in the direction of loading
+    sign: float  # 1.0 where the file's displacement grows under load, -1.0 where it falls
+    start: int  # index of the first sample that moves
+    end: int  # index of the first sample at the end of the first loading
+    spans: tuple[tuple[int, int], ...]  # (first sample, first at the end) of every loading; the first is (start, end)
+    noise_m: float  # noise of the displacement, m
 
     @property
     def loadings(self) -> int:

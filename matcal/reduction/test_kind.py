@@ -1,4 +1,4 @@
-"""Which kind of test a file holds: said by the user, by the file, by a TOML beside it, or by its name."""
+"""Which kind of test a file holds: said by the user, by the file, by a TOML next to it, or by its name."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[
         path = recordings[0].paths[0]
         return _known(explicit, f"{explicit}={path.name}"), f"{recordings[0].label}: {explicit}, as given."
     for recording in recordings:
-        if (told := _told_by(recording)) is not None:
-            return told
+        if (found := _told_by(recording)) is not None:
+            return found
     path = recordings[0].paths[0]
     raise InputFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
                                f"{', '.join(KINDS)}.")

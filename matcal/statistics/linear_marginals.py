@@ -7,9 +7,8 @@ further rows holds the marginal density, -r_last^2/2 - sum ln |r_ii|, and the co
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def triangles(columns: Array, target: Array, root: Array, mean: Array) -> Array:

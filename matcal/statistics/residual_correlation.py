@@ -1,8 +1,8 @@
-"""How correlated the residuals of a fit are, told from what the fit has left of them.
+"""How correlated the residuals of a fit are, judged by what the fit has left of them.
 
 A flexible law absorbs slow errors, so its residuals look less correlated than the errors were. Restricted maximum
 likelihood undoes that: errors of each curve are sigma^2 [(1 - w) rho^|i - j| + w delta_ij], slow ones with a length
--1/ln rho beside white ones, and the likelihood is that of the part of the data which no parameter can follow. It is
+-1/ln rho next to white ones, and the likelihood is that of the part of the data which no parameter can follow. It is
 averaged over a grid of lengths, shares and sizes, because few residuals do not pin them down; before looking, errors
 are as likely white as correlated.
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # points of a curve, or means of neighbouring ones where it has more; lengths, shares of white noise and sizes tried
 _MOST, _LENGTHS, _WHITE, _SIZES = 200, 8, (0.0, 0.03, 0.15, 0.5), np.exp(np.linspace(-1.5, 2.5, 25))
@@ -28,14 +28,10 @@ _MOST, _LENGTHS, _WHITE, _SIZES = 200, 8, (0.0, 0.03, 0.15, 0.5), np.exp(np.lins
 class Errors:
     """Covariance of the errors of one curve, in blocks of neighbouring points."""
 
-    # (m, m) covariance of the means over the blocks
-    covariance: Array
-    # (m,) first point of each block
-    first: NDArray[np.int64]
-    # independent errors of the same size that would be worth as much
-    effective_sample_size: float
-    # points of the curve
-    count: int
+    covariance: Array  # (m, m) covariance of the means over the blocks
+    first: NDArray[np.int64]  # (m,) first point of each block
+    effective_sample_size: float  # independent errors of the same size that would be worth as much
+    count: int  # points of the curve
 
     def of(self, gain: Array) -> Array:
         """(K, K) covariance of gain @ errors for gain (K, n)."""
@@ -57,8 +53,7 @@ class _Sums:
 def correlated_errors(residuals: Sequence[Array], slopes: Sequence[Array], prior: Array,
                       least: Sequence[float]) -> tuple[Errors, ...]:
     """Errors of each curve from its residual (n_k,), the slopes (n_k, K) of everything that was fitted, the precision
-    (K, K) of its prior in units of the residual's variance, and the least standard deviation that its noise has.
-    """
+    (K, K) of its prior in units of the residual's variance, and the least standard deviation that its noise has."""
     blocks = [_blocks(r, x) for r, x in zip(residuals, slopes, strict=True)]
     grids = [_grid(r.size) for r, _, _ in blocks]
     sums = [[_sums(correlation, r, x) for correlation in grid] for grid, (r, x, _) in zip(grids, blocks, strict=True)]
@@ -83,7 +78,7 @@ def _blocks(residual: Array, slopes: Array) -> tuple[Array, Array, NDArray[np.in
 
 
 def _grid(n: int) -> list[Array]:
-    """Correlation matrices (n, n): white, then slow ones of several lengths with some white noise beside them."""
+    """Correlation matrices (n, n): white, then slow ones of several lengths with some white noise added."""
     lags, out = np.arange(n), [np.eye(n)]
     for length in np.geomspace(0.7, max(n / 4, 1.0), _LENGTHS):
         slow = toeplitz(np.exp(-lags / length))
@@ -134,10 +129,8 @@ def _average(grid: Sequence[Array], weight: Array, unit: float, first: NDArray[n
 
 
 def integrated_autocorrelation_time(residual: Array) -> float:
-    """Integrated autocorrelation time 1 + 2 sum rho_k of residuals (n,) with known mean 0, at least 1.
-
-    The sum runs to the first window of five times itself (Sokal); n over it is the effective sample size.
-    """
+    """Integrated autocorrelation time 1 + 2 sum rho_k of residuals (n,) with known mean 0, at least 1. The sum runs to
+    the first window of five times itself (Sokal); n over it is the effective sample size."""
     n = residual.size
     power = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
     rho = np.fft.irfft(power)[:n]

@@ -10,19 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from matcal.fitting.hyperfoam.order_selection import EXPLODING as MOST
 from matcal.fitting.hyperfoam.variable_projection import Solve, least_moduli
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-# (N,) exponents -> (m, N) rows whose product with the moduli must not fall below a floor
-Rows = Callable[[Array], Array]
+Rows = Callable[[Array], Array]  # (N,) exponents -> (m, N) rows whose product with the moduli keeps a floor
 
-# least value of a stability row per mu_0
-FLOOR = 0.005
+FLOOR = 0.005  # least value of a stability row per mu_0
 
 
 def bounded_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
@@ -55,9 +52,7 @@ def bound_rows(alpha: Array) -> Array:
 
 def nearest(matrix: Array, free: Array, rows: Array, floor: Array | float) -> Array:
     """Moduli nearest to `free` in |matrix (mu - free)| with rows @ mu >= floor; zeros where no moduli satisfy that.
-
-    Raises NotConverged where the inner non-negative least squares do not end.
-    """
+    Raises NotConverged where the inner non-negative least squares do not end."""
     short = floor - rows @ free
     if np.all(short <= 0):
         return free

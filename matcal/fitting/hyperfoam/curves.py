@@ -7,43 +7,32 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.deformation_modes import MODES, design, hereditary_kernel, push_forward, second_piola
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 RESIDUALS = ("relative", "absolute", "deviation")
-# share of a curve's largest stress below which "deviation" divides by that floor instead of the stress
-_FLOOR = 0.05
-# share of the median stated deviation that counts as the least one
-_LEAST_DEVIATION = 0.2
-# most points of a curve with a hereditary kernel, which is a matrix of that size
-_MOST_POINTS = 5000
+_FLOOR = 0.05  # share of a curve's largest stress below which "deviation" divides by that floor instead of the stress
+_LEAST_DEVIATION = 0.2  # share of the median stated deviation that counts as the least one
+_MOST_POINTS = 5000  # most points of a curve with a hereditary kernel, which is a matrix of that size
 
 
 @dataclass(frozen=True)
 class Curve:
     """One experiment, weighed."""
 
-    # KIND_i, as in the card and its folder
-    label: str
-    # the reduced test
-    experiment: Experiment
+    label: str  # KIND_i, as in the card and its folder
+    experiment: Experiment  # the reduced test
     # (n,) stress that counts as one unit of residual, Pa; over all curves the squares of residual/scale sum to a mean
     scale_Pa: Array
-    # share of this curve in the sum of squares; all curves together have 1
-    weight: float
-    # what one unit of residual is, in words
-    unit: str = "the rms stress of the curve"
+    weight: float  # share of this curve in the sum of squares; all curves together have 1
+    unit: str = "the rms stress of the curve"  # what one unit of residual is, in words
     # (n, n) from long-term second Piola-Kirchhoff history to relaxed history; None: the record is taken as long-term
     kernel: Array | None = None
-    # stiffness of this specimen over that of the mean foam, see
-    # `matcal.fitting.hyperfoam.specimen_factors.with_factors`
-    factor: float = 1.0
+    factor: float = 1.0  # stiffness of this specimen over that of the mean foam, see `specimen_factors`
 
     def design(self, alpha: Array, nu: float) -> Array:
         """d stress/d mu_longterm, (n, N), of this specimen."""
@@ -111,10 +100,9 @@ def with_history(curve: Curve, prony: Prony) -> Curve:
                          f"that starts at rest, this one starts at a strain of {curve.experiment.strain[0]:g}. "
                          "Add a first row without strain and stress, or leave the time column out.")
     if time.size > _MOST_POINTS:
-        raise ValueError(
-            f"{curve.label}: the rate correction of {time.size} points needs a matrix of that size; at "
-            f"most {_MOST_POINTS}. Thin the record with matcal.fitting.relaxation.record_thinning.thinned."
-        )
+        raise ValueError(f"{curve.label}: the rate correction of {time.size} points needs a matrix of that size; at "
+                         f"most {_MOST_POINTS}. Thin the record with "
+                         "matcal.fitting.relaxation.record_thinning.thinned.")
     return replace(curve, kernel=hereditary_kernel(prony, time) / prony.g_infinity)
 
 
@@ -213,5 +201,5 @@ def _check(experiment: Experiment) -> None:
         raise ValueError(f"{where}: {different} different strains away from rest in {e.size} points; a fit needs at "
                          "least three. Is the strain column the right one?")
     if np.sum((e - rest) * value) <= 0:
-        raise ValueError(f"{where}: stress and strain have opposite signs. Compression is negative in both; "
-                         "turn the sign of one column.")
+        raise ValueError(f"{where}: stress and strain have opposite signs. Compression is negative in both; turn the "
+                         "sign of one column.")

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.curves import weighted_design, weighted_model, weighted_stress
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents
 from matcal.statistics.residual_correlation import Errors, correlated_errors
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # standard deviations of a prior so wide that it only holds directions that no curve sees: exponents, moduli over mu_0
 PRIOR_ALPHA, PRIOR_MODULI = 10.0, 100.0

@@ -6,37 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.variable_projection import Optimum
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# single moduli beyond this many times mu_0 count as exploding
-EXPLODING = 50.0
-# share of the rms of a lower order to which a term that merges with another must bring it to be worth having
-WORTH = 0.9
+EXPLODING = 50.0  # single moduli of more than this many times mu_0 count as exploding
+WORTH = 0.9  # share of the rms of a lower order to which a term that merges with another must bring it to be worth it
 # relative RMS of every curve within which a lower order whose parameters can be read is taken all the same: specimens
 # of one foam differ by as much, and merged terms pay for the rest with what they say outside the tests
 GOOD_ENOUGH = 0.05
-# different strains for each parameter below which the correction of BIC for few points is said
-_PLENTY = 10
+_PLENTY = 10  # different strains for each parameter below which the correction of BIC for few points is said
 
 
 @dataclass(frozen=True)
 class OrderRow:
     """One order tried."""
 
-    # number of terms
-    order: int
-    # root of the weighted mean square residual (the relative RMS of all curves under the default weights)
-    rms: float
-    # largest relative RMS of a single curve
-    worst: float
-    # see `criterion`
-    bic: float
-    # what makes its single parameters meaningless, or ""
-    collinearity: str
+    order: int  # number of terms
+    rms: float  # root of the weighted mean square residual (the relative RMS of all curves under the default weights)
+    worst: float  # largest relative RMS of a single curve
+    bic: float  # see `criterion`
+    collinearity: str  # what makes its single parameters meaningless, or ""
 
 
 def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
@@ -52,11 +42,8 @@ def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
 
 def criterion(cost: float, order: int, count: int, different: int) -> float:
     """Bayesian information criterion n ln(cost) + k ln(n) m/(m - k - 2), k = 2 `order`, for `count` n residuals at
-    `different` m strains.
-
-    The last factor is the correction for few points; it is 1 for many.
-    Source: McQuarrie, Stat. Probab. Lett. 44 (1999) 79, DOI 10.1016/S0167-7152(98)00294-6.
-    """
+    `different` m strains. The last factor is the correction for few points; it is 1 for many. Source: McQuarrie, Stat.
+    Probab. Lett. 44 (1999) 79, DOI 10.1016/S0167-7152(98)00294-6."""
     parameters = 2 * order
     price = different / max(different - parameters - 2, 1)
     return float(count * np.log(max(cost, 1e-30)) + parameters * np.log(count) * price)

@@ -11,19 +11,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from matcal.fitting.hyperfoam.constrained_moduli import bound_rows, least
 from matcal.fitting.hyperfoam.curves import Curve, weighted_model, weighted_stress
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, lateral_residual
 from matcal.fitting.hyperfoam.variable_projection import Exponents, exponents
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
 if TYPE_CHECKING:
     from lmfit import Parameters
-
-Array = NDArray[np.float64]
 
 # residual for a law that is no material or whose free faces find no rest, and per mu_0 that an inequality falls short
 _REJECTED, _PENALTY = 10.0, 30.0
@@ -35,21 +34,16 @@ _MOST_STEPS = 100
 class Refined:
     """A law with unequal nu."""
 
-    # fitted law
-    law: Hyperfoam
-    # sum of squared weighted stress residuals
-    cost: float
-    # evaluations of the model
-    evaluations: int
+    law: Hyperfoam  # fitted law
+    cost: float  # sum of squared weighted stress residuals
+    evaluations: int  # evaluations of the model
 
 
 def refine(curves: Sequence[Curve], starts: Sequence[Hyperfoam], allowed: Exponents, fit_nu: bool,
            rows: Callable[[Array, Array], Array] | None = None) -> Refined:
     """Least squares of stress and lateral strain over (mu, alpha), and nu where `fit_nu`, from the best of `starts`.
-
     `rows`(alpha, nu) (m, N): inequalities rows @ mu > 0 held by a penalty (to be checked afterwards). Raises
-    NotConverged where no start gives a law whose free faces find a stress-free stretch.
-    """
+    NotConverged where no start gives a law whose free faces find a stress-free stretch."""
     from lmfit import minimize
 
     target, calls = weighted_stress(curves), 0

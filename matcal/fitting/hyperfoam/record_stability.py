@@ -20,8 +20,7 @@ from scipy.special import stdtrit
 
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.reduction.experiment import Experiment
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # least points of a window, windows that a record is long at each width, positions in half a window, chance that a fall
 # is none, least drop as a share of the largest value of the measure
@@ -32,18 +31,14 @@ _LEAST_POINTS, _WIDTHS, _PER_HALF, _CHANCE, _DROP = 7, (30, 12, 6, 4), 2, 1e-5, 
 class DataCheck:
     """What one record says about one criterion."""
 
-    # KIND_i
-    label: str
-    # "drucker" or "elliptic"
-    criterion: str
-    # [[lo, hi], ...] of nominal strain where it is violated by the record itself
-    violated: list[list[float]]
-    # [lo, hi] of nominal strain that the record covers
-    covered: list[float]
+    label: str  # KIND_i
+    criterion: str  # "drucker" or "elliptic"
+    violated: list[list[float]]  # [[lo, hi], ...] of nominal strain where it is violated by the record itself
+    covered: list[float]  # [lo, hi] of nominal strain that the record covers
 
 
 def check_data(curves: Sequence[Curve], nu_is_zero: bool) -> tuple[DataCheck, ...]:
-    """One check a record and criterion that says something there; ellipticity beyond shear needs nu = 0."""
+    """One check a record and criterion that says something there; ellipticity outside shear needs nu = 0."""
     out = []
     for curve in curves:
         e = curve.experiment
@@ -69,14 +64,14 @@ def check_sentences(checks: Sequence[DataCheck], nu_is_zero: bool) -> list[str]:
 
 
 def as_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The checks of a card's records, `fit.data_stability`, one line each, beside the range that each record covers."""
+    """The checks of a card's records, `fit.data_stability`, one line each, with the range that each record covers."""
     return [f"{row['test']}, record itself, {row['criterion']}: "
             + (", ".join(f"violated at {lo:.3g} to {hi:.3g}" for lo, hi in row["violated_strain"]) or "not violated")
             + " within the strains {:.3g} to {:.3g}".format(*row["covered_strain"]) for row in rows]
 
 
 def falling(strain: Array, coordinate: Array, measure: Array) -> list[list[float]]:
-    """[[lo, hi], ...] of `strain` (n,) where `measure` falls with `coordinate`, beyond its own noise."""
+    """[[lo, hi], ...] of `strain` (n,) where `measure` falls with `coordinate`, by more than its own noise."""
     order = np.argsort(coordinate, kind="stable")
     s, x, y = strain[order], coordinate[order], measure[order]
     flags = np.zeros(s.size, dtype=bool)

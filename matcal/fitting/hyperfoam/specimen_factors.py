@@ -12,33 +12,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 from scipy.special import ndtr
 
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # scale of the half-normal prior of omega; share of the shorter strain range that replicates must have in common
 PRIOR_OMEGA, _SHARED = 0.2, 0.5
-# ratio of loading rates from which replicates are told to be tests at another rate
-_ANOTHER_RATE = 2.0
+_ANOTHER_RATE = 2.0  # ratio of loading rates from which replicates are reported as tests at another rate
 
 
 @dataclass(frozen=True)
 class Specimens:
     """What differences between specimens do to the weighted stress."""
 
-    # (n, S) weighted stress for ln s_k = 1 of each specimen; no columns where no kind has replicates
-    factor: Array
-    # (n, D) weighted stress for one stated deviation, one column a curve that states it
-    stated: Array
-    # half the width of the 95 % interval of a single ln s, 0 without replicates
-    reach: float
-    # what was assumed, one sentence each
-    decisions: tuple[str, ...]
+    factor: Array  # (n, S) weighted stress for ln s_k = 1 of each specimen; no columns where no kind has replicates
+    stated: Array  # (n, D) weighted stress for one stated deviation, one column a curve that states it
+    reach: float  # half the width of the 95 % interval of a single ln s, 0 without replicates
+    decisions: tuple[str, ...]  # what was assumed, one sentence each
 
 
 def specimens(curves: Sequence[Curve], law: Hyperfoam) -> Specimens:
@@ -139,7 +132,7 @@ def _sentences(curves: Sequence[Curve], repeated: list[str], stating: list[int])
     out = []
     if repeated:
         out.append(f"{', '.join(repeated)} are replicates: every specimen has a stiffness factor of its own, and mu_0 "
-                   "is that of the mean foam; the value for a new specimen is given beside it.")
+                   "is that of the mean foam; the value for a new specimen is given separately.")
     elif not stating:
         out.append("No replicates and no stated scatter: differences from specimen to specimen are not in the "
                    "intervals.")

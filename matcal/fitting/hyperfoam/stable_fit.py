@@ -18,30 +18,23 @@ from numpy.typing import NDArray
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.stability import CRITERIA, acoustic_form, worst_acoustic_directions
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-# (alpha (N,), nu (N,)) -> (m, N) rows that must stay positive times the moduli
-StabilityRows = Callable[[Array, Array], Array]
+StabilityRows = Callable[[Array, Array], Array]  # (alpha, nu), (N,) each -> (m, N) rows: times mu positive
 
-# stretches of the grid on which a law is searched for violations, and on which it is accepted
-_SEARCHED, _ACCEPTED = 21, 41
-# rounds at most, violations added in each
-_ROUNDS, _ADDED = 20, 12
-# two equal stretches that part
-_TWIST = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+_SEARCHED, _ACCEPTED = 21, 41  # stretches of the grids on which violations are searched and a law is accepted
+_ROUNDS, _ADDED = 20, 12  # rounds at most, violations added in each
+_TWIST = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)  # two equal stretches that part
 
 
 @dataclass(frozen=True)
 class States:
     """Where, and for which increment, stability is held."""
 
-    # (m, 3) logarithmic principal stretches
-    x: Array
-    # (m, 3) direction: of the increment of logarithmic strain (drucker), of the normal of a band (elliptic)
-    n: Array
-    # (m, 3) the same again (drucker), the polarisation (elliptic)
-    m: Array
+    x: Array  # (m, 3) logarithmic principal stretches
+    n: Array  # (m, 3) direction: of the increment of logarithmic strain (drucker), of the normal of a band (elliptic)
+    m: Array  # (m, 3) the same again (drucker), the polarisation (elliptic)
 
     def __add__(self, other: States) -> States:
         return States(*(np.vstack(pair) for pair in ((self.x, other.x), (self.n, other.n), (self.m, other.m))))
@@ -50,9 +43,7 @@ class States:
 def search_stable(criterion: str, log_range: tuple[float, float],
                   search: Callable[[StabilityRows], Hyperfoam]) -> Hyperfoam:
     """The law of `search` that satisfies `criterion` wherever all three logarithmic stretches lie in `log_range`.
-
-    Raises ValueError for another criterion and NotConverged, with the last law, where violations remain.
-    """
+    Raises ValueError for another criterion and NotConverged, with the last law, where violations remain."""
     if criterion not in CRITERIA:
         raise ValueError(f"--stable {criterion} is unknown; known: {', '.join(CRITERIA)}.")
     held = _first_states(criterion, log_range)
@@ -130,10 +121,8 @@ def _drucker_form(law: Hyperfoam, x: Array, n: Array, m: Array) -> Array:
 
 
 def _not_drucker(law: Hyperfoam, x: Array) -> tuple[States, Array]:
-    """States where T = diag(d) + V 1 1 is not positive definite, with the increment that shows it, and how badly.
-
-    All d must be positive (two equal stretches that part), and then 1 + V sum 1/d.
-    """
+    """States where T = diag(d) + V 1 1 is not positive definite, with the increment that shows it, and how badly. All d
+    must be positive (two equal stretches that part), and then 1 + V sum 1/d."""
     d, volume = _tangent_parts(law, x)
     low = np.argmin(d, axis=1)
     least = np.take_along_axis(d, low[:, None], 1)[:, 0]

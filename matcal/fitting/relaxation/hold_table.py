@@ -19,13 +19,10 @@ from matcal.laws.deformation_modes import push_forward
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, decaying
 from matcal.reduction.experiment import Experiment
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# the hold begins where the strain first reaches this share of its largest value, unless the experiment marks it
-_HELD = 0.999
-# longest step of the strain over its largest
-_FAR = 0.02
+_HELD = 0.999  # a hold begins where the strain first reaches this share of its largest, unless the experiment marks it
+_FAR = 0.02  # longest step of the strain over its largest
 # tabulated times in each decade, of which every second spans the basis (the others lie in it to 1e-8); directions
 # smaller than this share of the largest are left out
 _PER_DECADE, _SPANNING, _KEPT = 40, 2, 1e-11
@@ -35,23 +32,15 @@ _PER_DECADE, _SPANNING, _KEPT = 40, 2, 1e-11
 class Hold:
     """One test, ready to be compared."""
 
-    # (n,) times, s, from rest
-    time_s: Array
-    # (m,) times, s, with some between samples where the strain moves far, and (n,) where the samples are among them
-    fine_s: Array
-    at: NDArray[np.intp]
-    # (m, K) columns of the instantaneous second Piola-Kirchhoff stress there, the strain linear between samples
-    instantaneous: Array
-    # (n,) push-forward to nominal stress
-    push: Array
-    # (n,) measured nominal stress, Pa
-    stress_Pa: Array
-    # (n,) one over the standard deviation of the noise, 0 where nothing is compared
-    precision: Array
-    # (n,) whether the strain is held
-    held: NDArray[np.bool_]
-    # where the columns come from: "law", "ramp" or "straight"
-    shape: str
+    time_s: Array  # (n,) times, s, from rest
+    fine_s: Array  # (m,) times, s, with some between samples where the strain moves far
+    at: NDArray[np.intp]  # (n,) where the samples are among them
+    instantaneous: Array  # (m, K) columns of instantaneous second Piola-Kirchhoff stress there, strain piecewise linear
+    push: Array  # (n,) push-forward to nominal stress
+    stress_Pa: Array  # (n,) measured nominal stress, Pa
+    precision: Array  # (n,) one over the standard deviation of the noise, 0 where nothing is compared
+    held: NDArray[np.bool_]  # (n,) whether the strain is held
+    shape: str  # where the columns come from: "law", "ramp" or "straight"
 
     @property
     def ramp_s(self) -> float:
@@ -68,29 +57,21 @@ class Hold:
 class HoldTable:
     """One test on a short basis; inner products are those of the full weighted hold."""
 
-    # (n_seen, r) orthonormal directions
-    basis: Array
-    # (r, K) weighted columns without relaxation
-    rest: Array
-    # ln tau -> (r, K) weighted D(tau)
-    slow: CubicSpline
-    # (r,) weighted measured stress
-    target: Array
-    # (r, J) further weighted vectors that were given
-    more: Array
+    basis: Array  # (n_seen, r) orthonormal directions
+    rest: Array  # (r, K) weighted columns without relaxation
+    slow: CubicSpline  # ln tau -> (r, K) weighted D(tau)
+    target: Array  # (r,) weighted measured stress
+    more: Array  # (r, J) further weighted vectors that were given
 
     def unit(self, ln_tau: Array, share: Array) -> Array:
         """(W, r, K) weighted columns for (W, M) ln tau and g/g_inf, over their own long-term scale."""
         return self.rest + np.einsum("wm,wmrk->wrk", share, self.slow(ln_tau))
 
 
-def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int,
-            held: NDArray[np.bool_] | None = None) -> Hold:
+def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int, held: NDArray[np.bool_] | None = None) -> Hold:
     """The test through the law's curve, or through that of its own ramp, which is then compared too; `held` (n,) marks
-    the hold where it is known already.
-
-    Raises ValueError for a test without clock or ramp, and for fewer points in the hold than `terms` need.
-    """
+    the hold where it is known already. Raises ValueError for a test without clock or ramp, and for fewer points in the
+    hold than `terms` need."""
     where = f"relaxation ({', '.join(experiment.source) or 'no file'})"
     e, t = experiment.strain, experiment.time_s
     if t is None:
@@ -107,7 +88,11 @@ def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int,
     fine = np.interp(fine_s, t, e)
     still = np.zeros(fine_s.size, dtype=bool)
     still[at] = held
-    columns, shape = (of_law(law, fine, still), "law") if law is not None else _own_shape(fine, still, at)
+    if law is not None:
+        columns, shape = of_law(law, fine, still), "law"
+    else:
+        columns, shaped = of_ramp(fine, still, at)
+        shape = "ramp" if shaped else "straight"
     precision = np.where(held | ((shape == "ramp") & (e != 0)), np.sqrt(count) / noise, 0.0)
     return Hold(t, fine_s, at, columns, push_forward("uniaxial", e)[:, 0], experiment.value, precision, held, shape)
 
@@ -118,11 +103,6 @@ def _refined(time_s: Array, strain: Array) -> tuple[Array, NDArray[np.intp]]:
     more = np.where(np.diff(time_s) > 0, np.clip(np.ceil(step), 1, None), 1).astype(int)
     parts = [a + (b - a) * np.arange(k) / k for a, b, k in zip(time_s[:-1], time_s[1:], more, strict=True)]
     return np.concatenate([*parts, time_s[-1:]]), np.r_[0, np.cumsum(more)]
-
-
-def _own_shape(fine: Array, still: NDArray[np.bool_], at: NDArray[np.intp]) -> tuple[Array, str]:
-    columns, shaped = of_ramp(fine, still, at)
-    return columns, "ramp" if shaped else "straight"
 
 
 def tabulate_hold(hold: Hold, bounds_s: tuple[float, float], more: Array | None = None) -> HoldTable:
@@ -152,13 +132,8 @@ def doubted(experiment: Experiment) -> list[Experiment]:
 
 
 def _spanning(columns: Array) -> Array:
-    """(n, r) orthonormal directions that columns (n, m) span, each column counted alike."""
-    q, r = np.linalg.qr(_unit(columns))
+    """(n, r) orthonormal directions that columns (n, m) span, each column taken at unit length."""
+    size = np.linalg.norm(columns, axis=0)
+    q, r = np.linalg.qr(columns / np.where(size > 0, size, 1.0))
     left, size, _ = np.linalg.svd(r, full_matrices=False)
     return np.asarray(q @ left[:, size > _KEPT * size[0]])
-
-
-def _unit(columns: Array) -> Array:
-    """Columns of unit length, those of nothing left as they are."""
-    size = np.linalg.norm(columns, axis=0)
-    return columns / np.where(size > 0, size, 1.0)

@@ -16,13 +16,10 @@ from scipy.interpolate import BSpline
 
 from matcal.laws.deformation_modes import second_piola
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# most free sizes of a spline, and the samples on ramps that each needs
-_MOST, _EACH = 10, 4
-# share of the largest strain within which two holds are at one level
-_LEVEL = 0.02
+_MOST, _EACH = 10, 4  # most free sizes of a spline, and the samples on ramps that each needs
+_LEVEL = 0.02  # share of the largest strain within which two holds are at one level
 
 
 def of_law(law: Hyperfoam, strain: Array, held: NDArray[np.bool_]) -> Array:

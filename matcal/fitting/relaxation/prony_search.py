@@ -8,20 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
 from matcal.fitting.relaxation.hold_table import HoldTable
 from matcal.laws.prony import Prony
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# ratio that neighbouring times keep
-LEAST_RATIO = 2.0
-# times from which starts are combined, at least in all and in each decade
-_GRID, _PER_DECADE = 9, 2
-# combinations that are kept while they grow
-_BEAM = 6
+LEAST_RATIO = 2.0  # ratio that neighbouring times keep
+_GRID, _PER_DECADE = 9, 2  # times from which starts are combined, at least in all and in each decade
+_BEAM = 6  # combinations that are kept while they grow
 
 
 def series_at(vector: Array) -> Prony:

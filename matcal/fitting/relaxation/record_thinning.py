@@ -11,8 +11,7 @@ from matcal.laws.deformation_modes import MODES
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.block_means import block_means, equal_blocks, log_blocks, sample_noise
 
-# points above which a record is thinned, and about how many are left
-LONG, KEPT = 3000, 1000
+LONG, KEPT = 3000, 1000  # points above which a record is thinned, and about how many are left
 # points above which a relaxation record is thinned, and how many of each hold and of each ramp are left at most
 _LONG_HOLD, _HOLD, _RAMP = 500, 120, 60
 
@@ -20,8 +19,7 @@ _LONG_HOLD, _HOLD, _RAMP = 500, 120, 60
 def thinned(experiment: Experiment) -> Experiment:
     """A stress-strain record of more than LONG points as means of about KEPT equal blocks, in the order of time, or of
     strain where it has no clock; the first row stays. A relaxation record of more than _LONG_HOLD points keeps its
-    first row, means of ramps, and means of its holds equal in the log of their time. Others come back as they are.
-    """
+    first row, means of ramps, and means of its holds equal in the log of their time. Others come back as they are."""
     n = experiment.strain.size
     if experiment.kind == "relaxation" and n > _LONG_HOLD:
         return _thinned_holds(experiment)

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.linear_response import propagated
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
@@ -25,66 +24,45 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, convolve
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.residual_correlation import Errors, correlated_errors, integrated_autocorrelation_time
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# terms that "auto" chooses among
-TERMS = (1, 2, 3, 4, 5, 6)
-# longest time over the length of the holds
-_LONGEST = 20.0
+TERMS = (1, 2, 3, 4, 5, 6)  # terms that "auto" chooses among
+_LONGEST = 20.0  # longest time over the length of the holds
 # difference of BIC up to which fewer terms whose times the holds bound are preferred to more whose slowest they do not
 _NEARLY = 10.0
-# relative RMS below which no record tells numbers of terms apart
-_FINEST = 1e-4
-# least fall of the stress over its noise's standard deviation that counts as relaxation
-_FLAT = 4.0
+_FINEST = 1e-4  # relative RMS below which no record distinguishes numbers of terms
+_FLAT = 4.0  # least fall of the stress over its noise's standard deviation that counts as relaxation
 
 
 @dataclass(frozen=True)
 class SeriesRow:
     """One number of terms tried."""
 
-    # number of terms
-    terms: int
-    # rms(residual)/rms(stress) over all holds
-    rms: float
-    # Bayesian information criterion n ln(rms^2) + 2 terms ln n, n the points that correlated residuals are worth
-    bic: float
-    # whether the holds bound its slowest time above; None where that was not asked
-    bounded: bool | None = None
+    terms: int  # number of terms
+    rms: float  # rms(residual)/rms(stress) over all holds
+    bic: float  # Bayesian criterion n ln(rms^2) + 2 terms ln n, n the points that correlated residuals are worth
+    bounded: bool | None = None  # whether the holds bound its slowest time above; None where that was not asked
 
 
 @dataclass(frozen=True)
 class PronyFit:
     """A fitted series and how well the tests determine it."""
 
-    # fitted series
-    prony: Prony
-    # (2 M, 2 M) covariance of (g, tau_s)
-    covariance: Array
+    prony: Prony  # fitted series
+    covariance: Array  # (2 M, 2 M) covariance of (g, tau_s)
     # measured over modelled hold stress of each test for a law with these instantaneous moduli; 1 without such a law
     amplitude: tuple[float, ...]
-    # (K,) fitted sizes of the columns of each test's instantaneous curve
-    sizes: tuple[Array, ...]
-    # rms(residual)/rms(stress) over the hold, each test
-    relative_rms: tuple[float, ...]
-    # modelled stress of each test over its whole history, Pa
-    stress_Pa: tuple[Array, ...]
-    # what was decided, one sentence each
-    decisions: tuple[str, ...]
-    # CPU seconds
-    cpu_s: float
-    # shortest and longest time that was searched, s
-    bounds_s: tuple[float, float]
-    # every number of terms tried
-    orders: tuple[SeriesRow, ...]
-    # what the holds say about the slowest time
-    slowest: Slowest
-    # each test through the law's curve, and its weighted change for one standard deviation of what it doubts, (n, J)
-    holds: tuple[Hold, ...]
-    doubts: tuple[Array, ...]
-    # independent points that the residuals are worth
-    effective_sample_size: float
+    sizes: tuple[Array, ...]  # (K,) fitted sizes of the columns of each test's instantaneous curve
+    relative_rms: tuple[float, ...]  # rms(residual)/rms(stress) over the hold, each test
+    stress_Pa: tuple[Array, ...]  # modelled stress of each test over its whole history, Pa
+    decisions: tuple[str, ...]  # what was decided, one sentence each
+    cpu_s: float  # CPU seconds
+    bounds_s: tuple[float, float]  # shortest and longest time that was searched, s
+    orders: tuple[SeriesRow, ...]  # every number of terms tried
+    slowest: Slowest  # what the holds say about the slowest time
+    holds: tuple[Hold, ...]  # each test through the law's curve
+    doubts: tuple[Array, ...]  # its weighted change for one standard deviation of what it doubts, (n, J)
+    effective_sample_size: float  # independent points that the residuals are worth
 
 
 def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: int | str = 3) -> PronyFit:
@@ -126,8 +104,6 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
 
 @dataclass(frozen=True)
 class _Judged:
-    """What the holds say about one series."""
-
     doubts: tuple[Array, ...]
     errors: tuple[Errors, ...]
     slowest: Slowest
@@ -283,8 +259,7 @@ def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array)
     return correlated_errors(residuals, columns, prior, [1.0] * len(tables))
 
 
-def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors],
-                vector: Array) -> Array:
+def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors], vector: Array) -> Array:
     """Covariance of (g, tau): correlated noise and misfit, contact point and load drift."""
     jacobian = slopes(lambda v: residual(tables, v), vector)
     free = np.linalg.norm(jacobian, axis=0) > 0

@@ -6,34 +6,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable
 from matcal.fitting.relaxation.prony_search import residual, search_series
 from matcal.laws.prony import Prony
 from matcal.statistics.residual_correlation import Errors
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # where the instantaneous curve of a test comes from
 _SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its own size",
            "ramp": "a spline that the stress recorded on the ramp itself shapes (no stress-strain curve was given)",
            "straight": "a stress straight between the strains that are held (no stress-strain curve was given, and the "
                        "ramp has too few samples to show its shape: what a bent curve would change is in the errors)"}
-# fall of twice the log likelihood at the ends of a 95 % interval; longest step of the profile in ln tau
-_CHI_SQUARE, _STEPS = 3.84, 9
+_CHI_SQUARE, _STEPS = 3.84, 9  # fall of twice the log likelihood at the ends of a 95 % interval; steps of the profile
 
 
 @dataclass(frozen=True)
 class Slowest:
     """The slowest time and its 95 % profile interval."""
 
-    # fitted time, s
-    tau_s: float
-    # lower end, s
-    lo_s: float
-    # upper end, s; None where the record does not bound it
-    hi_s: float | None
+    tau_s: float  # fitted time, s
+    lo_s: float  # lower end, s
+    hi_s: float | None  # upper end, s; None where the record does not bound it
 
 
 def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array, bounds_s: tuple[float, float],

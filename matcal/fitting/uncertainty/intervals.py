@@ -14,47 +14,31 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
+from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
-from matcal.fitting.hyperfoam.linear_response import (
-    effective_variance,
-    errors_of,
-    free_directions,
-    free_slopes,
-    joint_gain,
-    prior_precision,
-    propagated,
-)
 from matcal.fitting.hyperfoam.specimen_factors import Specimens, specimens
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.uncertainty.nuisance import Nuisance, nuisance
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# least points to spare that Student's law is told: the errors' sizes are averaged already, see
-# `matcal.statistics.residual_correlation`
+# least points to spare in Student's law: errors' sizes are averaged already, see `statistics.residual_correlation`
 _LEAST_SPARE = 4.0
-# standard deviations to either side that hold 95 % where many points are left
-_LARGE = float(ndtri(0.975))
-# compression at which the plateau stress is read (CV40 of ISO 3386-1)
-PLATEAU_STRAIN = -0.4
+_LARGE = float(ndtri(0.975))  # standard deviations to either side that hold 95 % where many points are left
+PLATEAU_STRAIN = -0.4  # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 
 
 @dataclass(frozen=True)
 class Interval:
     """A number with its 95 % interval."""
 
-    # best estimate
-    value: float
-    # standard deviation, of which `form` comes from the order of the law
-    sd: float
-    form: float
-    # ends of the interval
-    lo: float
+    value: float  # best estimate
+    sd: float  # standard deviation
+    form: float  # the part of it that comes from the order of the law
+    lo: float  # ends of the interval
     hi: float
 
 
@@ -62,21 +46,15 @@ class Interval:
 class Uncertainty:
     """Linearised uncertainty of a fit."""
 
-    # derived quantity -> interval; units in the names
-    derived: dict[str, Interval]
-    # (2 N, 2 N) covariance of (mu_Pa, alpha)
-    covariance: Array
+    derived: dict[str, Interval]  # derived quantity -> interval; units in the names
+    covariance: Array  # (2 N, 2 N) covariance of (mu_Pa, alpha)
     # independent points of one common noise level that would know these quantities no better than these curves do
     effective_points: float
-    # fitted law, and the one with a further term, which shows what the order hides
-    law: Hyperfoam
-    wider: Hyperfoam | None
-    # standard deviations to either side that hold 95 %, by Student's law for few effective points
-    reach: float
-    # where the interval of mu_0 comes from, share of its variance
-    shares: Mapping[str, float]
-    # the largest of them, and what was assumed about specimens, one sentence each
-    decisions: tuple[str, ...]
+    law: Hyperfoam  # fitted law
+    wider: Hyperfoam | None  # the one with a further term, which shows what the order hides
+    reach: float  # standard deviations to either side that hold 95 %, by Student's law for few effective points
+    shares: Mapping[str, float]  # where the interval of mu_0 comes from, share of its variance
+    decisions: tuple[str, ...]  # the largest of them, and what was assumed about specimens, one sentence each
 
 
 def derived_quantities(law: Hyperfoam) -> dict[str, float]:
@@ -98,16 +76,18 @@ def measured_quantities(law: Hyperfoam) -> dict[str, float]:
 
 def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
-    free, differ = free_directions(fit), specimens(fit.curves, fit.law)
+    free, differ = linear_response.free_directions(fit), specimens(fit.curves, fit.law)
     known = nuisance(fit, prony)
-    errors = errors_of(fit, _effects(known, differ, _LARGE))
-    variance, n, parameters = effective_variance(errors), sum(e.count for e in errors), 2 * fit.law.alpha.size
+    errors = linear_response.errors_of(fit, _effects(known, differ, _LARGE))
+    variance = linear_response.effective_variance(errors)
+    n, parameters = sum(e.count for e in errors), 2 * fit.law.alpha.size
     spare = max(sum(e.effective_sample_size for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
     reach = float(stdtrit(spare, 0.975))
     effect = _effects(known, differ, reach)
-    gain = joint_gain(free_slopes(fit), effect, variance, prior_precision(fit))[:free.shape[1]]
+    gain = linear_response.joint_gain(linear_response.free_slopes(fit), effect, variance,
+                                      linear_response.prior_precision(fit))[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
-    from_data = propagated(errors, data)
+    from_data = linear_response.propagated(errors, data)
     covariance = from_data + variance * prior @ prior.T
     bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach, {}, ())
     derived = intervals(bare, measured_quantities)
@@ -124,7 +104,6 @@ def _effects(known: Nuisance, differ: Specimens, reach: float) -> Array:
 
 
 def _limit_sentences(fit: Fit) -> list[str]:
-    """What the intervals cannot tell of this fit."""
     out = []
     if fit.optimum.unbounded is not None:
         out.append("The moduli lie on their bound, where no linearisation holds: the intervals take the fit for one "

@@ -13,23 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.curves import Curve, weighted_design, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
-from matcal.fitting.hyperfoam.linear_response import (
-    effective_variance,
-    errors_of,
-    free_slopes,
-    joint_gain,
-    prior_precision,
-    weighted_residual,
-)
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
 MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_N": "zero_moved_N", "drift_sd_N_per_s": "drift_moved_N_per_s"}
@@ -39,14 +30,10 @@ MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_N": "zero_moved_N", "dr
 class Nuisance:
     """Uncertain numbers z_j ~ N(mean_j, 1) of the record, and what they do."""
 
-    # (n, K) change of the weighted stress with each z_j
-    effect: Array
-    # (K,) prior means: minus what refinement has moved already
-    mean: Array
-    # what each number is, in words
-    names: tuple[str, ...]
-    # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
-    series: Array | None
+    effect: Array  # (n, K) change of the weighted stress with each z_j
+    mean: Array  # (K,) prior means: minus what refinement has moved already
+    names: tuple[str, ...]  # what each number is, in words
+    series: Array | None  # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
 
 
 def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
@@ -71,8 +58,7 @@ def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...
         sd = float(np.sqrt(np.mean(np.square(known))))
         said.append(f"Drift of the load zero could not be measured in {names}: 0 ± {sd * 1e3:.2g} mN/s is assumed, "
                     + _drift_reason(len(measured), typical) + ".")
-        facts = {**experiment.facts, "drift_sd_N_per_s": sd, "drift_assumed": 1.0}
-        out.append(replace(experiment, facts=facts))
+        out.append(replace(experiment, facts={**experiment.facts, "drift_sd_N_per_s": sd, "drift_assumed": 1.0}))
     return tuple(out), tuple(said)
 
 
@@ -107,9 +93,10 @@ def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
 def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     """The curves with contact and drift where the whole curve wants them under their priors, and what was moved."""
     known = nuisance(fit)
-    slopes = free_slopes(fit)
-    gain = joint_gain(slopes, known.effect, effective_variance(errors_of(fit, known.effect)), prior_precision(fit))
-    miss = -weighted_residual(fit)
+    slopes = linear_response.free_slopes(fit)
+    variance = linear_response.effective_variance(linear_response.errors_of(fit, known.effect))
+    gain = linear_response.joint_gain(slopes, known.effect, variance, linear_response.prior_precision(fit))
+    miss = -linear_response.weighted_residual(fit)
     curves, said = list(fit.curves), []
     for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:, :miss.size] @ miss, strict=True):
         sd = curves[k].experiment.facts[fact]

@@ -19,27 +19,21 @@ from matcal.readers.recording import Recording
 from matcal.readers.units import split_name
 from touchcal.errors import InputFileError
 
-# lines in which the names of the columns are looked for
-_HEAD = 20
+_HEAD = 20  # lines in which the names of the columns are looked for
 
 
 def _is_nova(source: Source) -> bool:
-    """Whether one of the first lines names a potentiostat's working electrode."""
     return _names_row(source.grid) is not None
 
 
 def _is_impedance(source: Source) -> bool:
-    """Whether lines or cells begin as an impedance spectrum rather than a record in time."""
     lines = [[line] for line in lines_of(source.text[:20_000]) if line.strip()]
     return _begins_as_impedance(lines) or _begins_as_impedance(source.grid.rows)
 
 
 def _refuse_impedance(source: Source, selection: Selection | None = None) -> NoReturn:
-    raise InputFileError(
-        source.path,
-        "this is an impedance spectrum (frequency, Z', Z''), not a record of current over "
-        "time. Export the chronoamperometry of the test.",
-    )
+    raise InputFileError(source.path, "this is an impedance spectrum (frequency, Z', Z''), not a record of current "
+                                      "over time. Export the chronoamperometry of the test.")
 
 
 def _begins_as_impedance(rows: Sequence[Sequence[str]]) -> bool:

@@ -16,14 +16,11 @@ from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import metadata_of, sizes_of
 from touchcal.errors import InputFileError
 
-# lines in which the units are looked for
-_HEAD = 60
-# a table with this many times fewer rows than the longest is one of results
-_SHORT = 10
+_HEAD = 60  # lines in which the units are looked for
+_SHORT = 10  # a table with this many times fewer rows than the longest is one of results
 
 
 def _is_instron(source: Source) -> bool:
-    """Whether a line of units in brackets stands below a line of names and above the numbers."""
     return bool(_units_rows(source.grid))
 
 
@@ -45,8 +42,8 @@ def _read_instron(source: Source, selection: Selection | None = None) -> Recordi
 
 
 def _units_rows(grid: Grid) -> list[int]:
-    """Rows of bracketed units between a row of as many names and a row of numbers; a table of results, which is short
-    beside the record, is not one."""
+    """Rows of bracketed units between a row of as many names and a row of numbers; a table of results, which is
+    short next to the record, is not one."""
     found: dict[int, int] = {}
     for n in range(1, min(len(grid.rows) - 1, _HEAD)):
         cells = [cell for cell in grid.rows[n] if cell]

@@ -2,7 +2,7 @@
 
 Line 1 is `MTS793|program|language|version|delimiter (0 blank, 1 comma, 2 tab)|decimal mark|...`. A block begins with a
 title such as `Data Acquisition ... Time: 308.3 s 1/28/2015` in the language of line 1, after which some programs write
-a few `key value` lines; an operator's block holds only these. Blocks are told by this shape, not by their words.
+a few `key value` lines; an operator's block holds only these. Blocks are known by this shape, not by their words.
 """
 
 from __future__ import annotations
@@ -26,30 +26,22 @@ from touchcal.errors import InputFileError
 
 MARK = "MTS793|"
 _DELIMITERS = {"0": " ", "1": ",", "2": "\t"}
-# rows below a title within which the names of its columns are looked for
-_HEAD = 20
+_HEAD = 20  # rows below a title within which the names of its columns are looked for
 
 
 @dataclass(frozen=True)
 class _Block:
-    """One acquisition."""
-
-    # row of the grid that holds its names; that of its units follows
-    names: int
-    # rows of its numbers
-    rows: range
+    names: int  # row of the grid that holds its names; that of its units follows
+    rows: range  # rows of its numbers
 
 
 def _is_793(source: Source) -> bool:
-    """Whether a text begins as files of the MTS 793 controller do."""
     return source.text.startswith(MARK)
 
 
 def _read_793(source: Source, selection: Selection | None = None) -> Recording:
-    """All acquisition blocks with the same columns as one recording with a column `block`, 1, 2, ...
-
-    InputFileError where line 1 does not say how numbers are written, no block holds numbers, or time runs backwards.
-    """
+    """All acquisition blocks with the same columns as one recording with a column `block`, 1, 2, ... InputFileError
+    where line 1 does not say how numbers are written, no block holds numbers, or time runs backwards."""
     path, (first, _, rest) = source.path, source.text.partition("\n")
     grid = text_grid("\n" + rest, path, *_layout(first.strip(), path))
     blocks, others = _blocks(grid)
@@ -99,17 +91,12 @@ def _titles(grid: Grid) -> list[int]:
 
 
 def _no_block(grid: Grid) -> InputFileError:
-    """What was looked for, and how far the file got."""
     requested = ("A block begins with a title that ends in a clock, such as 'Data Acquisition: Timed Time: 10.0 Sec "
                  "1/28/15', and below it come names, units and numbers, parted as line 1 says")
     titles = _titles(grid)
     if not titles:
-        return InputFileError(
-            grid.path,
-            f"an MTS 793 file without a block of acquired numbers: no line is a title. "
-            f"{requested}. Export the test again.",
-            line=grid.lines[-1] if grid.lines else 1,
-        )
+        return InputFileError(grid.path, "an MTS 793 file without a block of acquired numbers: no line is a title. "
+                              f"{requested}. Export the test again.", line=grid.lines[-1] if grid.lines else 1)
     heads = ", ".join(f"{grid.lines[n]}" for n in titles[:8])
     return InputFileError(grid.path, f"an MTS 793 file without a block of acquired numbers: titles stand in line "
                                      f"{heads}, but no names with units and numbers follow any of them. {requested}. "
@@ -120,9 +107,8 @@ def _chosen(grid: Grid, filled: list[tuple[int, _Block]], requested: int) -> lis
     kept = [(k, block) for k, block in filled if k == requested]
     if not kept:
         there = ", ".join(f"{k} ({len(block.rows)} rows)" for k, block in filled)
-        raise InputFileError(
-            grid.path, f"--columns asks for block {requested}; blocks with numbers: {there or 'none'}."
-        )
+        raise InputFileError(grid.path, f"--columns asks for block {requested}; blocks with numbers: "
+                                        f"{there or 'none'}.")
     return kept
 
 
@@ -184,13 +170,9 @@ def _joined(parts: list[tuple[int, Recording]], notes: list[str]) -> Recording:
     for (k, before), (m, after) in pairwise(parts):
         if "time" in before.columns and after.columns["time"][0] < before.columns["time"][-1]:
             raise InputFileError(
-                after.paths[0],
-                f"block {m} starts at {after.columns['time'][0]:g} s, before block {k} "
-                f"ends at {before.columns['time'][-1]:g} s: they have no common clock. "
-                f'Choose one, for example --columns "{after.paths[0].name}='
-                f'block={k}", or put each into a file of its own.',
-                line=after.first_line,
-            )
+                after.paths[0], f"block {m} starts at {after.columns['time'][0]:g} s, before block {k} ends at "
+                f"{before.columns['time'][-1]:g} s: they have no common clock. Choose one, for example --columns "
+                f'"{after.paths[0].name}=block={k}", or put each into a file of its own.', line=after.first_line)
     first = parts[0][1]
     columns = {q: np.concatenate([part.columns[q] for _, part in parts]) for q in first.columns}
     columns["block"] = np.concatenate([np.full(part.rows, float(k)) for k, part in parts])

@@ -21,12 +21,10 @@ from touchcal.errors import InputFileError
 
 
 def _is_testsuite(source: Source) -> bool:
-    """Whether a text begins as TestSuite exports do."""
     return re.match(r"(File Path|Test|Test Run|Date):", source.text) is not None and "\t" in source.text
 
 
 def _read_testsuite(source: Source, selection: Selection | None = None) -> Recording:
-    """One part of a TestSuite export, in SI; InputFileError where names, units or numbers are not as expected."""
     path, grid = source.path, text_grid(source.text, source.path, "\t")
     start = next((n for n, row in enumerate(grid.rows) if len(row) > 1), len(grid.rows))
     if start + 2 >= len(grid.rows):
@@ -46,7 +44,7 @@ def _read_testsuite(source: Source, selection: Selection | None = None) -> Recor
 
 
 def sibling_parts(path: Path) -> list[Path]:
-    """The files beside `path` whose names differ from it only in the number that TestSuite puts behind `(Timed)`."""
+    """The files next to `path` whose names differ from it only in the number that TestSuite puts behind `(Timed)`."""
     found = re.fullmatch(r"(.*\(Timed\))\d*", path.stem)
     if found is None or not path.exists():
         return [path]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from matcal.readers.cells import Grid, shown
+from matcal.readers.cells import Grid, no_table, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, flag_for, read_columns
 from matcal.readers.reader import Reader, Source
@@ -16,40 +16,33 @@ _EXAMPLE = "for example strain,stress and below it -,kPa"
 
 
 def _read_plain(source: Source, selection: Selection | None = None) -> Recording:
-    """A plain table; InputFileError where names or units are missing, or a cell is no finite number."""
     grid = source.grid
     first = next((n for n, row in enumerate(grid.rows) if grid.numeric(row) > 1), None)
     if first is None:
-        raise InputFileError(
-            grid.path,
-            "no table of numbers in two or more columns was found. Expected a line of names "
-            "such as strain,stress, a line of units such as -,kPa, then the numbers.",
-        )
+        raise no_table(grid.path)
     above = [n for n in range(first) if not grid.rows[n][0].startswith("#")]
     rows = range(first, len(grid.rows))
     header = _header(grid, above, rows) if above else _headerless(grid, rows, selection)
-    said = [*source.notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in _comments(grid, first))]
+    comments = [", ".join(row).lstrip("# ") for row in grid.rows[:first] if row[0].startswith("#")]
+    said = [*source.notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in comments)]
     return read_columns(grid, header, "plain", selection, notes=said)
-
-
-def _comments(grid: Grid, first: int) -> list[str]:
-    return [", ".join(row).lstrip("# ") for row in grid.rows[:first] if row[0].startswith("#")]
 
 
 def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:
     """A header of columns without names, where the user says what they are; InputFileError where not."""
     header = Header([("", None)] * max(len(grid.rows[n]) for n in rows[:100]), grid.lines[rows.start], rows)
     if selection is None or not selection.columns:
-        raise InputFileError(grid.path, "no line of column names stands above the numbers, so the columns cannot be "
-                                        f"told apart. Name them {_EXPECTED}, {_EXAMPLE}, or say what they are, for "
-                                        f"example {flag_for(grid, header)}", line=grid.lines[rows.start])
+        raise InputFileError(grid.path, "no line of column names stands above the numbers, so the columns cannot "
+                                        f"be distinguished. Name them {_EXPECTED}, {_EXAMPLE}, or say what they are, "
+                                        f"for example {flag_for(grid, header)}", line=grid.lines[rows.start])
     return header
 
 
 def _header(grid: Grid, above: list[int], rows: range) -> Header:
     """The line that names the columns (or that of their units) and (name, unit or None) of each."""
     known = [n for n in above if sum(quantity_of(split_name(c)[0]) is not None for c in grid.rows[n]) > 1]
-    at = known[-1] if known else above[0] if len(above) == 1 else _widest(grid, above)
+    # of lines with no known name, the first of those with the most cells: a title is shorter than the names
+    at = known[-1] if known else max(above, key=lambda n: (len(grid.rows[n]), -n))
     named = [split_name(cell) for cell in grid.rows[at]]
     below = [n for n in above if n > at]
     if not below:
@@ -60,11 +53,6 @@ def _header(grid: Grid, above: list[int], rows: range) -> Header:
                              line=line)
     below_each = [*(cell.strip("()[]") for cell in units), *[""] * len(named)]
     return Header([(name, below_each[n] if unit is None else unit) for n, (name, unit) in enumerate(named)], line, rows)
-
-
-def _widest(grid: Grid, above: list[int]) -> int:
-    """Of lines with no known name, the first of those with the most cells: a title is shorter than the names."""
-    return max(above, key=lambda n: (len(grid.rows[n]), -n))
 
 
 READER = Reader("plain", "plain table", lambda source: True, _read_plain)

@@ -17,10 +17,8 @@ _MOST_BYTES, _MOST_CELLS, _MOST_ROWS = 400_000_000, 20_000_000, 1_048_576
 
 
 def read_workbook(data: bytes, path: Path, sheet: str | None = None) -> tuple[Grid, tuple[str, ...]]:
-    """The grid of `sheet`, or of the only sheet with a table, and notes on the choice.
-
-    InputFileError where the workbook is damaged, has no such sheet, or has several with tables.
-    """
+    """The grid of `sheet`, or of the only sheet with a table, and notes on the choice. InputFileError where the
+    workbook is damaged, has no such sheet, or has several with tables."""
     grids = _sheets(data, path)
     names = ", ".join(f"'{shown(name)}'" for name in grids)
     if sheet is not None:

@@ -33,10 +33,12 @@ def write(material: Material) -> Written:
                          "long-term ones were asked for. The material is elastic.",)
             material = replace(material, prony=None)
         else:
-            material = _instantaneous(material, material.prony)
+            moduli = material.law.mu_Pa / material.prony.g_infinity
+            material = replace(material, law=replace(material.law, mu_Pa=moduli, moduli="instantaneous"))
     law = material.law
     foam = [v for pair in zip(2 * material.mu / law.alpha, law.alpha, strict=True) for v in pair]
-    lines = [*_density(material), f"TB,HYPER,1,1,{law.mu_Pa.size},FOAM", *_data([*foam, *law.beta])]
+    density = [] if material.density is None else [f"MP,DENS,1,{number(material.density)}"]
+    lines = [*density, f"TB,HYPER,1,1,{law.mu_Pa.size},FOAM", *_data([*foam, *law.beta])]
     notes = [moduli_note(material),
              "Data: mu_1, alpha_1, ..., mu_N, alpha_N, beta_1, ..., beta_N; mu_i here is 2 mu_i/alpha_i of the card."]
     if np.any(law.beta == 0):
@@ -45,19 +47,10 @@ def write(material: Material) -> Written:
     if material.prony:
         lines += _relaxation(material, material.prony)
         notes.append("Relaxation: a_i, t_i for SHEAR and again for BULK, because the whole stress relaxes.")
-        warnings += ("Ansys convolves deviator and pressure apart; the card was fitted with the second Piola-Kirchhoff "
-                     "stress. Holds after a fast step agree; at the end of a slow ramp to large compression Ansys "
-                     "differs by some per cent.",)
+        warnings += ("Ansys convolves deviator and pressure separately; the card was fitted with the second "
+                     "Piola-Kirchhoff stress. Holds after a fast step agree; at the end of a slow ramp to large "
+                     "compression Ansys differs by some per cent.",)
     return Written(tuple(lines), tuple(notes), warnings)
-
-
-def _instantaneous(material: Material, prony: Prony) -> Material:
-    law = replace(material.law, mu_Pa=material.law.mu_Pa / prony.g_infinity, moduli="instantaneous")
-    return replace(material, law=law)
-
-
-def _density(material: Material) -> list[str]:
-    return [] if material.density is None else [f"MP,DENS,1,{number(material.density)}"]
 
 
 def _relaxation(material: Material, prony: Prony) -> list[str]:

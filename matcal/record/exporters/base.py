@@ -6,30 +6,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class Units:
     """A consistent system of units: multiply an SI value by the factor to write it in the system."""
 
-    # name on the command line
-    name: str
-    # the units in words, for the comment
-    words: str
-    # of stress, 1/Pa
-    stress: float
-    # and its name
-    stress_name: str
-    # of time, 1/s
-    time: float
-    # of mass density, m3/kg
-    density: float
+    name: str  # name on the command line
+    words: str  # the units in words, for the comment
+    stress: float  # of stress, 1/Pa
+    stress_name: str  # and its name
+    time: float  # of time, 1/s
+    density: float  # of mass density, m3/kg
 
 
 UNITS = {u.name: u for u in (
@@ -43,17 +35,12 @@ UNITS = {u.name: u for u in (
 class Material:
     """What a target gets: a law, what relaxes it, and the units to write."""
 
-    # name of the card, as it stands there
-    name: str
-    # the law with the moduli as asked for, Pa
-    law: Hyperfoam
-    # relaxation, times in s; None where the card has none
-    prony: Prony | None
+    name: str  # name of the card, as it stands there
+    law: Hyperfoam  # the law with the moduli as asked for, Pa
+    prony: Prony | None  # relaxation, times in s; None where the card has none
     units: Units
-    # mass density at rest, kg/m3; None where it was not given
-    density_kg_per_m3: float | None = None
-    # whether `law.moduli` was asked for, or is only what the card holds
-    moduli_asked: bool = False
+    density_kg_per_m3: float | None = None  # mass density at rest, kg/m3; None where it was not given
+    moduli_asked: bool = False  # whether `law.moduli` was asked for, or is only what the card holds
 
     @property
     def mu(self) -> Array:
@@ -75,10 +62,8 @@ class Material:
 class Written:
     """What a target gives."""
 
-    # lines of input, without the comment
-    lines: tuple[str, ...]
-    # sentences for the comment: layout, meaning of the moduli
-    notes: tuple[str, ...]
+    lines: tuple[str, ...]  # lines of input, without the comment
+    notes: tuple[str, ...]  # sentences for the comment: layout, meaning of the moduli
     # sentences for the comment and for standard error: what the target does otherwise than the card
     warnings: tuple[str, ...] = ()
 
@@ -87,10 +72,8 @@ class Written:
 class Target:
     """A finite-element program."""
 
-    # its name in words
-    title: str
-    # writes a material; ValueError where the target's law cannot be the card's
-    write: Callable[[Material], Written]
+    title: str  # its name in words
+    write: Callable[[Material], Written]  # writes a material; ValueError where the target's law cannot be the card's
     # joins the sentences of the comment and the lines of input into the text of a file
     assemble: Callable[[Sequence[str], Sequence[str]], str]
 
@@ -105,7 +88,7 @@ def refuse_more_terms(material: Material, most: int, title: str) -> None:
 
 def moduli_note(material: Material) -> str:
     """The sentence that says which moduli were written."""
-    return (f"Moduli: {MEANING[material.law.moduli]}, mu_0 = {material.mu.sum():.8g} {material.units.stress_name}")
+    return f"Moduli: {MEANING[material.law.moduli]}, mu_0 = {material.mu.sum():.8g} {material.units.stress_name}"
 
 
 def elastic_warning(material: Material, reason: str) -> tuple[str, ...]:

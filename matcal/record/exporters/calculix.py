@@ -1,6 +1,6 @@
 """CalculiX: *HYPERFOAM with N <= 3; elastic, because CalculiX 2.20 has no Prony series.
 
-The energy and the order of the data are Abaqus's. CalculiX reads 20 characters of a value and nothing beyond, and
+The energy and the order of the data are Abaqus's. CalculiX reads 20 characters of a value and no more, and
 knows no parameter of *HYPERFOAM but N. A wrong order runs silently. Version 2.20 stops without a word on N = 1, so one
 term goes out as two equal halves, which is the same law.
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record.exporters.abaqus import density_lines, hyperfoam_data
 from matcal.record.exporters.base import Material, Target, Written, elastic_warning, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, identifier
@@ -26,15 +25,13 @@ def write(material: Material) -> Written:
     notes = [moduli_note(material),
              "Data: mu_1, alpha_1, ..., mu_N, alpha_N, then nu_1, ..., nu_N, eight values a line."]
     if material.law.mu_Pa.size == 1:
-        material = replace(material, law=_halved(material.law))
+        law = material.law
+        halves = replace(law, mu_Pa=law.mu_Pa.repeat(2) / 2, alpha=law.alpha.repeat(2), nu=law.nu.repeat(2))
+        material = replace(material, law=halves)
         notes.append("The card's one term is written as two equal halves, because CalculiX 2.20 fails on N = 1.")
     lines = (f"*MATERIAL, NAME={identifier(material.name)}", *density_lines(material),
              f"*HYPERFOAM, N={material.law.mu_Pa.size}", *hyperfoam_data(material))
     return Written(lines, tuple(notes), elastic_warning(material, "CalculiX 2.20 has none for hyperfoam"))
-
-
-def _halved(law: Hyperfoam) -> Hyperfoam:
-    return replace(law, mu_Pa=law.mu_Pa.repeat(2) / 2, alpha=law.alpha.repeat(2), nu=law.nu.repeat(2))
 
 
 TARGET = Target("CalculiX", write, commented_file("**"))

@@ -19,10 +19,8 @@ from matcal.record.exporters.formatting import number
 class Deck:
     """An exported card."""
 
-    # the file's text
-    text: str
-    # what the target does otherwise than the card, one sentence each; in the text too
-    warnings: tuple[str, ...]
+    text: str  # the file's text
+    warnings: tuple[str, ...]  # what the target does otherwise than the card, one sentence each; in the text too
 
 
 def export(card: MaterialCard | Path | str, target: str, moduli: str | None = None, units: str = "SI",
@@ -84,7 +82,7 @@ def _comment(card: MaterialCard, into: Target, units: Units, written: Written, w
     ranges = card.hyperfoam.strain_range if card.hyperfoam else {}
     if ranges:
         fitted = ", ".join(f"{mode} {lo:g} to {hi:g}" for mode, (lo, hi) in ranges.items())
-        yield f"Fitted strains (gamma in shear, J in volumetric): {fitted}; beyond them the law extrapolates."
+        yield f"Fitted strains (gamma in shear, J in volumetric): {fitted}; outside them the law extrapolates."
     for text in cautions(card):
         yield f"Caution: {text}"
     for text in warnings:

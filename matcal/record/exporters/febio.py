@@ -17,8 +17,9 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from matcal.laws.prony import Prony
-from matcal.record.exporters.base import Array, Material, Target, Written, moduli_note, refuse_more_terms
+from matcal.record.exporters.base import Material, Target, Written, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import comment, number
+from touchcal.arrays import Array
 
 MOST_TERMS = 6
 
@@ -30,8 +31,7 @@ def write(material: Material) -> Written:
         raise ValueError(f"FEBio's Ogden unconstrained law is the card's hyperfoam for beta = 0 only; this card has "
                          f"nu = {law.nu.tolist()}. Fit it with `matcal fit --poisson 0`, or export to another target.")
     refuse_more_terms(material, MOST_TERMS, "FEBio")
-    notes = [moduli_note(material),
-             "c_i = 2 mu_i, m_i = alpha_i, cp = 0: the card's law for beta = 0."]
+    notes = [moduli_note(material), "c_i = 2 mu_i, m_i = alpha_i, cp = 0: the card's law for beta = 0."]
     heading = f'id="1" name={quoteattr(material.name)}'
     density = [] if material.density is None else [_element("density", material.density)]
     if material.prony is None:

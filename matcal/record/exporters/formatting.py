@@ -9,9 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 def number(value: float, width: int | None = None) -> str:
     """The shortest text that reads back as `value`; the nearest of at most `width` characters where that is longer.
-
-    ValueError where nothing of that width comes within 1e-12 of the value.
-    """
+    ValueError where nothing of that width comes within 1e-12 of the value."""
     text = repr(float(value))
     if width is None or len(text) <= width:
         return text
@@ -33,20 +31,17 @@ def rows(values: Sequence[str], per_line: int, separator: str = ", ") -> list[st
     return [separator.join(values[i:i + per_line]) for i in range(0, len(values), per_line)]
 
 
-def comment(sentences: Iterable[str], mark: str, width: int = 100) -> list[str]:
+def comment(sentences: Iterable[str], mark: str) -> list[str]:
     """Sentences as comment lines that begin with `mark`; each starts a line, continued lines are indented."""
-    return [f"{mark} {line}" for sentence in sentences
-            for line in textwrap.wrap(_plain(sentence), width, subsequent_indent="  ", break_on_hyphens=False)]
+    plain = [sentence.encode("ascii", "replace").decode() for sentence in sentences]
+    return [f"{mark} {line}" for sentence in plain
+            for line in textwrap.wrap(sentence, 100, subsequent_indent="  ", break_on_hyphens=False)]
 
 
-def _plain(sentence: str) -> str:
-    return sentence.encode("ascii", "replace").decode()
-
-
-def identifier(name: str, longest: int = 80) -> str:
-    """A name that begins with a letter and holds letters, digits and underscores only."""
+def identifier(name: str) -> str:
+    """A name that begins with a letter and holds letters, digits and underscores only, 80 at most."""
     plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "MATERIAL"
-    return (plain if plain[0].isalpha() else f"M_{plain}")[:longest]
+    return (plain if plain[0].isalpha() else f"M_{plain}")[:80]
 
 
 def commented_file(mark: str) -> Callable[[Sequence[str], Sequence[str]], str]:

@@ -19,16 +19,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from matcal.record.exporters.base import (
-    Array,
-    Material,
-    Target,
-    Written,
-    elastic_warning,
-    moduli_note,
-    refuse_more_terms,
-)
+from matcal.record.exporters.base import Material, Target, Written, elastic_warning, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, number
+from touchcal.arrays import Array
 
 WIDTH, MOST_TERMS = 20, 8
 DAMPING = 0.1
