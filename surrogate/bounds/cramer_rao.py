@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from eitsim.scene.electrodes import identical
 from eitsim.scene.scene import Punch, Scene
@@ -24,8 +23,7 @@ from surrogate.bounds.reading_derivatives import Derivatives, derivatives_of, sl
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import ring_of
 from surrogate.statistics.metrics import rms
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Distances from the centre, the centre aside, which lie closer towards the rim, and angles of a sector.
 RADII, ANGLES = 8, 4

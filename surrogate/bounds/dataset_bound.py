@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset.parquet import read_manifest
@@ -28,8 +27,8 @@ from surrogate.data import outputs
 from surrogate.data.samples import Samples, content_hash, read_samples, take
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.statistics.metrics import rms
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 # Targets' derivatives (n, 2) by d and F at touches (n, 2)
 Gradient = Callable[[Array], Array]
 

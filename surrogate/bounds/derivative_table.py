@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from eitsim.scene.scene import Punch, Scene, scene_tables
@@ -22,8 +21,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 from surrogate.bounds.fisher_information import Prior
 from surrogate.bounds.reading_derivatives import MESH_HALVINGS, Derivatives, derivatives_of
 from touchcal import cache
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # What the numbers of a table follow from, for the cache.
 _CODE = ("eitsim.simulation.derivatives.readings",)

@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.sweeps.design.card_draws import Cards, Material, cards_for
 from matcal.card import MaterialCard, require
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.posterior.draws import card_of
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Parts of a card that readings at rest follow.
 _PARTS = ("hyperfoam", "conductivity")

@@ -5,17 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from eitsim.electrics.mesh.p2_triangles import HALVINGS
 from eitsim.scene.scene import Accuracy, Scene
 from eitsim.simulation.derivatives.readings import scene_sensitivity
 from matcal.card import MaterialCard
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.bounds.material_spread import MaterialSpread
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 TOUCH = ("x_mm", "y_mm", "d_mm", "F_N")
 # Halvings of the skin's mesh: with one less than the readings' own a touch takes a quarter of the time, and standard

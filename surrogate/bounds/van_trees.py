@@ -14,12 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Basis, BilinearForm, ElementLineP2, ElementTriRT2, LinearForm, MeshLine, MeshTri, condense, solve
 from skfem.element import DiscreteField
 from skfem.helpers import dot
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Squares of two triangles along each parameter. On synthetic touches the bound is within 1 % of the best estimator's
 # error where noise is loud, and 7 to 9 % below it where it is so quiet that the posterior is a thin curve.

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from surrogate.data.baseline_frame import Untouched
     from surrogate.data.frame_rows import Lines
-    from surrogate.model.missing_channels import Mask
     from surrogate.model.model import Model
     from surrogate.single_frame.simulator_likelihood import Simulator
+    from touchcal.arrays import Mask
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Relative difference of the untouched frame from that of the training, 2-norm, from which it is cautioned.
 OTHER_BASELINE = 0.2

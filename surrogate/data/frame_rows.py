@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.frames import column_order
+from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 # Its number, from 1, and its text
 Line = tuple[int, str]
 
@@ -56,7 +56,7 @@ def _text(line: bytes) -> str:
     return line.decode("utf-8-sig", errors="replace").strip()
 
 
-def header_of(text: str, readings: int) -> NDArray[np.intp] | None:
+def header_of(text: str, readings: int) -> Index | None:
     """(readings,) place of each reading in a line by a header that names them v_000 ...; None where the line is no
     header. ValueError for a header of other names."""
     names = [cell.strip().strip('"') for cell in text.split(",")]
@@ -67,7 +67,7 @@ def header_of(text: str, readings: int) -> NDArray[np.intp] | None:
     return None
 
 
-def frame_of(text: str, order: NDArray[np.intp]) -> Array:
+def frame_of(text: str, order: Index) -> Array:
     """(readings,) V of a line whose readings have these places; NaN for an empty cell. ValueError says what is wrong.
     """
     cells = text.split(",")
@@ -87,7 +87,7 @@ def _number(column: int, cell: str) -> float:
         raise ValueError(f"column {column} holds '{cell.strip()[:20]}' and no number") from None
 
 
-def frames_of(lines: Sequence[Line], order: NDArray[np.intp]) -> Lines:
+def frames_of(lines: Sequence[Line], order: Index) -> Lines:
     """The frames of some lines whose readings have these places."""
     volts, problem = np.full((len(lines), len(order)), np.nan), [""] * len(lines)
     for k, (_, text) in enumerate(lines):

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Strains of the foam and of the skin under punches, and times of a hold, s, at which cards are compared.
 FOAM, SKIN, TIMES_S = (-0.02, -0.2, -0.4, -0.6, -0.8), (0.0, -0.2, -0.4, -0.6, -0.8), (1.0, 10.0, 100.0, 1000.0)

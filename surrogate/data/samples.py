@@ -18,9 +18,9 @@ from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.measurement.instrument_table import TABLE
 from surrogate.data import material_states, outputs
 from surrogate.data.sensor_ring import Ring, ring_of_design
+from touchcal.arrays import Array, Index, Mask
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 PARTS = ("train", "val", "test")
 FRACTIONS = (0.70, 0.15)
 # Fewest touches that give each part a few.
@@ -145,7 +145,7 @@ def content_hash(samples: Samples) -> str:
     return hashlib.sha256(samples.row_hash.tobytes() + np.ascontiguousarray(samples.signal_V).tobytes()).hexdigest()
 
 
-def take(samples: Samples, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Samples:
+def take(samples: Samples, rows: Index | Mask) -> Samples:
     """The samples of these rows."""
     return replace(samples, **{part.name: getattr(samples, part.name)[rows] for part in fields(samples)
                                if part.name not in ("ring", "measurement")})

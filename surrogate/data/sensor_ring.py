@@ -15,9 +15,7 @@ from eitsim.electrics.forward.untouched import sensor_of
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import identical, middles
 from eitsim.scene.scene import Scene
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from touchcal.arrays import Array
 
 # Modes of an electrode's field, and the conductivity of a usual skin that they are foreseen with, S/m.
 MODES, USUAL_S_PER_M = 120, 30.0
@@ -32,13 +30,13 @@ class Ring:
     # (electrodes,) angle of each electrode from +x, counter-clockwise, rad
     angle_rad: Array
     # (readings,) electrode that injects the current
-    source: Index
+    source: NDArray[np.int64]
     # (readings,) electrode that takes it out
-    sink: Index
+    sink: NDArray[np.int64]
     # (readings,) electrode that is read
-    read: Index
+    read: NDArray[np.int64]
     # (readings,) electrode that is 0 V
-    ground: Index
+    ground: NDArray[np.int64]
     # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
     modes: Array
 
@@ -83,7 +81,7 @@ def _modes(scene: Scene) -> Array:
     return np.asarray(field / field[0])
 
 
-def _ends(rows: Array, what: str) -> tuple[Index, Index]:
+def _ends(rows: Array, what: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Electrodes of the 1 and of the -1 in each row."""
     first, last = rows.argmax(axis=1), rows.argmin(axis=1)
     unit = np.eye(rows.shape[1])

@@ -6,16 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.polarization import FROM, Effect, half_width, log_gap
 from surrogate.forward_map.ring_symmetry import Symmetry, filled_from, fold, symmetry_of
 from surrogate.statistics import change_point, matern_process
 from surrogate.statistics.matern_process import Matern
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex, Index, Mask
 
 # Fewest rows that teach it, and most of them that are kept as nodes, their images across the half-sector not counted.
 MIN_ROWS, MAX_ROWS = 60, 2400
@@ -76,7 +73,7 @@ def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, s
     return change_point.locate(inputs / lengths, quantities[:, :matern_process.MAX_QUANTITIES], gap[near], noise)
 
 
-def _taught_by(z: Complex) -> NDArray[np.intp]:
+def _taught_by(z: Complex) -> Index:
     """Rows near the rim, or some of them spread over all."""
     near = np.flatnonzero(np.abs(z) > FROM)
     return near[np.linspace(0, len(near) - 1, min(len(near), MAX_ROWS)).round().astype(int)]
@@ -111,7 +108,7 @@ def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array) ->
     return Effect((directions @ mean[..., None])[..., 0], directions @ slope)
 
 
-def without(rim: RimEffect, ring: Ring, kept: NDArray[np.bool_]) -> RimEffect:
+def without(rim: RimEffect, ring: Ring, kept: Mask) -> RimEffect:
     """The effect on the readings of a ring that are kept."""
     return replace(rim, directions=rim.directions[:, kept], fill=filled_from(ring, kept))
 
@@ -121,7 +118,7 @@ def teaches(rim: RimEffect) -> bool:
     return len(rim.process.nodes) > 0
 
 
-def reaches(rim: RimEffect, z: Complex) -> NDArray[np.bool_]:
+def reaches(rim: RimEffect, z: Complex) -> Mask:
     """(n,) whether a touch is close enough to the rim for the effect."""
     return (np.abs(z) > FROM) & teaches(rim)
 
@@ -139,7 +136,7 @@ def _input_slope(place: Complex, felt: Array, step: Complex) -> Array:
                             -felt * forward.real])
 
 
-def _with_images(symmetry: Symmetry, place: Complex, folded: Array) -> tuple[Complex, NDArray[np.intp], Array]:
+def _with_images(symmetry: Symmetry, place: Complex, folded: Array) -> tuple[Complex, Index, Array]:
     """Rows and their mirror images just across the borders of the half-sector; which row each is of."""
     places, rows, signals = [place], [np.arange(len(place))], [folded]
     for turn, readings in zip(symmetry.turn[symmetry.mirrored], symmetry.readings[symmetry.mirrored], strict=True):

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_correction, rim_covariance
@@ -14,8 +13,7 @@ from surrogate.forward_map.load_coordinates import force, known_mm, light_pressu
 from surrogate.forward_map.rim_correction import FittedCorrection
 from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Complex, Mask
 
 # Fewest training rows that the map is learned from.
 MIN_ROWS = 14
@@ -63,7 +61,7 @@ class ForwardMap:
         return len(self.strengths[0].centre) - TOUCH_INPUTS
 
     @cached_property
-    def series(self) -> NDArray[np.complex128]:
+    def series(self) -> Complex:
         """(FIELDS, modes, electrodes) series of the electrodes' fields."""
         return multipole_series.field_series(self.ring, self.field, FIELDS)
 
@@ -107,7 +105,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     return _with_rim(series, z, unknown, signal_V, material)
 
 
-def _with_rim(series: ForwardMap, z: NDArray[np.complex128], unknown: Array, signal_V: Array,
+def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
               material: Array) -> ForwardMap:
     """The series with what the rim adds to it."""
     base = multipole_series.basis(*multipole_series.patterns(series.ring, series.field, z))
@@ -129,13 +127,13 @@ def gap(ring: Ring, unknown: Array) -> Array:
     return 1 - np.abs(place(ring, unknown)) - polarization.half_width(ring, unknown[:, 2])
 
 
-def _within(z: NDArray[np.complex128], reach: float) -> NDArray[np.bool_]:
+def _within(z: Complex, reach: float) -> Mask:
     """Which touches lie within a radius, or the innermost where these are few."""
     radius = np.abs(z)
     return radius <= max(reach, float(np.sort(radius)[MIN_ROWS - 1]))
 
 
-def _series(ring: Ring, z: NDArray[np.complex128], inputs: Array, force_N: Array,
+def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
             signal_V: Array) -> tuple[Array, float, tuple[GaussianProcess, ...], float]:
     """Field, sign, strengths and floor of the series."""
     field = multipole_series.learn_field(ring, z, signal_V)
@@ -212,7 +210,7 @@ def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
     return out
 
 
-def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, by_x: Array, by_y: Array, value: Array,
+def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by_y: Array, value: Array,
               slope: Array, unknown: Array) -> tuple[Array, Array]:
     """What polarization and the electrodes' metal add to the signal, and its derivatives by (x, y, log d, g)."""
     z, punch, dipole = place(forward.ring, unknown), unknown[:, 2:], value[:, 0]
@@ -231,7 +229,7 @@ def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, 
     return whole * dipole[:, None], by_unknown * dipole[:, None, None] + whole[..., None] * slope[:, :1]
 
 
-def place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
+def place(ring: Ring, touch: Array) -> Complex:
     """(n,) x + iy over the radius of touches (n, ...) that begin with x and y in mm."""
     return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
 

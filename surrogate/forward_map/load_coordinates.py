@@ -7,9 +7,8 @@ like p for light touches, where effects are proportional to the force, and like 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Part of the training touches that are lighter than p0.
 LIGHT = 0.1

@@ -14,12 +14,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex
 
 # Angular orders of the series.
 ORDERS = 3

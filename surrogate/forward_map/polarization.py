@@ -14,15 +14,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
 from surrogate.statistics import coefficient_process
 from surrogate.statistics.coefficient_process import SharedProcess
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex
 
 # Orders of the series, and of the coefficients that they make: two for each pair of orders.
 ORDERS = 3

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_covariance
@@ -13,8 +12,7 @@ from surrogate.forward_map.electrode_correction import RimEffect
 from surrogate.forward_map.rim_covariance import RimError
 from surrogate.statistics import change_point
 from surrogate.statistics.coefficient_process import SharedProcess
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Complex, Index, Mask
 
 # Rows whose effect is worked out together, to bound the memory.
 BATCH = 256
@@ -27,7 +25,7 @@ class Rows:
     """Touches near the rim, and what the series leaves of their signals."""
 
     # (n,) place over the disc's radius, (n, 2) log d and load g, (n,) gap to the rim over the radius
-    z: NDArray[np.complex128]
+    z: Complex
     punch: Array
     gap: Array
     # (n, readings) what the series leaves, V
@@ -37,7 +35,7 @@ class Rows:
     size: Array
     norm: Array
 
-    def some(self, kept: NDArray[np.bool_]) -> Rows:
+    def some(self, kept: Mask) -> Rows:
         """Those that are kept."""
         return Rows(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
@@ -60,7 +58,7 @@ def zero_correction(ring: Ring) -> FittedCorrection:
                             change_point.NONE)
 
 
-def without(correction: FittedCorrection, ring: Ring, kept: NDArray[np.bool_]) -> FittedCorrection:
+def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorrection:
     """What the rim adds to the readings of a ring that are kept."""
     return replace(
         correction,
@@ -87,7 +85,7 @@ def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
         answer, rim, rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], error), where)
 
 
-def _touch(near: Rows) -> NDArray[np.intp]:
+def _touch(near: Rows) -> Index:
     """(n,) which different touch each row is of; a sweep may solve one with several cards."""
     told = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
     return np.unique(told, axis=0, return_inverse=True)[1].ravel()
@@ -101,7 +99,7 @@ def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> 
     )
 
 
-def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: NDArray[np.intp]) -> Array:
+def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: Index) -> Array:
     """(n, readings) errors of the signals, over their norms, by what the rows of the other parts (n,) teach, as far as
     it counts."""
     out = np.empty_like(near.left)

@@ -6,12 +6,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.ring_symmetry import Symmetry, fold
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex, Mask
 
 # Bins of the gap between punch and rim, by the part of the rows that lie closer, and of the load in each.
 CLOSER, LOADS = (0.02, 0.06, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875), 3
@@ -100,6 +97,6 @@ def spread(told: RimError, z: Complex, gap: Array) -> tuple[Array, Array, Array]
     return axes[chosen, nearest], sd[chosen, nearest], told.rest[nearest]
 
 
-def without(told: RimError, kept: NDArray[np.bool_]) -> RimError:
+def without(told: RimError, kept: Mask) -> RimError:
     """The errors of the readings that are kept, over the norm of all."""
     return replace(told, alike=told.alike[:, :, kept])

@@ -9,12 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex, Index, Mask
 
 # How far an electrode or a combination of readings may be from its image, rad and relative.
 TOLERANCE = 1e-9
@@ -29,7 +26,7 @@ class Symmetry:
 
     # (maps,) turns, |turn| = 1, and whether z is mirrored first
     turn: Complex
-    mirrored: NDArray[np.bool_]
+    mirrored: Mask
     # (maps, readings, readings) readings of the mapped touch by those of the touch
     readings: Array
 
@@ -59,7 +56,7 @@ def symmetry_of(ring: Ring) -> Symmetry:
     return Symmetry(np.array(turns), np.array(mirrors), np.array(readings))
 
 
-def _entries(ring: Ring, to: NDArray[np.intp]) -> Array:
+def _entries(ring: Ring, to: Index) -> Array:
     """(readings, N N) each reading as a combination of transfer impedances between electrodes renumbered by `to`."""
     unit = np.eye(len(to))[to]
     drive, read = unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[ring.ground]
@@ -67,14 +64,14 @@ def _entries(ring: Ring, to: NDArray[np.intp]) -> Array:
     return (both + both.transpose(0, 2, 1)).reshape(len(drive), -1) / 2
 
 
-def filled_from(ring: Ring, kept: NDArray[np.bool_]) -> Array:
+def filled_from(ring: Ring, kept: Mask) -> Array:
     """(readings, kept) all readings of a ring by those kept, least in norm where these do not tell: two readings of one
     transfer impedance are equal."""
     entries = _entries(ring, np.arange(len(ring.angle_rad)))
     return entries @ np.linalg.pinv(entries[kept], rcond=ROUNDING)
 
 
-def fold(symmetry: Symmetry, z: Complex) -> tuple[Complex, NDArray[np.intp]]:
+def fold(symmetry: Symmetry, z: Complex) -> tuple[Complex, Index]:
     """Places z (n,) in the half-sector, and the map (n,) that carries each there."""
     images = symmetry.turn * np.where(symmetry.mirrored, z[:, None].conj(), z[:, None])
     angle = np.angle(images)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
+from touchcal.arrays import Array, Mask
 
-Array = NDArray[np.float64]
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
@@ -27,7 +26,7 @@ class Estimate:
     # (n,) squared residual of the signal over what was expected; 1 for learners that do not model the signal
     misfit: Array
     # (n,) whether the touch lies among the trained ones; True for learners that only map signals to outputs
-    inside: NDArray[np.bool_]
+    inside: Mask
     # what makes up sd, for learners that can tell
     parts: Parts | None = None
 
@@ -105,11 +104,11 @@ class Learner(Protocol):
         """How the training went, as JSON."""
         return {}
 
-    def discrete(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    def discrete(self, names: tuple[str, ...]) -> Mask:
         """(outputs,) whether an output takes one of a few values."""
         return np.zeros(len(names), bool)
 
-    def without(self, whole: Ring, ring: Ring, kept: NDArray[np.bool_]) -> Self:
+    def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self:
         """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; for methods that
         the registry says handle missing channels."""
         raise ValueError(f"{type(self).__name__} needs all {len(kept)} channels. Give frames that have them.")

@@ -19,8 +19,7 @@ from surrogate.forward_map.inversion.diameter_force_posterior import make_table,
 from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.learners.base import Estimate, Learner, Parts, Training
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Mask
 
 # Frames solved together, to bound the memory.
 BATCH = 64
@@ -60,12 +59,12 @@ class TouchInversion(Learner):
         return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
                 "material_states": self.forward.materials}
 
-    def discrete(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    def discrete(self, names: tuple[str, ...]) -> Mask:
         """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
         known = len(self.forward.known_mm) > 0
         return np.array([known and name == "d" for name in names])
 
-    def without(self, whole: Ring, ring: Ring, kept: NDArray[np.bool_]) -> TouchInversion:
+    def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""
         beside = rim_correction.without(self.forward.beside, whole, kept)
         return replace(self, forward=replace(self.forward, ring=ring, beside=beside))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Mask
 
 # Principal directions that trained signals are made of, where twice as many rows tell them.
 MOST = 80
@@ -64,7 +62,7 @@ def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) / expected)
 
 
-def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> NDArray[np.bool_]:
+def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> Mask:
     """(n,) whether signals (n, readings) point away from all trained ones, by more than noise may."""
     along = signal_V @ novelty.mean
     return along < -SURE * noise_V * np.linalg.norm(novelty.mean)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.signal_features import Directions, carried, features, fit_directions
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 COMPONENTS = (4, 6, 8, 11, 15, 20, 27, 36)
 PENALTIES = np.logspace(-8, 3, 34)
@@ -89,7 +88,7 @@ class _Basis:
 
 
 @lru_cache(maxsize=len(COMPONENTS))
-def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _pairs(count: int) -> tuple[Index, Index]:
     return np.triu_indices(count)
 
 
@@ -116,7 +115,7 @@ def _basis(signal_V: Array, components: int) -> _Basis:
     return _Basis(directions, mean, sd, left, singular, right)
 
 
-def _lines(basis: _Basis, target: Array, columns: NDArray[np.intp], errors: Array) -> Lines:
+def _lines(basis: _Basis, target: Array, columns: Index, errors: Array) -> Lines:
     """Lines of the outputs of these columns; errors: (outputs, penalties) by leaving one out."""
     best = errors[columns].argmin(axis=1)
     noise, penalty = errors[columns, best], PENALTIES[best] * len(target)

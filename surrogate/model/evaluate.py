@@ -22,7 +22,8 @@ from surrogate.learners.registry import METHODS, listed
 from surrogate.model.model import Model
 from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import describe_rows, few
-from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
+from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Score, rms, score
+from touchcal.arrays import Array, Index, Mask
 
 # Columns of the half widths of intervals, one for each of COVERAGES.
 HALF_WIDTHS = tuple(f"half_width_{coverage:.0%}".rstrip("%") for coverage in COVERAGES)
@@ -128,7 +129,7 @@ def _trained_range(model: Model) -> dict[str, tuple[float, float]]:
             for name, low, high in zip(model.names, model.trained.lowest, model.trained.highest, strict=True)}
 
 
-def _spread(part: NDArray[np.str_], most_trained: int | None) -> NDArray[np.intp]:
+def _spread(part: NDArray[np.str_], most_trained: int | None) -> Index:
     """Places of all rows but the training ones, and of at most so many of these, spread evenly."""
     trained = np.flatnonzero(part == "train")
     count = len(trained) if most_trained is None else min(most_trained, len(trained))
@@ -136,7 +137,7 @@ def _spread(part: NDArray[np.str_], most_trained: int | None) -> NDArray[np.intp
     return np.sort(np.concatenate([np.flatnonzero(part != "train"), kept]))
 
 
-def _unseen(part: NDArray[np.str_]) -> NDArray[np.bool_]:
+def _unseen(part: NDArray[np.str_]) -> Mask:
     """The rows that the model has not seen; all where it has seen each."""
     found = np.isin(part, UNSEEN)
     return found if found.any() else np.ones(len(part), bool)

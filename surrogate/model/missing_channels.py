@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS, listed
 from surrogate.model.trained import TrainedModel
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from touchcal.arrays import Array, Mask
 
 # A reading this far below the RMS of its frame reads nothing.
 DEAD = 1e-9

@@ -7,18 +7,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from surrogate.data import outputs
 from surrogate.data.frame_rows import Lines
 from surrogate.learners.base import Estimate
 from surrogate.learners.novelty import Novelty, fit_novelty, novelty_score, of_other_sign
 from surrogate.learners.registry import METHODS
-from surrogate.model.missing_channels import Mask, named, silent, why_not, without
+from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.trained import TrainedModel, estimate, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index, Mask
 
 NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
 # Where nearly all trained touches lower or raise the readings alike.
@@ -106,7 +104,7 @@ def predict(predictor: Predictor, volts: Array) -> Predictions:
     return found
 
 
-def _groups(dead: Mask) -> Iterator[tuple[Mask, NDArray[np.intp]]]:
+def _groups(dead: Mask) -> Iterator[tuple[Mask, Index]]:
     """Masks of dead channels, each with the frames that have it."""
     if not dead.any():
         yield dead[0] if len(dead) else np.zeros(dead.shape[1], bool), np.arange(len(dead))

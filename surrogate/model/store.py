@@ -18,6 +18,7 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
 from surrogate.model.trained import Calibration, Range, Rows, TrainedModel
 from touchcal.array_store import Arrays, flat, rebuilt
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
@@ -50,7 +51,7 @@ def save_evaluation(folder: Path, scores: Mapping[str, Any], predictions: pd.Dat
     write_json(scores, folder / EVALUATION)
 
 
-def histories(folder: Path, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def histories(folder: Path, names: Sequence[str]) -> dict[str, Array]:
     """Training.history of the network of each output of these names; empty for a model of no such networks."""
     stored = _read_arrays(folder / ARRAYS) if (folder / ARRAYS).is_file() else {}
     found = {name: stored.get(f"learner.networks.trainings.{i}.history") for i, name in enumerate(names)}

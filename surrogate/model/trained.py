@@ -15,9 +15,9 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.learners.base import Estimate, Learner
 from surrogate.learners.registry import METHODS
 from surrogate.statistics.conformal import COVERAGE, conformal_scale
-from surrogate.statistics.metrics import Array
 from touchcal import cache
 from touchcal.array_store import fingerprint
+from touchcal.arrays import Array
 
 # What decides the scales of intervals.
 _CODE = ("surrogate.model.train", "surrogate.model.trained")

@@ -11,9 +11,8 @@ from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 DEGREE = 4
 # Points wanted for each product, and how far beyond their range, over it, the polynomial is believed.
@@ -63,7 +62,7 @@ def _products(unknowns: int) -> list[tuple[int, ...]]:
 
 
 @cache
-def _grown(unknowns: int) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+def _grown(unknowns: int) -> list[tuple[Index, Index]]:
     """For each degree from 1 on: the product of one degree less, by its place among all, and the unknown it is taken
     times."""
     every = _products(unknowns)

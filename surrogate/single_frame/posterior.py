@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.posterior.ensembles import Derived, run_ensembles
 from surrogate.bounds.fisher_information import Prior
@@ -24,9 +23,8 @@ from surrogate.single_frame import diameter_profile, likelihood_emulator
 from surrogate.single_frame.diameter_profile import Ridge
 from surrogate.single_frame.likelihood_emulator import Emulator
 from surrogate.single_frame.simulator_likelihood import Unknowns
+from touchcal.arrays import Array, Mask
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # How far points of the emulator reach, in standard deviations, and beyond the prior, over its ranges.
 REACH, MARGIN = 2.0, 0.1
@@ -88,7 +86,7 @@ class _Frame:
         """(n, readings) of many touches (n, 4)."""
         return np.concatenate([self.whitened(part)[0] for part in np.array_split(unknown, len(unknown) // BATCH + 1)])
 
-    def allowed(self, unknown: Array, margin: float) -> NDArray[np.bool_]:
+    def allowed(self, unknown: Array, margin: float) -> Mask:
         """Which touches (n, 4) are in the prior's range, or beyond it by up to this part."""
         x, y, d, force = to_touch(unknown, self.forward.p0).T
         inside = np.hypot(x, y) <= self.forward.ring.radius_mm * 0.97

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import OTHER_BASELINE
@@ -18,7 +17,7 @@ from surrogate.forward_map.inversion.nonlinearity import relative_curvature
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
 from surrogate.learners.novelty import fit_novelty
-from surrogate.model.missing_channels import Mask, named, silent
+from surrogate.model.missing_channels import named, silent
 from surrogate.model.predict import MISFIT, NO_TOUCH, WEAK, Predictions, Predictor, read_touches
 from surrogate.model.trained import TrainedModel
 from surrogate.single_frame.posterior import Posterior, posterior_of
@@ -27,9 +26,9 @@ from surrogate.single_frame.simulator_inversion import Direct, direct
 from surrogate.single_frame.simulator_likelihood import Simulator
 from surrogate.single_frame.two_touches import read_pair
 from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.arrays import Array, Mask
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 # Misfit of a frame from which neither noise nor what is told of the simulator explains it.

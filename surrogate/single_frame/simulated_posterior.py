@@ -11,7 +11,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion.invert import invert
@@ -19,8 +18,7 @@ from surrogate.forward_map.load_coordinates import to_unknown, touch_slope
 from surrogate.single_frame.posterior import Posterior, sampled
 from surrogate.single_frame.simulator_inversion import Direct, direct
 from surrogate.single_frame.simulator_likelihood import Simulator, solved
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Quantiles of the diameter, among draws, whose touches are solved to correct the map, and to tell what it still misses.
 SOLVED, HELD_OUT = (0.03, 0.25, 0.75, 0.97), (0.12, 0.9)

@@ -11,16 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion.multipole_location import on_range
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
 from surrogate.single_frame.simulator_likelihood import Simulator, Unknowns, slopes_at, solved, unknowns_of
 from surrogate.statistics.levenberg_marquardt import inverse
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Most scenes solved after the first, and the step, in standard deviations of the answer, that is not worth one.
 STEPS, CLOSE = 8, 0.05

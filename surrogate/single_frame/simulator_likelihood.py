@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
@@ -19,9 +18,8 @@ from surrogate.bounds.fisher_information import Slopes
 from surrogate.bounds.material_spread import MaterialSpread, known_material, spread_of
 from surrogate.bounds.reading_derivatives import derivatives_of, slopes_of
 from surrogate.data.sensor_ring import Ring, ring_of
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor
 from surrogate.forward_map.inversion.diameter_force_posterior import make_table
 from surrogate.forward_map.inversion.multipole_location import candidates, on_range
 from surrogate.forward_map.load_coordinates import to_touch, touch_slope
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Places that pairs are sought among, pairs that are tried further, and steps of each.
 PLACES, PAIRS, STEPS = 150, 12, 40
@@ -87,7 +85,7 @@ def _pair(forward: ForwardMap, end: Minimum, k: int, gain: float, misfit_of_one:
 
 
 def _minimised(forward: ForwardMap, signal_V: Array, sd: Array, start: Array) -> Minimum:
-    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(state: Array, which: Index) -> tuple[Array, Array]:
         n, unknowns = state.shape
         here = linearise(forward, _unknown(forward, state))
         whole = here.signal_V.reshape(n, unknowns // 4, -1).sum(axis=1)

@@ -7,11 +7,9 @@ among rows about it, if that is WORTH more than without (Rasmussen and Williams 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.statistics import matern_process
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Step, in lengths of the process, and the gain of log evidence, a quantity, that makes it worth while.
 SIZE, WORTH = 0.25, 15.0
@@ -41,13 +39,13 @@ def side(along: Array, place: float) -> Array:
     return (along < place).astype(float)
 
 
-def _best(x: Array, y: Array, order: NDArray[np.intp], tried: NDArray[np.intp], noise: float) -> tuple[int, float]:
+def _best(x: Array, y: Array, order: Index, tried: Index, noise: float) -> tuple[int, float]:
     """After how many rows a step gains most, and that gain."""
     gains = [_gain(x, y, order, int(k), noise) for k in tried]
     return int(tried[int(np.argmax(gains))]), max(gains)
 
 
-def _gain(x: Array, y: Array, order: NDArray[np.intp], before: int, noise: float) -> float:
+def _gain(x: Array, y: Array, order: Index, before: int, noise: float) -> float:
     """Gain of log evidence by a step after so many rows."""
     first = max(before - ROWS, 0)
     rows = order[first:before + ROWS]

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from surrogate.statistics.gaussian_process import squared_exponential
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Nodes of the coefficients, and those that amplitudes and noise are estimated with, in so many rounds.
 NODES, FEW, ROUNDS = 300, 80, 4

@@ -6,10 +6,9 @@ import math
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betaincinv, ndtri
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Mask
 
 COVERAGE = 0.90
 # Chance that the calibration rows drawn leave a lower coverage than is told, and the least that is not cautioned.
@@ -57,7 +56,7 @@ def enough() -> int:
 
 
 def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE,
-                    discrete: NDArray[np.bool_] | None = None) -> Array:
+                    discrete: Mask | None = None) -> Array:
     """(k,) factor of sd (n, k) whose intervals hold this part of errors (n, k) made on `rows` different rows.
 
     The order statistic is that of `rows` exchangeable errors. Few rows have none (fewer than 9 at 90 %, 19 at 95 %):

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Most rows that a process keeps, and most that its hyperparameters are searched on; spread evenly over the rows.
 MAX_NODES = 800
@@ -117,7 +116,7 @@ def _mean(process: GaussianProcess, x: Array, cross: Array) -> tuple[Array, Arra
     return process.trend[0] + x @ process.trend[1:] + weighted.sum(1), gradient + process.trend[1:]
 
 
-def _spread(n: int, most: int) -> NDArray[np.intp]:
+def _spread(n: int, most: int) -> Index:
     return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
 
 

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import minimize
 
 from surrogate.statistics.gaussian_process import negative_log_likelihood, squared_distance
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Most rows and quantities that the lengths are searched on.
 MAX_SEARCH, MAX_QUANTITIES = 600, 8

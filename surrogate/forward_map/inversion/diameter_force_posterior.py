@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from surrogate.forward_map.forward_map import ForwardMap, by_material, log_strengths
 from surrogate.forward_map.inversion.multipole_location import Located
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Mask
 
 DIAMETERS, LOADS = 48, 96
 # Spacings of the table that a standard deviation must exceed for the table to resolve it.
@@ -126,7 +124,7 @@ def moments(found: Posterior, values: Array) -> tuple[Array, Array]:
     return middle + mean, covariance
 
 
-def resolved(found: Posterior) -> NDArray[np.bool_]:
+def resolved(found: Posterior) -> Mask:
     """(n,) whether the posterior is broad enough for the table, in diameter or in load."""
     table = found.table
     by_d, by_load = np.exp(found.log_weight).sum(axis=2), np.exp(found.log_weight).sum(axis=1)

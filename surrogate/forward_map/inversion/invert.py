@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map import electrode_correction
 from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise, noise_floor, strength_discrepancy
@@ -31,8 +30,7 @@ from surrogate.forward_map.inversion.rim_starts import rim_starts
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
 from surrogate.forward_map.multipole_series import combined
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index, Mask
 
 # Bands of loads that each give one start.
 BANDS = 5
@@ -77,9 +75,9 @@ class Inversion:
     # (n,) squared residual over what noise and the map's error explain, a degree of freedom
     misfit: Array
     # (n,) whether the solution's radius, d and F lie among those of the training touches
-    inside: NDArray[np.bool_]
+    inside: Mask
     # (n,) whether d and F are the mean over a broad posterior rather than its peak
-    broad: NDArray[np.bool_]
+    broad: Mask
     # that posterior
     punches: Posterior
 
@@ -132,7 +130,7 @@ def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum
     worth = known_diameters.worth_trying(free, branches, log_d).ravel()
     frames = np.repeat(np.arange(len(signal)), len(branches.cost) // len(signal) * len(log_d))[worth]
 
-    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(state: Array, which: Index) -> tuple[Array, Array]:
         frame = frames[which]
         free = _residuals(forward, signal[frame], of(sd, frame), discrepancy[which], state)
         return known_diameters.held(free, signal.shape[1])
@@ -177,7 +175,7 @@ def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
     return replace(found, touch=touch, material=mean[:, 4:], inside=_inside(forward, touch))
 
 
-def _inside(forward: ForwardMap, touch: Array) -> NDArray[np.bool_]:
+def _inside(forward: ForwardMap, touch: Array) -> Mask:
     """(n,) whether radius, d and F of touches (n, 4) lie among those of the training touches."""
     extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
     return np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
@@ -193,7 +191,7 @@ def _broadened(found: Inversion) -> Inversion:
     return replace(found, touch=touch, covariance=spread)
 
 
-def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDArray[np.bool_],
+def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: Mask,
                noise_V: float) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]

@@ -11,11 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Mask
 
 # Cost above the free fit's from which a punch is not tried, were the signal linear.
 RULED_OUT = 30.0
@@ -66,7 +64,7 @@ def by_load(normal: Array, load: int) -> Array:
     return out
 
 
-def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> NDArray[np.bool_]:
+def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> Mask:
     """(n branches, punches) which of `starts` the normal matrices do not rule out; of each frame's first branch always
     the nearest."""
     count = len(ends.cost) // len(free.cost)
@@ -79,7 +77,7 @@ def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> NDArray[np.bool_
     return worth
 
 
-def filled(tried: Minimum, worth: NDArray[np.bool_], start: Array) -> Minimum:
+def filled(tried: Minimum, worth: Mask, start: Array) -> Minimum:
     """The ends of all starts (m, p): those tried, and of no evidence the others."""
     m, p = start.shape
     out = Minimum(start.copy(), np.full(m, np.inf), np.broadcast_to(np.eye(p), (m, p, p)).copy(),
@@ -110,7 +108,7 @@ def select(free: Minimum, candidates: Minimum, punches: int, other: float) -> Se
     return Selected(end, np.concatenate([free.state[:, None], states], axis=1), probability)
 
 
-def _again(candidates: Minimum, n: int, punches: int) -> NDArray[np.bool_]:
+def _again(candidates: Minimum, n: int, punches: int) -> Mask:
     """(n, branches, punches) whether a branch ends where one before it does, to within its standard deviation."""
     count = candidates.state.shape[1]
     state = candidates.state.reshape(n, -1, punches, count)
@@ -136,5 +134,5 @@ def _evidence(end: Minimum) -> Array:
     return -end.cost - 0.5 * np.linalg.slogdet(end.normal)[1]
 
 
-def _picked(known: NDArray[np.bool_], free: Array, held: Array) -> Array:
+def _picked(known: Mask, free: Array, held: Array) -> Array:
     return np.where(known.reshape(-1, *[1] * (free.ndim - 1)), held, free)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.load_coordinates import light_pressure, to_unknown, touch_slope
 from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Distances to the rim are felt as log(SOFT - radius), over the disc's radius.
 SOFT = 1.06

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map import multipole_series
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.statistics.levenberg_marquardt import inverse, minimise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Candidate places, how many of the best go on, and the steps that each is given.
 CANDIDATES, PLACES, STEPS = 400, 2, 15
@@ -43,7 +41,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
     frames = np.repeat(np.arange(len(signal)), PLACES)
     size = np.abs(starts[:, 2])
 
-    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(state: Array, which: Index) -> tuple[Array, Array]:
         return _residuals(forward, signal[frames[which]], sd[frames[which]], size[which], state)
 
     found = minimise(residuals, starts, STEPS, lambda state: _on_disc(forward, state))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.load_coordinates import to_unknown, touch_slope
 from surrogate.statistics.conformal import COVERAGE, normal
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def relative_curvature(forward: ForwardMap, touch: Array, covariance: Array, whiten: Array) -> float:

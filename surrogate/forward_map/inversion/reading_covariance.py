@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from surrogate.forward_map import electrode_correction, rim_covariance
 from surrogate.forward_map.forward_map import ForwardMap, gap, place
+from touchcal.arrays import Array, Index
 
-Array = NDArray[np.float64]
 # Standard deviations beyond a bound from which it is not believed, as far as errors of the map make one in a hundred
 # touches err; and that count as far within.
 DOUBTED, FAR = 5.0, 30.0
@@ -62,7 +61,7 @@ def whitened(told: Uncertainty, values: Array) -> Array:
     return (values - off) / told.white[:, None, None]
 
 
-def of(told: Uncertainty, frames: NDArray[np.intp]) -> Uncertainty:
+def of(told: Uncertainty, frames: Index) -> Uncertainty:
     """Those of some frames."""
     return Uncertainty(told.white[frames], told.axes[frames], told.shrink[frames])
 

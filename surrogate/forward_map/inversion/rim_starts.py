@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise
 from surrogate.forward_map.ring_symmetry import fold
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Radii, diameters and loads of the foreseen touches; radii are even in log(SOFT - radius), over the disc's.
 RADII, DIAMETERS, LOADS, SOFT = 14, 5, 20, 1.06

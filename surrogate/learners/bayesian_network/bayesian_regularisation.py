@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from surrogate.learners.bayesian_network import layer
@@ -30,6 +29,7 @@ from surrogate.learners.bayesian_network.laplace import (
     log_evidence,
     solve,
 )
+from touchcal.arrays import Array
 
 # A network that leaves more than this part of the targets' variance unexplained has collapsed onto their mean.
 COLLAPSED = 0.9
@@ -77,7 +77,7 @@ class Training:
     # whether the last one did: the network then says little more than the mean of the targets
     collapsed: bool
     # (epochs, 5) of E_D, E_W, gamma (NaN while alpha and beta are held), alpha and beta after each step
-    history: NDArray[np.float64]
+    history: Array
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from threadpoolctl import threadpool_limits
 from surrogate.learners.bayesian_network import bayesian_regularisation, laplace
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options, Training
 from surrogate.learners.bayesian_network.min_max import MinMax, min_max, scaled, unscaled
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Draws of the weights that tell the spread of an output; its standard deviation is then known within 1 / sqrt(2 DRAWS),
 # an eighth, before calibration.

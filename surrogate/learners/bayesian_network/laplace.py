@@ -11,13 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, lapack, solve_triangular
 from torch import Tensor
 
 from surrogate.learners.bayesian_network import layer
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Part of its mean diagonal that a matrix may lose to rounding.
 ROUNDING = 1e-14

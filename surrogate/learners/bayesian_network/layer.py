@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from surrogate.learners.bayesian_network.normal_equations import normal_matrix
+from touchcal.arrays import Array
 
 torch.set_num_threads(1)
 
@@ -92,7 +91,7 @@ def self_kernel(w: Tensor, x: Tensor) -> Tensor:
     return (slope**2).sum(1) * (1 + (x**2).sum(1)) + (hidden**2).sum(1) + 1
 
 
-def normal(w: Tensor, x: Tensor) -> NDArray[np.float64]:
+def normal(w: Tensor, x: Tensor) -> Array:
     """(p, p) lower triangle of J'J, without forming J."""
     hidden, slope = _hidden(w, x)
     return normal_matrix(x.numpy(), hidden.numpy(), slope.numpy())

@@ -7,9 +7,8 @@ is symmetric, and so is the array of blocks: a quarter of all products is summed
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Rows whose products are formed together, to stay within the cache.
 ROWS = 256
@@ -56,7 +55,7 @@ def _pairs(columns: Array) -> Array:
     return products
 
 
-def _places(count: int) -> NDArray[np.intp]:
+def _places(count: int) -> Index:
     """(m, m) where _pairs puts the product of each two of m columns."""
     i, j = np.indices((count, count))
     high, low = np.maximum(i, j), np.minimum(i, j)
