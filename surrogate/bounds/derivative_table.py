@@ -42,8 +42,7 @@ class Nodes:
 class SlopeTable:
     """Derivatives at places, diameters and pressures."""
 
-    # (P,) weight of each place, their sum 1
-    weight: Array
+    weight: Array  # (P,) weight of each place, their sum 1
     # (D,) diameters, mm, and (K,) pressures F / d^2, N/mm^2, both increasing
     d_mm: Array
     pressure: Array
@@ -52,8 +51,7 @@ class SlopeTable:
     # (P, D, K, readings, parameters) derivatives: by x, y, by d at constant pressure, by log F, by the card's
     parameters: tuple[str, ...]
     values: Array
-    # (readings,) untouched, V
-    baseline_V: Array
+    baseline_V: Array  # (readings,) untouched, V
 
 
 def table_for(scene: Scene, card: MaterialCard, prior: Prior, nodes: Nodes | None = None,

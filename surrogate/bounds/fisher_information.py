@@ -19,8 +19,7 @@ from touchcal.arrays import Array
 class Slopes:
     """Derivatives of the change of the readings by touches; leading axes are any."""
 
-    # (..., readings, 4) by x, y, d, F; V over mm, mm, mm, N
-    touch: Array
+    touch: Array  # (..., readings, 4) by x, y, d, F; V over mm, mm, mm, N
     # (..., readings, m) by the material, V a standard deviation of m independent ones; m = 0 for a known material
     material: Array
 
@@ -82,12 +81,9 @@ def local_covariance(slopes: Slopes, noise_V: float, prior: Prior) -> Array:
 class Split:
     """An information of (x, y, d, F) as that of the place where the punch is known, and that of the punch alone."""
 
-    # (..., 2, 2) covariance of (x, y) where (d, F) is known, mm^2
-    place: Array
-    # (..., 2, 2) by how much the best (x, y) falls with (d, F): -d(x, y)/d(d, F)
-    follows: Array
-    # (..., 2, 2) information of (d, F), (x, y) marginalised
-    punch: Array
+    place: Array  # (..., 2, 2) covariance of (x, y) where (d, F) is known, mm^2
+    follows: Array  # (..., 2, 2) by how much the best (x, y) falls with (d, F): -d(x, y)/d(d, F)
+    punch: Array  # (..., 2, 2) information of (d, F), (x, y) marginalised
 
 
 def split(whole: Array) -> Split:

@@ -35,12 +35,9 @@ _KEPT = 1e-9
 class MaterialSpread:
     """The covariance L L' of a card's parameters over its posterior."""
 
-    # names as in a data set
-    parameters: tuple[str, ...]
-    # (parameters, m) L, in their units
-    factor: Array
-    # largest relative stress, r.m.s. over the strains, that first order misses of a draw
-    missed: float = 0.0
+    parameters: tuple[str, ...]  # names as in a data set
+    factor: Array  # (parameters, m) L, in their units
+    missed: float = 0.0  # largest relative stress, r.m.s. over the strains, that first order misses of a draw
 
 
 def known_material() -> MaterialSpread:

@@ -23,12 +23,9 @@ MESH_HALVINGS = HALVINGS - 1
 class Derivatives:
     """Readings of touches and their derivatives; leading axes are any."""
 
-    # TOUCH, then the parameters of the foam and of the skin, names as in a data set
-    parameters: tuple[str, ...]
-    # (..., readings, parameters), V a unit
-    by: Array
-    # (readings,) untouched, V
-    baseline_V: Array
+    parameters: tuple[str, ...]  # TOUCH, then the parameters of the foam and of the skin, names as in a data set
+    by: Array  # (..., readings, parameters), V a unit
+    baseline_V: Array  # (readings,) untouched, V
 
 
 def derivatives_of(scene: Scene, card: MaterialCard, *, rim: bool = False) -> Derivatives:

@@ -31,10 +31,8 @@ _NONE = 1e-6
 class Domain:
     """The rectangle of a uniform prior, or the line where one of its parameters is known."""
 
-    # on the unit square or line
-    basis: Basis
-    # parameters that vary, some of (0, 1) for (d, F)
-    varies: tuple[int, ...]
+    basis: Basis  # on the unit square or line
+    varies: tuple[int, ...]  # parameters that vary, some of (0, 1) for (d, F)
     # (2,) lowest values and ranges of both
     lowest: Array
     size: Array

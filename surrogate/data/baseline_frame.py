@@ -18,8 +18,7 @@ ALIKE = 0.05
 class Untouched:
     """The frame that signals are differences to."""
 
-    # (readings,) V
-    volts: Array
+    volts: Array  # (readings,) V
     # standard deviation of one reading of a touched frame minus this one, V; None where one frame cannot tell
     noise_V: float | None
 

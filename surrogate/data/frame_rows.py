@@ -27,12 +27,9 @@ CHUNK = 1 << 20
 class Lines:
     """Lines of some frames."""
 
-    # (n,) number of each line, from 1
-    line: NDArray[np.int64]
-    # (n, readings) V, NaN for a cell that holds no number, and for a line that is no frame
-    volts: Array
-    # (n,) why a line is no frame, empty where it is one
-    problem: list[str]
+    line: NDArray[np.int64]  # (n,) number of each line, from 1
+    volts: Array  # (n, readings) V, NaN for a cell that holds no number, and for a line that is no frame
+    problem: list[str]  # (n,) why a line is no frame, empty where it is one
 
     def after_first(self) -> Lines:
         """All but the first."""

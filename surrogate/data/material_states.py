@@ -31,10 +31,8 @@ MIN_CARDS = 5
 class Spread:
     """Directions in which the answers of some cards spread, each of mean 0 and standard deviation 1."""
 
-    # (q,) mean answers
-    mean: Array
-    # (q, k) states = (answers / mean - 1) @ axes
-    axes: Array
+    mean: Array  # (q,) mean answers
+    axes: Array  # (q, k) states = (answers / mean - 1) @ axes
 
 
 def answers(rows: pd.DataFrame, held: bool) -> Array:

@@ -10,12 +10,9 @@ from dataclasses import dataclass
 class Output:
     """One predicted quantity."""
 
-    # name on the command line and in results
-    name: str
-    # column of the data set
-    column: str
-    # unit of the column
-    unit: str
+    name: str  # name on the command line and in results
+    column: str  # column of the data set
+    unit: str  # unit of the column
 
 
 ALL = (Output("x0", "x_mm", "mm"), Output("y0", "y_mm", "mm"), Output("d", "d_mm", "mm"), Output("F", "F_N", "N"),

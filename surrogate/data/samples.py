@@ -32,16 +32,11 @@ class Samples:
     """Solved scenes of one sensor."""
 
     ring: Ring
-    # (n,) scene numbers
-    scene: NDArray[np.int64]
-    # (n,) number that rows of one touch share, and of a nested design those of one block
-    touch: NDArray[np.int64]
-    # (n, readings) touched minus untouched, V
-    signal_V: Array
-    # (n, readings) untouched, V
-    baseline_V: Array
-    # (n, 8) outputs.ALL in the units of their columns
-    target: Array
+    scene: NDArray[np.int64]  # (n,) scene numbers
+    touch: NDArray[np.int64]  # (n,) number that rows of one touch share, and of a nested design those of one block
+    signal_V: Array  # (n, readings) touched minus untouched, V
+    baseline_V: Array  # (n, readings) untouched, V
+    target: Array  # (n, 8) outputs.ALL in the units of their columns
     # (n,) number of each row's card among the draws of the posterior, -1 where one card serves all
     card: NDArray[np.int64]
     # (n, q) what each row's card answers, see `surrogate.data.material_states`; q = 0 where one card serves all

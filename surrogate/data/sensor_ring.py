@@ -25,20 +25,13 @@ MODES, USUAL_S_PER_M = 120, 30.0
 class Ring:
     """Electrodes on the rim of a disc and the readings in the order of the data set's columns."""
 
-    # radius of the disc, mm
-    radius_mm: float
-    # (electrodes,) angle of each electrode from +x, counter-clockwise, rad
-    angle_rad: Array
-    # (readings,) electrode that injects the current
-    source: NDArray[np.int64]
-    # (readings,) electrode that takes it out
-    sink: NDArray[np.int64]
-    # (readings,) electrode that is read
-    read: NDArray[np.int64]
-    # (readings,) electrode that is 0 V
-    ground: NDArray[np.int64]
-    # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
-    modes: Array
+    radius_mm: float  # radius of the disc, mm
+    angle_rad: Array  # (electrodes,) angle of each electrode from +x, counter-clockwise, rad
+    source: NDArray[np.int64]  # (readings,) electrode that injects the current
+    sink: NDArray[np.int64]  # (readings,) electrode that takes it out
+    read: NDArray[np.int64]  # (readings,) electrode that is read
+    ground: NDArray[np.int64]  # (readings,) electrode that is 0 V
+    modes: Array  # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
 
     @cached_property
     def copies(self) -> float:

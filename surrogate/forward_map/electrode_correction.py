@@ -36,10 +36,8 @@ class RimEffect:
     # (maps, readings, components) directions of the effect at touches that each map folds
     directions: Array
     process: Matern
-    # the ring with all readings, whose patterns' norms the effect is over
-    whole: Ring
-    # (all readings of the ring, readings) all of them by those that frames have
-    fill: Array
+    whole: Ring  # the ring with all readings, whose patterns' norms the effect is over
+    fill: Array  # (all readings of the ring, readings) all of them by those that frames have
 
 
 def zero_correction(ring: Ring) -> RimEffect:

@@ -33,27 +33,19 @@ class ForwardMap:
     the rim; the material is some standard normal states of the card, none where one card serves all rows."""
 
     ring: Ring
-    # (modes,) harmonic coefficients of one electrode's field
-    field: Array
-    # sign of the dipole strength: -1 or 1
-    sign: float
-    # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
-    strengths: tuple[GaussianProcess, ...]
-    # what the rim adds, and the error there
-    beside: FittedCorrection
-    # pressure p0 of the load g, N/mm^2
-    p0: float
-    # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
-    floor: float
+    field: Array  # (modes,) harmonic coefficients of one electrode's field
+    sign: float  # sign of the dipole strength: -1 or 1
+    strengths: tuple[GaussianProcess, ...]  # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
+    beside: FittedCorrection  # what the rim adds, and the error there
+    p0: float  # pressure p0 of the load g, N/mm^2
+    floor: float  # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
     # (4,) mean and standard deviation of the training touches in (x, y, log d, g), mm and N
     mean: Array
     sd: Array
     # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
     bounds: Array
-    # diameters of the known punches that training rows share, mm; none where these vary
-    known_mm: Array
-    # training rows
-    rows: int
+    known_mm: Array  # diameters of the known punches that training rows share, mm; none where these vary
+    rows: int  # training rows
 
     @property
     def materials(self) -> int:
@@ -75,10 +67,8 @@ class ForwardMap:
 class Linearised:
     """The map and its derivatives at touches given as (x, y, log d, g)."""
 
-    # (n, readings) signal, V
-    signal_V: Array
-    # (n, readings, 4) derivative, V per unit of each
-    jacobian: Array
+    signal_V: Array  # (n, readings) signal, V
+    jacobian: Array  # (n, readings, 4) derivative, V per unit of each
     # (n, readings, discrepancies) derivative along each strength times that strength's standard deviation, then along
     # each state of the material, V
     discrepancy: Array

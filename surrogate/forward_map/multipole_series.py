@@ -33,12 +33,9 @@ MAX_ROWS = 200
 class Strengths:
     """Multipole strengths of single touches, by least squares."""
 
-    # (n, ORDERS) p_n, V
-    value: Array
-    # (n, ORDERS) variance of each up to one common factor
-    variance: Array
-    # (n, readings) what the series leaves of the signal, V
-    residual: Array
+    value: Array  # (n, ORDERS) p_n, V
+    variance: Array  # (n, ORDERS) variance of each up to one common factor
+    residual: Array  # (n, readings) what the series leaves of the signal, V
 
 
 def modes_needed(reach: float) -> int:

@@ -39,10 +39,8 @@ LENGTHS, STEP = np.array([6.0, 1.0, 1.0]), 2.0
 class Effect:
     """What is added to a signal, over the dipole's strength or another size."""
 
-    # (n, readings)
-    value: Array
-    # (n, readings, 4) derivative by (x / R, y / R, log d, g)
-    slope: Array
+    value: Array  # (n, readings)
+    slope: Array  # (n, readings, 4) derivative by (x / R, y / R, log d, g)
 
 
 def zero_correction() -> SharedProcess:

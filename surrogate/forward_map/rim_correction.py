@@ -28,8 +28,7 @@ class Rows:
     z: Complex
     punch: Array
     gap: Array
-    # (n, readings) what the series leaves, V
-    left: Array
+    left: Array  # (n, readings) what the series leaves, V
     # (n,) strength of the dipole, the norm of its signal, and that of the whole signal, V
     dipole: Array
     size: Array
@@ -47,8 +46,7 @@ class FittedCorrection:
     polarization: SharedProcess
     rim: RimEffect
     error: RimError
-    # gap over the disc's radius where what made the data changes its method; step.NONE where none is seen
-    step: float
+    step: float  # gap over the disc's radius where what made the data changes its method; step.NONE where none is seen
 
 
 def zero_correction(ring: Ring) -> FittedCorrection:

@@ -27,8 +27,7 @@ class Symmetry:
     # (maps,) turns, |turn| = 1, and whether z is mirrored first
     turn: Complex
     mirrored: Mask
-    # (maps, readings, readings) readings of the mapped touch by those of the touch
-    readings: Array
+    readings: Array  # (maps, readings, readings) readings of the mapped touch by those of the touch
 
 
 def symmetry_of(ring: Ring) -> Symmetry:

@@ -19,26 +19,21 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 class Estimate:
     """Most probable outputs of some signals."""
 
-    # (n, outputs) values in the outputs' units
-    value: Array
-    # (n, outputs) standard deviations, model and noise together, before calibration
-    sd: Array
+    value: Array  # (n, outputs) values in the outputs' units
+    sd: Array  # (n, outputs) standard deviations, model and noise together, before calibration
     # (n,) squared residual of the signal over what was expected; 1 for learners that do not model the signal
     misfit: Array
     # (n,) whether the touch lies among the trained ones; True for learners that only map signals to outputs
     inside: Mask
-    # what makes up sd, for learners that can tell
-    parts: Parts | None = None
+    parts: Parts | None = None  # what makes up sd, for learners that can tell
 
 
 @dataclass(frozen=True)
 class Parts:
     """Parts of standard deviations (n, outputs); their squares and that of the model's part add up to the whole."""
 
-    # by noise alone, were map and material exact
-    noise: Array
-    # what not knowing the material adds
-    material: Array
+    noise: Array  # by noise alone, were map and material exact
+    material: Array  # what not knowing the material adds
 
     def model(self, sd: Array) -> Array:
         """(n, outputs) the rest of sd: the map's own error, and what of the signal it does not explain."""
@@ -57,12 +52,9 @@ class Training:
     # names of the outputs, in the order of outputs.NAMES
     names: tuple[str, ...]
     seed: int
-    # steps of an iterated method; 0 for the others
-    epochs: int
-    # processes that may share the outputs
-    workers: int = 1
-    # may show progress over the outputs
-    each: Progress = iter
+    epochs: int  # steps of an iterated method; 0 for the others
+    workers: int = 1  # processes that may share the outputs
+    each: Progress = iter  # may show progress over the outputs
 
 
 class Learner(Protocol):

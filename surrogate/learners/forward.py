@@ -33,8 +33,7 @@ class TouchInversion(Learner):
 
     forward: ForwardMap
     response: Response
-    # positions of the wanted outputs among the touch's four and the response's
-    columns: NDArray[np.int64]
+    columns: NDArray[np.int64]  # positions of the wanted outputs among the touch's four and the response's
 
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:

@@ -34,8 +34,7 @@ class Mlp(Learner):
     directions: Directions
     targets: MinMax
     layers: tuple[Layer, ...]
-    # (outputs,) mean squared error of the training rows, in the outputs' units squared
-    variance: Array
+    variance: Array  # (outputs,) mean squared error of the training rows, in the outputs' units squared
 
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> Mlp:

@@ -24,10 +24,8 @@ class Novelty:
     # (k, readings) orthonormal directions, and what they leave of the worst held-out direction
     axes: Array
     worst: float
-    # (readings,) mean direction, zero where signals point both ways
-    mean: Array
-    # norm of the strongest signal, V
-    strongest_V: float
+    mean: Array  # (readings,) mean direction, zero where signals point both ways
+    strongest_V: float  # norm of the strongest signal, V
 
 
 def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:

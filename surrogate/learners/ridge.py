@@ -26,18 +26,15 @@ class Lines:
     # (m,) mean of each product, and its standard deviation
     mean: Array
     sd: Array
-    # (r, m) principal axes of the products
-    axes: Array
-    # (k,) which outputs these are
-    columns: NDArray[np.int64]
+    axes: Array  # (r, m) principal axes of the products
+    columns: NDArray[np.int64]  # (k,) which outputs these are
     # (k, m) coefficients, and (k,) their offsets
     coefficients: Array
     offset: Array
     # (k,) variance of the coefficients before the rows were seen, and (k, r) what these took of it along each axis
     prior_variance: Array
     taken: Array
-    # (k,) variance of the residual by leave-one-out
-    noise: Array
+    noise: Array  # (k,) variance of the residual by leave-one-out
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,8 @@ from touchcal.arrays import Array
 class Directions:
     """Principal directions of the training signals' directions."""
 
-    # (readings,) mean direction
-    mean: Array
-    # (k, readings) principal axes, each over the standard deviation along it
-    axes: Array
+    mean: Array  # (readings,) mean direction
+    axes: Array  # (k, readings) principal axes, each over the standard deviation along it
     # mean and standard deviation of log(|dV| / V)
     log_mean: float
     log_sd: float

@@ -65,8 +65,7 @@ def _measured(measurement: Mapping[str, Any]) -> str:
 class Evaluation:
     """Scores, and the noise-free predictions behind them."""
 
-    # scores as JSON
-    scores: Mapping[str, Any]
+    scores: Mapping[str, Any]  # scores as JSON
     # one row a scene and output: part, scene, output, unit, target, value, HALF_WIDTHS, in the output's unit
     predictions: pd.DataFrame
 

@@ -44,15 +44,12 @@ class Predictor:
     """A model with what does not change from frame to frame."""
 
     model: TrainedModel
-    # (readings,) the untouched frame, V
-    baseline_V: Array
-    # standard deviation of the noise of a signal, V
-    noise_V: float
+    baseline_V: Array  # (readings,) the untouched frame, V
+    noise_V: float  # standard deviation of the noise of a signal, V
     # (outputs,) standard deviations that make a 90 % interval
     scale: Array
     novelty: Novelty
-    # (readings,) channels that are dead whatever a frame reads
-    dead: Mask
+    dead: Mask  # (readings,) channels that are dead whatever a frame reads
     # predictors of the readings that are left, by the bytes of a mask of dead channels
     reduced: dict[bytes, Predictor] = field(default_factory=dict)
 
@@ -64,8 +61,7 @@ class Predictions:
     # (n, outputs), and the half widths of the 90 % intervals
     value: Array
     half_width: Array
-    # (n,) what is to be known of the frame, empty where nothing is
-    flag: list[str]
+    flag: list[str]  # (n,) what is to be known of the frame, empty where nothing is
     # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
     # half_width over the normal factor. No columns where the model cannot tell
     force_parts: Array

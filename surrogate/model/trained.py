@@ -29,10 +29,8 @@ NOISY_FRAMES, NOISE_DRAWS = 1000, 4
 class Calibration:
     """Validation rows, which neither train the learner nor test it."""
 
-    # (n, readings) signals, V
-    signal_V: Array
-    # (n, outputs) targets
-    target: Array
+    signal_V: Array  # (n, readings) signals, V
+    target: Array  # (n, outputs) targets
 
 
 @dataclass(frozen=True)
@@ -51,10 +49,8 @@ class Range:
     # (outputs,) lowest and highest target
     lowest: Array
     highest: Array
-    # norm of the weakest signal, V
-    weakest_V: float
-    # largest misfit of a validation row
-    misfit: float
+    weakest_V: float  # norm of the weakest signal, V
+    misfit: float  # largest misfit of a validation row
 
 
 @dataclass(frozen=True)
@@ -73,10 +69,8 @@ class TrainedModel:
     # (readings,) voltages of the untouched sensor, V
     baseline_V: Array
     seed: int
-    # CPU time of the training, s
-    fit_s: float
-    # how the training went and what it was made from, as JSON
-    record: Mapping[str, Any]
+    fit_s: float  # CPU time of the training, s
+    record: Mapping[str, Any]  # how the training went and what it was made from, as JSON
 
     @property
     def units(self) -> tuple[str, ...]:

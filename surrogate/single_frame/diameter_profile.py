@@ -30,15 +30,12 @@ _FREE = np.array([0, 1, 3])
 class Ridge:
     """The best touches of some diameters."""
 
-    # (k,) log d, increasing
-    log_d: Array
-    # log d -> (3,) x, y, g that fit best, mm and 1, smooth between the diameters
-    best: PchipInterpolator
+    log_d: Array  # (k,) log d, increasing
+    best: PchipInterpolator  # log d -> (3,) x, y, g that fit best, mm and 1, smooth between the diameters
     # (m, 4) solutions that count, (m, 3, 3) covariances of (x, y, g) there at the same diameter
     counted: Array
     spread: Array
-    # half the step between diameters, in log d
-    reach: float
+    reach: float  # half the step between diameters, in log d
 
 
 def find(whitened: Whitened, centre: Array, log_d: tuple[float, float], load: Callable[[Array], tuple[Array, Array]],

@@ -28,8 +28,7 @@ class Emulator:
     # (4,) middle of the points and half their range
     middle: Array
     half: Array
-    # (k, k) triangular factor: chi^2 = |factor phi|^2
-    factor: Array
+    factor: Array  # (k, k) triangular factor: chi^2 = |factor phi|^2
 
 
 def requested(unknowns: int) -> int:

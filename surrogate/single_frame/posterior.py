@@ -51,16 +51,12 @@ class Added(Protocol):
 class Posterior:
     """Draws of one touch."""
 
-    # (KEPT, 4) x, y, d in mm, F in N
-    draws: Array
+    draws: Array  # (KEPT, 4) x, y, d in mm, F in N
     # rhat, ess, autocorrelation_steps, steps, acceptance, converged, as matcal's chains tell them
     checks: dict[str, float | bool]
-    # draws of their own that the weighed ones of the emulator's chains are worth
-    effective: float
-    # CPU time, s
-    cpu_s: float
-    # squared residual, a degree of freedom, at the most probable draw
-    misfit: float
+    effective: float  # draws of their own that the weighed ones of the emulator's chains are worth
+    cpu_s: float  # CPU time, s
+    misfit: float  # squared residual, a degree of freedom, at the most probable draw
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +95,7 @@ class _Frame:
 class Draws:
     """Draws by chains on an emulator, weighed and drawn again."""
 
-    # (KEPT, p) points
-    points: Array
+    points: Array  # (KEPT, p) points
     # as matcal's chains tell them; draws of their own that the weighed ones are worth; least squared residual
     checks: dict[str, float | bool]
     effective: float

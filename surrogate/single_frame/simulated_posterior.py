@@ -32,8 +32,7 @@ LOG_D = 2
 class Correction:
     """What is added to the learned map's signals about one touch."""
 
-    # (4,) the touch as (x, y, log d, g)
-    centre: Array
+    centre: Array  # (4,) the touch as (x, y, log d, g)
     # (readings,) V there, and (readings, 4) V per unit of each
     offset: Array
     slope: Array
@@ -61,8 +60,7 @@ class Told:
     posterior: Posterior
     # what the corrected map misses of scenes that it was not made from, at most, in standard deviations of the readings
     held_out_error: float
-    # scenes solved
-    simulations: int
+    simulations: int  # scenes solved
 
 
 def simulated_posterior(simulator: Simulator, forward: ForwardMap, signal_V: Array, noise_V: float,

@@ -32,13 +32,11 @@ KNOWN = 1e-4
 class Direct:
     """The most probable touch by the simulator."""
 
-    # (4,) x, y, d in mm, F in N
-    touch: Array
+    touch: Array  # (4,) x, y, d in mm, F in N
     # (4, 4) covariance, widened by the misfit where that exceeds 1; and were material and simulator exact
     covariance: Array
     own: Array
-    # squared residual over what noise, material and the simulator's error explain, a degree of freedom
-    misfit: float
+    misfit: float  # squared residual over what noise, material and the simulator's error explain, a degree of freedom
     # (readings,) what is left of the signal, and the simulator's one there, V
     residual_V: Array
     signal_V: Array
@@ -50,8 +48,7 @@ class Direct:
     # scenes solved (derivatives once beside them), CPU time, s
     simulations: int
     cpu_s: float
-    # whether it ended within CLOSE of the minimum
-    converged: bool
+    converged: bool  # whether it ended within CLOSE of the minimum
 
 
 @dataclass(frozen=True, eq=False)

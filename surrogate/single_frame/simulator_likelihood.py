@@ -47,10 +47,8 @@ class Solved:
 class Unknowns:
     """What readings differ by from a forward map's: C = white_V^2 I + M M'."""
 
-    # standard deviation of one reading, V
-    white_V: float
-    # (readings, m) M, V
-    columns: Array
+    white_V: float  # standard deviation of one reading, V
+    columns: Array  # (readings, m) M, V
 
     @property
     def whitening(self) -> Array:

@@ -27,13 +27,11 @@ AMPLITUDE, NOISE, BINS, LEAST = 0.3, 3e-3, 8, 1e-6
 class SharedProcess:
     """c(x) = [1, u, exp(-|u - node|^2 / 2)] weights, u = (x - centre) / lengths."""
 
-    # (k, q) in u
-    nodes: Array
+    nodes: Array  # (k, q) in u
     # (q,) unit of each input
     centre: Array
     lengths: Array
-    # (1 + q + k, coefficients)
-    weights: Array
+    weights: Array  # (1 + q + k, coefficients)
 
 
 def zero(inputs: int, coefficients: int) -> SharedProcess:

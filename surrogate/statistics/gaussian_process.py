@@ -26,17 +26,13 @@ LENGTH_BOUNDS = (0.2, 100.0)
 class GaussianProcess:
     """y(x) = b0 + b.(x - centre) + f(x), f a zero-mean process of kernel a^2 exp(-|x/l - x'/l|^2 / 2)."""
 
-    # (k, q) training inputs minus the centre, over the lengths
-    nodes: Array
+    nodes: Array  # (k, q) training inputs minus the centre, over the lengths
     # (q,) mean training input, and lengths l, unit of each input
     centre: Array
     lengths: Array
-    # standard deviation a of the process, unit of y
-    amplitude: float
-    # (k,) variance of the noise of each node, unit of y squared
-    noise: Array
-    # (k,) y at the nodes
-    values: Array
+    amplitude: float  # standard deviation a of the process, unit of y
+    noise: Array  # (k,) variance of the noise of each node, unit of y squared
+    values: Array  # (k,) y at the nodes
 
     @cached_property
     def factor(self) -> Array:

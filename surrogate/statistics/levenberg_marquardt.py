@@ -20,14 +20,10 @@ START, END, ENOUGH = 1e-3, 1e8, 1e-5
 class Minimum:
     """Where every problem ended."""
 
-    # (n, p) states
-    state: Array
-    # (n,) half the squared residuals
-    cost: Array
-    # (n, p, p) J'J
-    normal: Array
-    # (n, r) residuals
-    residual: Array
+    state: Array  # (n, p) states
+    cost: Array  # (n,) half the squared residuals
+    normal: Array  # (n, p, p) J'J
+    residual: Array  # (n, r) residuals
 
 
 def minimise(residuals: Residuals, start: Array, iterations: int,

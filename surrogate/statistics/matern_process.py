@@ -22,12 +22,9 @@ LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
 class Matern:
     """y(x) = k(x, nodes) weights, k = (1 + t + t^2/3) exp(-t), t = sqrt(5) |x/l - x'/l|."""
 
-    # (k, q) training inputs over the lengths
-    nodes: Array
-    # (q,) lengths, unit of each input
-    lengths: Array
-    # (k, outputs)
-    weights: Array
+    nodes: Array  # (k, q) training inputs over the lengths
+    lengths: Array  # (q,) lengths, unit of each input
+    weights: Array  # (k, outputs)
 
     @cached_property
     def moments(self) -> Array:

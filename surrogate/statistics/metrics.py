@@ -22,16 +22,13 @@ class Score:
     # coefficient of determination; None where the targets do not vary
     r2: float | None
     mae: float
-    # rows
-    n: int
+    n: int  # rows
     # fraction of rows whose 50, 90 and 95 % interval holds the target
     coverage_50: float
     coverage_90: float
     coverage_95: float
-    # unit of rmse, mae and half_width_90
-    unit: str
-    # median half width of the 90 % intervals
-    half_width_90: float
+    unit: str  # unit of rmse, mae and half_width_90
+    half_width_90: float  # median half width of the 90 % intervals
 
 
 def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:

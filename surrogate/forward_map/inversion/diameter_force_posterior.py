@@ -30,10 +30,8 @@ class Table:
     # (D,) diameters, mm, and (G,) loads g
     d_mm: Array
     load: Array
-    # pressure of the load, N/mm^2
-    p0: float
-    # (D, G, orders) log |p_1 / V|, p_2 / p_1 ...
-    strengths: Array
+    p0: float  # pressure of the load, N/mm^2
+    strengths: Array  # (D, G, orders) log |p_1 / V|, p_2 / p_1 ...
 
     @property
     def touch(self) -> Array:
@@ -48,10 +46,8 @@ class Posterior:
     """Posterior of the punch of each frame."""
 
     table: Table
-    # (n, D, G - 1) log probability of each interval
-    log_weight: Array
-    # (n, D, G - 1) most probable load in each interval
-    load: Array
+    log_weight: Array  # (n, D, G - 1) log probability of each interval
+    load: Array  # (n, D, G - 1) most probable load in each interval
 
     @property
     def weight(self) -> Array:

@@ -52,34 +52,23 @@ TINY = 1e-6
 class Peak:
     """Laplace's covariance of a touch (x, y, d, F), and what remains of it when less is left unknown."""
 
-    # (n, 4 + k, 4 + k) of the touch and the states of the material
-    joint: Array
-    # (n, 4, 4) were the material known
-    known: Array
-    # (n, 4, 4) were the map exact too, so that noise alone is left
-    noise: Array
+    joint: Array  # (n, 4 + k, 4 + k) of the touch and the states of the material
+    known: Array  # (n, 4, 4) were the material known
+    noise: Array  # (n, 4, 4) were the map exact too, so that noise alone is left
 
 
 @dataclass(frozen=True)
 class Inversion:
     """Most probable touches."""
 
-    # (n, 4) x, y, d in mm, F in N
-    touch: Array
-    # (n, 4, 4) covariance of the touch, widened by the misfit where that exceeds 1
-    covariance: Array
-    # (n, k) most probable states of the material
-    material: Array
-    # the covariance about the peak, as it is where d and F are not broad, and what makes it up
-    peak: Peak
-    # (n,) squared residual over what noise and the map's error explain, a degree of freedom
-    misfit: Array
-    # (n,) whether the solution's radius, d and F lie among those of the training touches
-    inside: Mask
-    # (n,) whether d and F are the mean over a broad posterior rather than its peak
-    broad: Mask
-    # that posterior
-    punches: Posterior
+    touch: Array  # (n, 4) x, y, d in mm, F in N
+    covariance: Array  # (n, 4, 4) covariance of the touch, widened by the misfit where that exceeds 1
+    material: Array  # (n, k) most probable states of the material
+    peak: Peak  # the covariance about the peak, as it is where d and F are not broad, and what makes it up
+    misfit: Array  # (n,) squared residual over what noise and the map's error explain, a degree of freedom
+    inside: Mask  # (n,) whether the solution's radius, d and F lie among those of the training touches
+    broad: Mask  # (n,) whether d and F are the mean over a broad posterior rather than its peak
+    punches: Posterior  # that posterior
 
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:

@@ -25,8 +25,7 @@ LOG_D, HELD = 2, 1e12
 class Selected:
     """The most probable punch of each frame."""
 
-    # where its fit ended, the information of a held diameter included
-    end: Minimum
+    end: Minimum  # where its fit ended, the information of a held diameter included
     # (n, k) states (x, y, log d, g, discrepancies) of every candidate, the free one first, and their probabilities
     states: Array
     probability: Array

@@ -21,22 +21,17 @@ class Response:
     the states of the material."""
 
     processes: tuple[GaussianProcess, ...]
-    # pressure p0 of the load, N/mm^2
-    p0: float
-    # radius of the disc, mm
-    radius_mm: float
+    p0: float  # pressure p0 of the load, N/mm^2
+    radius_mm: float  # radius of the disc, mm
 
 
 @dataclass(frozen=True)
 class Answer:
     """Outputs at some touches."""
 
-    # (n, outputs)
-    value: Array
-    # (n, outputs, 2 + k) derivatives by d, F and the states of the material
-    slope: Array
-    # (n, outputs) standard deviation of the response itself
-    sd: Array
+    value: Array  # (n, outputs)
+    slope: Array  # (n, outputs, 2 + k) derivatives by d, F and the states of the material
+    sd: Array  # (n, outputs) standard deviation of the response itself
 
 
 def fit(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...], material: Array) -> Response:

@@ -24,12 +24,9 @@ RIM = 0.97
 class Located:
     """Touches by place and strengths."""
 
-    # (n, 2) x, y, mm
-    place_mm: Array
-    # (n, orders) log |p_1 / V|, p_2 / p_1 ...
-    strengths: Array
-    # (n, orders, orders) their covariance
-    covariance: Array
+    place_mm: Array  # (n, 2) x, y, mm
+    strengths: Array  # (n, orders) log |p_1 / V|, p_2 / p_1 ...
+    covariance: Array  # (n, orders, orders) their covariance
 
 
 def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:

@@ -24,8 +24,7 @@ DOUBTED, FAR = 5.0, 30.0
 class Uncertainty:
     """Covariance of the readings of some frames."""
 
-    # (n,) standard deviation of what is white, V
-    white: Array
+    white: Array  # (n,) standard deviation of what is white, V
     # (n, readings, k) orthonormal directions of the rest, and (n, k) the part of a component that whitening takes off
     axes: Array
     shrink: Array

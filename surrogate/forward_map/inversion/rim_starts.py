@@ -36,8 +36,7 @@ class Foreseen:
     # (m 4, readings) its slopes by the units over that norm, and (m, 4) along the direction
     slope: NDArray[np.float32]
     along: Array
-    # (m, 4, 4) inverse of the slopes' products, damped
-    damped: Array
+    damped: Array  # (m, 4, 4) inverse of the slopes' products, damped
 
 
 def rim_starts(forward: ForwardMap, signal: Array, place_mm: Array, bands: int) -> Array:

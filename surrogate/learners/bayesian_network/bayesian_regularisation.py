@@ -41,8 +41,7 @@ WARM_ALPHA = 0.01
 class Options:
     """How to train; the defaults are those of trainbr, to the letter but for the epochs."""
 
-    # hidden units
-    units: int = 20
+    units: int = 20  # hidden units
     # most accepted steps, where trainbr has 1,000; eight networks of 208 inputs on 2,800 rows then take some 14 minutes
     # on two cores, reckoned from 140 steps of two of them (0.7 CPU s each on a loaded machine)
     epochs: int = 300
@@ -51,8 +50,7 @@ class Options:
     mu_decrease: float = 0.1
     mu_increase: float = 10.0
     mu_max: float = 1e10
-    # gradient norm that ends the training
-    min_gradient: float = 1e-7
+    min_gradient: float = 1e-7  # gradient norm that ends the training
     # new starts that may follow a collapse, and the first steps of these in which alpha and beta are held
     restarts: int = 0
     warm_up: int = 0
@@ -64,20 +62,13 @@ class Training:
 
     alpha: float
     beta: float
-    # effective number of parameters
-    gamma: float
-    # accepted steps
-    epochs: int
-    # why the training ended: "epochs", "mu_max", "min_gradient" or "collapsed" (gamma below 0.001)
-    stop: str
-    # log evidence up to the same constant for every network of one size on one data set
-    log_evidence: float
-    # starts that collapsed, the last one included
-    collapses: int
-    # whether the last one did: the network then says little more than the mean of the targets
-    collapsed: bool
-    # (epochs, 5) of E_D, E_W, gamma (NaN while alpha and beta are held), alpha and beta after each step
-    history: Array
+    gamma: float  # effective number of parameters
+    epochs: int  # accepted steps
+    stop: str  # why the training ended: "epochs", "mu_max", "min_gradient" or "collapsed" (gamma below 0.001)
+    log_evidence: float  # log evidence up to the same constant for every network of one size on one data set
+    collapses: int  # starts that collapsed, the last one included
+    collapsed: bool  # whether the last one did: the network then says little more than the mean of the targets
+    history: Array  # (epochs, 5) of E_D, E_W, gamma (NaN while alpha and beta are held), alpha and beta after each step
 
 
 @dataclass(frozen=True)
@@ -85,8 +76,7 @@ class _State:
     weights: Tensor
     alpha: float
     beta: float
-    # (n,) outputs minus targets
-    error: Tensor
+    error: Tensor  # (n,) outputs minus targets
 
     @property
     def squared_error(self) -> float:

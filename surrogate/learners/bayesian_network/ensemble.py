@@ -30,12 +30,9 @@ BATCH = 256
 class Networks:
     """Trained networks, all of one size."""
 
-    # inputs q of each network
-    inputs: int
-    # scaling of the outputs
-    targets: MinMax
-    # (outputs, p) weights as network.layers cuts them
-    weights: Array
+    inputs: int  # inputs q of each network
+    targets: MinMax  # scaling of the outputs
+    weights: Array  # (outputs, p) weights as network.layers cuts them
     # (outputs, DRAWS, p) departures from them, normal with the Laplace covariance, float32
     draws: NDArray[np.float32]
     trainings: tuple[Training, ...]
@@ -50,12 +47,9 @@ class Networks:
 class Prediction:
     """Outputs of some inputs in their own units."""
 
-    # (n, outputs)
-    value: Array
-    # (n, outputs) variance of model and target noise
-    variance: Array
-    # (n, outputs, q) derivative by the inputs
-    slope: Array
+    value: Array  # (n, outputs)
+    variance: Array  # (n, outputs) variance of model and target noise
+    slope: Array  # (n, outputs, q) derivative by the inputs
 
 
 def fit(x: Array, target: Array, seed: int, options: Options, workers: int = 1,

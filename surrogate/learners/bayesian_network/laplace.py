@@ -25,8 +25,7 @@ ROUNDING = 1e-14
 class Curvature:
     """The smaller of J J' and J'J at some weights."""
 
-    # (m, m) its lower triangle
-    gram: Array
+    gram: Array  # (m, m) its lower triangle
     # numbers of rows n and of weights p; J J' is held where n < p
     rows: int
     count: int

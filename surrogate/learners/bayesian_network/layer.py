@@ -21,14 +21,10 @@ torch.set_num_threads(1)
 class Layers:
     """The weight vector cut into its layers (views)."""
 
-    # (h, q) input weights W
-    inner: Tensor
-    # (h,) biases b
-    bias: Tensor
-    # (h,) output weights v
-    outer: Tensor
-    # () output bias c
-    offset: Tensor
+    inner: Tensor  # (h, q) input weights W
+    bias: Tensor  # (h,) biases b
+    outer: Tensor  # (h,) output weights v
+    offset: Tensor  # () output bias c
 
 
 def count_weights(inputs: int, units: int) -> int:
