@@ -1,8 +1,8 @@
 """Derivatives of readings over a whole prior: solved at some places, diameters and pressures, and cubics between.
 
 The ring's turns make all places those of one sector from an electrode to the next. (Its mirror does not: readings are
-taken against an electrode on one side of the driven pair, and with white noise the mirrored ones tell some 6 %
-more or less.) Places are Gauss-Legendre points in the square of the distance from the centre, where the punch fits.
+taken against an electrode on one side of the driven pair, and with white noise the mirrored ones say some 6 % more or
+less.) Places are Gauss-Legendre points in the square of the distance from the centre, where the punch fits.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from surrogate.bounds.reading_derivatives import MESH_HALVINGS, Derivatives, der
 from touchcal import cache
 from touchcal.arrays import Array
 
-# What the numbers of a table follow from, for the cache.
-_CODE = ("eitsim.simulation.derivatives.readings",)
+_CODE = ("eitsim.simulation.derivatives.readings",)  # what the numbers of a table follow from, for the cache
 # Strains of the compression that tells where pressures are to lie close.
 _STRAINS = np.linspace(0.0, 0.95, 400)
 _GOLDEN = (5**0.5 - 1) / 2
@@ -37,6 +36,7 @@ class Nodes:
     places: int = 4
     diameters: int = 3
     pressures: int = 9
+
 
 @dataclass(frozen=True, eq=False)
 class SlopeTable:
@@ -110,8 +110,8 @@ def _axes(law: Hyperfoam, prior: Prior, nodes: Nodes) -> tuple[Array, Array, Cal
         return strain + np.log(pressure / low) / np.log(high / low)
 
     fine = np.geomspace(low, high, 4000)
-    return d_mm, np.interp(np.linspace(scale(fine[:1])[0], scale(fine[-1:])[0], nodes.pressures), scale(fine), fine), \
-        scale
+    even = np.linspace(scale(fine[:1])[0], scale(fine[-1:])[0], nodes.pressures)
+    return d_mm, np.interp(even, scale(fine), fine), scale
 
 
 def at_pressure(by: Array, d_mm: Array, pressure: Array) -> Array:

@@ -62,8 +62,8 @@ def local_covariance(slopes: Slopes, noise_V: float, prior: Prior) -> Array:
     """(..., 4, 4) covariance of the best estimate of (x, y, d, F) where readings are linear in them, with a Gaussian
     prior of the prior's variances.
 
-    It is exact for that, and no bound beside it: where a standard deviation comes near to the prior's, a uniform prior
-    and readings that bend can only be counted over the whole prior (`limit_field`).
+    It is exact for that, and no bound otherwise: where a standard deviation comes near to the prior's, a uniform prior
+    and readings that bend can only be counted over the whole prior (`van_trees`).
     """
     given = np.where(prior.variances > 0, prior.variances, 1.0)
     scale = np.sqrt(given)

@@ -15,7 +15,7 @@ from touchcal.arrays import Array
 
 TOUCH = ("x_mm", "y_mm", "d_mm", "F_N")
 # Halvings of the skin's mesh: with one less than the readings' own a touch takes a quarter of the time, and standard
-# deviations differ by 0.2 to 1.5 % (14 mm, 80 dB: 1 N half way out, 0.3 N beside the rim).
+# deviations differ by 0.2 to 1.5 % (14 mm, 80 dB: 1 N half way out, 0.3 N at the rim).
 MESH_HALVINGS = HALVINGS - 1
 
 

@@ -10,8 +10,7 @@ from touchcal.arrays import Array
 
 # Relative difference of the untouched frame from that of the training, 2-norm, from which it is cautioned.
 OTHER_BASELINE = 0.2
-# Difference, likewise, up to which a scaled or a sorted frame is taken for the training's.
-ALIKE = 0.05
+SAME = 0.05  # difference, likewise, up to which a scaled or a sorted frame is taken for the training's
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ def caution(trained_V: Array, baseline_V: Array) -> str:
     it may be."""
     finite = np.isfinite(baseline_V)
     trained, given = trained_V[finite], baseline_V[finite]
-    separation = _apart(given, trained)
+    separation = relative_difference(given, trained)
     if separation < OTHER_BASELINE:
         return ""
     return (f"the untouched frame differs by {separation:.0%} from that of the training: {_cause(trained, given)} "
@@ -44,14 +43,15 @@ def caution(trained_V: Array, baseline_V: Array) -> str:
 
 def _cause(trained: Array, given: Array) -> str:
     scale = float(given @ trained / (trained @ trained))
-    if scale != 0 and _apart(given / scale, trained) < ALIKE:
+    if scale != 0 and relative_difference(given / scale, trained) < SAME:
         if -2 < scale < -0.5:
             return "it has the other sign. Are the leads of the current or of the voltmeter exchanged?"
         return f"it is {scale:.3g} times that. Are the readings in volts, and is the current that of the training?"
-    if _apart(np.sort(given), np.sort(trained)) < ALIKE:
+    if relative_difference(np.sort(given), np.sort(trained)) < SAME:
         return "it holds the same voltages in another order. Are electrodes, patterns or columns mixed up?"
     return "is it untouched, of this sensor and drive, and in volts?"
 
 
-def _apart(given: Array, trained: Array) -> float:
+def relative_difference(given: Array, trained: Array) -> float:
+    """2-norm of the difference of frames (readings,), V, over that of the trained one."""
     return float(np.linalg.norm(given - trained) / np.linalg.norm(trained))

@@ -19,8 +19,7 @@ Line = tuple[int, str]
 
 # Most lines that are answered together: those that wait already, so that none waits for another to come.
 BATCH = 32
-# Bytes that are read at a time, at most.
-CHUNK = 1 << 20
+CHUNK = 1 << 20  # bytes that are read at a time, at most
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,7 @@ def header_of(text: str, readings: int) -> Index | None:
 
 
 def frame_of(text: str, order: Index) -> Array:
-    """(readings,) V of a line whose readings have these places; NaN for an empty cell. ValueError says what is wrong.
-    """
+    """(readings,) V of a line whose readings have these places, NaN for an empty cell; ValueError where it is none."""
     cells = text.split(",")
     if len(cells) != len(order):
         raise ValueError(f"{len(cells)} columns, expected {len(order)} voltages separated by commas")
@@ -118,5 +116,5 @@ def first_frame(lines: Lines, where: str) -> Array:
     """(readings,) V of the first line, as the untouched frame; ValueError where it is none."""
     if lines.problem[0]:
         raise ValueError(f"{where}, line {lines.line[0]}: {lines.problem[0]}. The first frame is the untouched one: "
-                         "mend it, or give --baseline FILE.")
+                         "fix it, or give --baseline FILE.")
     return lines.volts[0]

@@ -23,8 +23,7 @@ from touchcal.errors import InputFileError
 
 PARTS = ("train", "val", "test")
 FRACTIONS = (0.70, 0.15)
-# Fewest touches that give each part a few.
-MIN_TOUCHES = 20
+MIN_TOUCHES = 20  # fewest touches that give each part a few
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     if rows.empty:
         counts = ", ".join(f"{n} {name}" for name, n in data.table["outcome"].value_counts().items())
         raise InputFileError(folder, f"none of its {len(data.table)} rows is ok ({counts}); there is nothing to learn "
-                                     "from. Mend the design and sweep again.")
+                                     "from. Fix the design and sweep again.")
     _check_one_touch(folder, rows)
     readings = len(ring.read)
     touched = _numbers(folder, rows, voltage_columns(readings))
@@ -84,16 +83,10 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     target = _numbers(folder, rows, [output.column for output in outputs.ALL])
     scene = rows["scene"].to_numpy(np.int64)
     touch = _touches(data.design["sampler"], scene, rows)
+    material = material_states.answers(rows, "hold" in data.design["tables"])
+    measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
     return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
-                   _material(data, rows), _hashes(scene, target), _measurement(data))
-
-
-def _material(data: Dataset, rows: pd.DataFrame) -> Array:
-    return material_states.answers(rows, "hold" in data.design["tables"])
-
-
-def _measurement(data: Dataset) -> dict[str, Any]:
-    return {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
+                   material, _hashes(scene, target), measurement)
 
 
 def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
@@ -102,12 +95,9 @@ def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
     several = rows.loc[rows["touches"] > 1, ["scene", "touches"]]
     if len(several):
         first = several.iloc[0]
-        raise InputFileError(
-            folder,
-            f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
-            f"{int(first['touches'])}), and a surrogate learns the place and the force of one. "
-            "Sweep a design with one touch a row.",
-        )
+        raise InputFileError(folder, f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
+                                     f"{int(first['touches'])}), and a surrogate learns the place and the force of "
+                                     "one. Sweep a design with one touch a row.")
 
 
 def _touches(sampler: str, scene: NDArray[np.int64], rows: pd.DataFrame) -> NDArray[np.int64]:

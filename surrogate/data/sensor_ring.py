@@ -15,7 +15,7 @@ from eitsim.electrics.forward.untouched import sensor_of
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import identical, middles
 from eitsim.scene.scene import Scene
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
 # Modes of an electrode's field, and the conductivity of a usual skin that they are foreseen with, S/m.
 MODES, USUAL_S_PER_M = 120, 30.0
@@ -36,11 +36,17 @@ class Ring:
     @cached_property
     def copies(self) -> float:
         """Readings over independent ones: by reciprocity two readings with driving and reading exchanged are one
-        impedance, which a map then has wrong twice alike."""
-        unit = np.eye(len(self.angle_rad))
-        drive, read = unit[self.source] - unit[self.sink], unit[self.read] - unit[self.ground]
-        both = drive[:, :, None] * read[:, None, :]
-        return len(read) / int(np.linalg.matrix_rank((both + both.transpose(0, 2, 1)).reshape(len(read), -1)))
+        impedance, which a map then has wrong twice over."""
+        return len(self.read) / int(np.linalg.matrix_rank(impedances_read(self, np.arange(len(self.angle_rad)))))
+
+
+def impedances_read(ring: Ring, to: Index) -> Array:
+    """(readings, N N) each reading as a combination of transfer impedances, which are symmetric, between electrodes
+    renumbered by `to`: twice the combination."""
+    unit = np.eye(len(to))[to]
+    drive, read = unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[ring.ground]
+    both = drive[:, :, None] * read[:, None, :]
+    return (both + both.transpose(0, 2, 1)).reshape(len(drive), -1)
 
 
 def same_ring(one: Ring, other: Ring) -> bool:

@@ -1,5 +1,4 @@
-"""What electrodes add to the signal of a touch near them, beyond series and polarization, learned in one half-sector of
-the ring."""
+"""What electrodes add to the signal of a touch near them that series and polarization lack, by one half-sector."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.polarization import FROM, Effect, half_width, log_gap
+from surrogate.forward_map.polarization import FROM, Effect, half_width, log_gap, near_rim
 from surrogate.forward_map.ring_symmetry import Symmetry, filled_from, fold, symmetry_of
 from surrogate.statistics import change_point, matern_process
 from surrogate.statistics.matern_process import Matern
@@ -18,12 +17,11 @@ from touchcal.arrays import Array, Complex, Index, Mask
 MIN_ROWS, MAX_ROWS = 60, 2400
 # How far across the borders of the half-sector images of rows are kept as nodes, over the disc's radius.
 ACROSS = 0.03
-# Part of the effect's energy that the kept components may leave out.
-LEFT_OUT = 1e-4
-# Distances of the centre to the rim are felt as log(SOFT - |z|), beside the punch's own gap; lengths along it count
+LEFT_OUT = 1e-4  # part of the effect's energy that the kept components may leave out
+# Distances of the centre to the rim are felt as log(SOFT - |z|), next to the punch's own gap; lengths along it count
 # ALONG times.
 SOFT, ALONG = 1.06, 5.0
-# Inputs that tell a step along the gap apart from what changes fast with them: all before the gap itself.
+# Inputs that distinguish a step along the gap from what changes fast with them: all before the gap itself.
 OF_STEP = 4
 
 
@@ -50,7 +48,7 @@ def zero_correction(ring: Ring) -> RimEffect:
 def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
     """Learn from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves (n, readings) of
     signals, and the dipole's strength times the norm of its pattern (n,)."""
-    near = _taught_by(z)
+    near = near_rim(z, MAX_ROWS)
     symmetry = symmetry_of(ring)
     place, folded = _folded(symmetry, z[near], residual[near] / size[near, None])
     place, of, folded = _with_images(symmetry, place, folded)
@@ -61,9 +59,9 @@ def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size
 
 
 def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, size: Array) -> float:
-    """Gap to the rim where what made the data changes its method, among those (n,) of the touches; step.NONE where none
-    is seen."""
-    near = _taught_by(z)
+    """Gap to the rim where what made the data changes its method, among those (n,) of the touches; change_point.NONE
+    where none is seen."""
+    near = near_rim(z, MAX_ROWS)
     place, folded = _folded(symmetry_of(ring), z[near], residual[near] / size[near, None])
     inputs = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :OF_STEP]
     quantities = folded @ _axes(folded).T
@@ -71,14 +69,7 @@ def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, s
     return change_point.locate(inputs / lengths, quantities[:, :matern_process.MAX_QUANTITIES], gap[near], noise)
 
 
-def _taught_by(z: Complex) -> Index:
-    """Rows near the rim, or some of them spread over all."""
-    near = np.flatnonzero(np.abs(z) > FROM)
-    return near[np.linspace(0, len(near) - 1, min(len(near), MAX_ROWS)).round().astype(int)]
-
-
 def _folded(symmetry: Symmetry, z: Complex, signal: Array) -> tuple[Complex, Array]:
-    """Places and signals (n, readings) folded into the half-sector."""
     place, chosen = fold(symmetry, z)
     return place, np.einsum("nij,nj->ni", symmetry.readings[chosen], signal)
 
@@ -135,7 +126,7 @@ def _input_slope(place: Complex, felt: Array, step: Complex) -> Array:
 
 
 def _with_images(symmetry: Symmetry, place: Complex, folded: Array) -> tuple[Complex, Index, Array]:
-    """Rows and their mirror images just across the borders of the half-sector; which row each is of."""
+    """Rows with their mirror images just across the borders of the half-sector, and which row each is of."""
     places, rows, signals = [place], [np.arange(len(place))], [folded]
     for turn, readings in zip(symmetry.turn[symmetry.mirrored], symmetry.readings[symmetry.mirrored], strict=True):
         image = turn * place.conj()

@@ -13,18 +13,16 @@ from surrogate.forward_map.load_coordinates import force, known_mm, light_pressu
 from surrogate.forward_map.rim_correction import FittedCorrection
 from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
-from touchcal.arrays import Array, Complex, Mask
+from touchcal.arrays import Array, Complex
 
-# Fewest training rows that the map is learned from.
-MIN_ROWS = 14
+MIN_ROWS = 14  # fewest training rows that the map is learned from
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_NOISE_FLOOR = 1e-5
-# Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
+# Radius over the disc's within which the multipole series is learned; outside, its strengths are those of that radius.
 INTERIOR = 0.40
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.ORDERS) + 1
-# Inputs of the strengths that the touch gives: log d, g, |z0|^2.
-TOUCH_INPUTS = 3
+TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +57,7 @@ class ForwardMap:
 
     @property
     def discrepancies(self) -> int:
-        """Standard normal unknowns beside the touch: one a strength, then those of the material."""
+        """Standard normal unknowns besides the touch: one a strength, then those of the material."""
         return len(self.strengths) + self.materials
 
 
@@ -87,9 +85,10 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     unknown = to_unknown(touch, p0)
     material = np.zeros((len(touch), 0)) if material is None else material
     z = place(ring, touch)
-    inner = _within(z, INTERIOR)
-    field, sign, processes, floor = _series(ring, z[inner], _inputs(ring, unknown[inner], material[inner]),
-                                              touch[inner, 3], signal_V[inner])
+    # those within the interior, or the innermost where these are few
+    inner = np.abs(z) <= max(INTERIOR, float(np.sort(np.abs(z))[MIN_ROWS - 1]))
+    field, sign, processes, floor = _series(ring, z[inner], _inputs_of(ring, unknown[inner], material[inner]),
+                                            touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, sign, processes, rim_correction.zero_correction(ring), p0, floor, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch))
     return _with_rim(series, z, unknown, signal_V, material)
@@ -97,18 +96,11 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
               material: Array) -> ForwardMap:
-    """The series with what the rim adds to it."""
     base = multipole_series.basis(*multipole_series.patterns(series.ring, series.field, z))
     value = _strengths(series, unknown, material)[0]
-    rows = rim_correction.Rows(
-        z,
-        unknown[:, 2:],
-        gap(series.ring, unknown),
-        signal_V - multipole_series.combined(base, value),
-        value[:, 0],
-        value[:, 0] * np.linalg.norm(base[..., 0], axis=1),
-        np.linalg.norm(signal_V, axis=1),
-    )
+    left, size = signal_V - multipole_series.combined(base, value), value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
+    rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, value[:, 0], size,
+                               np.linalg.norm(signal_V, axis=1))
     return replace(series, beside=rim_correction.fit(series.ring, series.field, rows))
 
 
@@ -117,15 +109,8 @@ def gap(ring: Ring, unknown: Array) -> Array:
     return 1 - np.abs(place(ring, unknown)) - polarization.half_width(ring, unknown[:, 2])
 
 
-def _within(z: Complex, reach: float) -> Mask:
-    """Which touches lie within a radius, or the innermost where these are few."""
-    radius = np.abs(z)
-    return radius <= max(reach, float(np.sort(radius)[MIN_ROWS - 1]))
-
-
 def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
             signal_V: Array) -> tuple[Array, float, tuple[GaussianProcess, ...], float]:
-    """Field, sign, strengths and floor of the series."""
     field = multipole_series.learn_field(ring, z, signal_V)
     found = multipole_series.strengths(ring, field, z, signal_V)
     first = found.value[:, 0]
@@ -152,10 +137,15 @@ def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
     return floor * np.sqrt(forward.ring.copies)
 
 
+def extent(touch: Array) -> Array:
+    """(n, 3) radius, d and F of touches (n, 4)."""
+    return np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
+
+
 def _bounds(touch: Array) -> Array:
     """Lowest and highest (radius, d, F), widened twice as far as n uniform draws end inside their range, span / n."""
-    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
-    lowest, highest = extent.min(axis=0), extent.max(axis=0)
+    reached = extent(touch)
+    lowest, highest = reached.min(axis=0), reached.max(axis=0)
     gap = 2 * (highest - lowest) / len(touch)
     return np.array([np.maximum(lowest - gap, lowest / 2), highest + gap])
 
@@ -178,12 +168,8 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
         signal[near] += added
         jacobian[near] += added_slope
     along = np.concatenate([sd[:, :, None] * np.eye(sd.shape[1]), by_card], axis=2)
-    return Linearised(signal, jacobian, _along(base, signal, value[:, :1], along))
-
-
-def _along(base: Array, signal: Array, dipole: Array, change: Array) -> Array:
-    """(n, readings, k) what changes (n, orders, k) of log p_1 and of the ratios make of a signal (n, readings)."""
-    return signal[..., None] * change[:, :1] + base[..., 1:] @ (dipole[..., None] * change[:, 1:])
+    change = signal[..., None] * along[:, :1] + base[..., 1:] @ (value[:, :1, None] * along[:, 1:])
+    return Linearised(signal, jacobian, change)
 
 
 def by_material(forward: ForwardMap, unknown: Array) -> Array:
@@ -194,7 +180,7 @@ def by_material(forward: ForwardMap, unknown: Array) -> Array:
 
 def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders) log |p_1 / V| and the ratios p_n / p_1 of touches (n, 4) given as (x, y, log d, g)."""
-    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
+    inputs = _inputs(forward, unknown)
     out = np.column_stack([gaussian_process.mean(process, inputs)[0] for process in forward.strengths])
     out[:, 0] += np.log(force(unknown[:, 2], unknown[:, 3], forward.p0))
     return out
@@ -224,7 +210,12 @@ def place(ring: Ring, touch: Array) -> Complex:
     return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
 
 
-def _inputs(ring: Ring, unknown: Array, material: Array) -> Array:
+def _inputs(forward: ForwardMap, unknown: Array) -> Array:
+    """Of the mean material."""
+    return _inputs_of(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
+
+
+def _inputs_of(ring: Ring, unknown: Array, material: Array) -> Array:
     return np.column_stack([unknown[:, 2:], np.minimum(np.abs(place(ring, unknown)), INTERIOR) ** 2, material])
 
 
@@ -241,7 +232,7 @@ def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
     The scatter of log p_1 about its process (noise) is discrepancy; that of the ratios is mostly what least squares on
     one row leaves undetermined, which the floor stands for already.
     """
-    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
+    inputs = _inputs(forward, unknown)
     variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])
     variance[:, 0] += forward.strengths[0].noise[0]
     return np.sqrt(variance)
@@ -250,8 +241,7 @@ def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
 def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = None) -> tuple[Array, Array, Array]:
     """Strengths (n, orders), their slopes (n, orders, 4), and the derivatives (n, orders, k) of log p_1 and of the
     ratios by the material, the mean one where none is given."""
-    held = np.zeros((len(unknown), forward.materials)) if material is None else material
-    inputs = _inputs(forward.ring, unknown, held)
+    inputs = _inputs(forward, unknown) if material is None else _inputs_of(forward.ring, unknown, material)
     found = [gaussian_process.mean(process, inputs) for process in forward.strengths]
     first = forward.sign * force(unknown[:, 2], unknown[:, 3], forward.p0) * np.exp(found[0][0])
     ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _ in found[1:]])

@@ -1,7 +1,7 @@
 """Coordinates in which the effect of a punch is smooth: log d, and the load g = asinh(p / p0), p = F / d^2.
 
-Punches of all diameters press nearly alike at one nominal pressure p, so that functions of g hardly depend on d. g goes
-like p for light touches, where effects are proportional to the force, and like log p for heavy ones.
+Punches of all diameters press nearly the same at one nominal pressure p, so that functions of g hardly depend on d. g
+goes like p for light touches, where effects are proportional to the force, and like log p for heavy ones.
 """
 
 from __future__ import annotations
@@ -10,10 +10,8 @@ import numpy as np
 
 from touchcal.arrays import Array
 
-# Part of the training touches that are lighter than p0.
-LIGHT = 0.1
-# Most diameters that are taken for those of known punches, and fewest rows of each.
-MOST, ROWS = 12, 40
+LIGHT = 0.1  # part of the training touches that are lighter than p0
+MOST, ROWS = 12, 40  # most diameters that are taken for those of known punches, and fewest rows of each
 
 
 def light_pressure(touch: Array) -> float:

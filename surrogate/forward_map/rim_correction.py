@@ -14,10 +14,8 @@ from surrogate.statistics import change_point
 from surrogate.statistics.coefficient_process import SharedProcess
 from touchcal.arrays import Array, Complex, Index, Mask
 
-# Rows whose effect is worked out together, to bound the memory.
-BATCH = 256
-# Parts of the touches, each of which tells the error of what the others teach.
-FOLDS = 4
+BATCH = 256  # rows whose effect is worked out together, to bound the memory
+FOLDS = 4  # parts of the touches, each of which shows the error of what the others teach
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +44,7 @@ class FittedCorrection:
     polarization: SharedProcess
     rim: RimEffect
     error: RimError
-    step: float  # gap over the disc's radius where what made the data changes its method; step.NONE where none is seen
+    step: float  # gap over the disc's radius where what made the data changes its method; change_point.NONE without
 
 
 def zero_correction(ring: Ring) -> FittedCorrection:
@@ -58,11 +56,8 @@ def zero_correction(ring: Ring) -> FittedCorrection:
 
 def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorrection:
     """What the rim adds to the readings of a ring that are kept."""
-    return replace(
-        correction,
-        rim=electrode_correction.without(correction.rim, ring, kept),
-        error=rim_covariance.without(correction.error, kept),
-    )
+    return replace(correction, rim=electrode_correction.without(correction.rim, ring, kept),
+                   error=rim_covariance.without(correction.error, kept))
 
 
 def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
@@ -73,28 +68,24 @@ def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
     if fewest < electrode_correction.MIN_ROWS:
         return zero_correction(ring)
     answers = fewest >= polarization.MIN_ROWS
-    answer = _answer(ring, field, near, change_point.NONE, answers)
-    where = electrode_correction.step_of(
-        ring, near.z, near.punch, near.gap, _leaves(ring, field, near, answer, change_point.NONE), near.size
-    )
+    _, left = _answer(ring, field, near, change_point.NONE, answers)
+    where = electrode_correction.step_of(ring, near.z, near.punch, near.gap, left, near.size)
     answer, rim = _both(ring, field, near, where, answers)
-    error = _left_out(ring, field, near, where, answers, touch % FOLDS)
-    return FittedCorrection(
-        answer, rim, rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], error), where)
+    left_out = _left_out(ring, field, near, where, answers, touch % FOLDS)
+    error = rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], left_out)
+    return FittedCorrection(answer, rim, error, where)
 
 
 def _touch(near: Rows) -> Index:
     """(n,) which different touch each row is of; a sweep may solve one with several cards."""
-    told = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
-    return np.unique(told, axis=0, return_inverse=True)[1].ravel()
+    touches = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
+    return np.unique(touches, axis=0, return_inverse=True)[1].ravel()
 
 
 def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, RimEffect]:
-    answer = _answer(ring, field, near, where, answers)
-    left = _leaves(ring, field, near, answer, where)
-    return answer, electrode_correction.fit(
-        ring, near.z, near.punch, change_point.side(near.gap, where), left, near.size
-    )
+    answer, left = _answer(ring, field, near, where, answers)
+    side = change_point.side(near.gap, where)
+    return answer, electrode_correction.fit(ring, near.z, near.punch, side, left, near.size)
 
 
 def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: Index) -> Array:
@@ -111,12 +102,13 @@ def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool,
     return out
 
 
-def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> SharedProcess:
+def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, Array]:
+    """The polarization, and what it leaves of the signals."""
     if not answers:
-        return polarization.zero_correction()
-    return polarization.fit(
-        ring, field, near.z, near.punch, change_point.side(near.gap, where), near.left, near.dipole, near.norm
-    )
+        return polarization.zero_correction(), near.left
+    side = change_point.side(near.gap, where)
+    answer = polarization.fit(ring, field, near.z, near.punch, side, near.left, near.dipole, near.norm)
+    return answer, _leaves(ring, field, near, answer, where)
 
 
 def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: float) -> Array:

@@ -14,8 +14,7 @@ from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
 from touchcal.arrays import Array
 
-# Most directions that are inputs: each is a length to be found.
-MOST = 14
+MOST = 14  # most directions that are inputs: each is a length to be found
 
 
 @dataclass(frozen=True, eq=False)

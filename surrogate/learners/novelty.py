@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surrogate.data.sensor_ring import Ring
+from surrogate.data.sensor_ring import Ring, impedances_read
 from touchcal.arrays import Array, Mask
 
-# Principal directions that trained signals are made of, where twice as many rows tell them.
-MOST = 80
+MOST = 80  # principal directions that trained signals are made of, where twice as many rows tell them
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
 LEAST = 1e-3
-# Standard deviations of noise beyond which a sign is sure.
-SURE = 3.0
+SURE = 3.0  # standard deviations of noise from which a sign is sure
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +40,8 @@ def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
 
 def _reciprocal(ring: Ring) -> Array:
     """(k, readings) orthonormal readings of symmetric impedance matrices: driving and reading may be exchanged."""
-    unit = np.eye(len(ring.angle_rad))
-    driven, read = unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[ring.ground]
-    product = driven[:, :, None] * read[:, None, :]
-    _, singular, axes = np.linalg.svd((product + product.transpose(0, 2, 1)).reshape(len(read), -1).T,
-                                      full_matrices=False)
+    read = impedances_read(ring, np.arange(len(ring.angle_rad)))
+    _, singular, axes = np.linalg.svd(read.T, full_matrices=False)
     return axes[singular > 1e-9 * singular[0]]
 
 

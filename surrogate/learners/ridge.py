@@ -124,7 +124,6 @@ def _lines(basis: _Basis, target: Array, columns: Index, errors: Array) -> Lines
 
 
 def _leave_one_out(basis: _Basis, y: Array, penalty: float) -> float:
-    """Mean squared leave-one-out error, by the leverages."""
     weight = basis.singular**2 / (basis.singular**2 + penalty * len(y))
     centred = y - y.mean()
     fitted = basis.left @ (weight * (basis.left.T @ centred))

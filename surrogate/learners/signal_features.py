@@ -1,4 +1,4 @@
-"""Features of a signal that hardly depend on its size: the whitened direction dV / |dV|, and log |dV| beside it."""
+"""Features of a signal: the whitened direction dV / |dV|, which hardly depends on its size, and log |dV|."""
 
 from __future__ import annotations
 
@@ -44,14 +44,6 @@ def features(directions: Directions, signal_V: Array) -> Array:
     return np.column_stack([along, (np.log(size) - directions.log_mean) / directions.log_sd])
 
 
-def feature_slopes(directions: Directions, signal_V: Array) -> Array:
-    """(n, k + 1, readings) derivative of the features by the signal, per V."""
-    size = np.linalg.norm(signal_V, axis=1)[:, None]
-    unit = signal_V / size
-    across = directions.axes - (unit @ directions.axes.T)[..., None] * unit[:, None, :]
-    return np.concatenate([across, unit[:, None, :] / directions.log_sd], axis=1) / size[..., None]
-
-
 def sound_components(signal_V: Array, most: int) -> int:
     """How many directions, at most so many, stand out of white noise in signals (n, readings).
 
@@ -74,7 +66,7 @@ def carried(directions: Directions, signal_V: Array, slope: Array, noise_V: floa
 
 def by_signal(directions: Directions, signal_V: Array, slope: Array) -> Array:
     """(n, outputs, readings) derivatives by the signal, per V, of outputs with slopes (n, outputs, k + 1) by the
-    features: the slopes times `feature_slopes`, which need not be there whole."""
+    features."""
     size = np.linalg.norm(signal_V, axis=1)[:, None]
     unit = signal_V / size
     along, by_size = slope[..., :-1], slope[..., -1]

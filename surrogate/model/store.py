@@ -72,17 +72,14 @@ def read(kind: type[M], folder: Path) -> M:
         raise InputFileError(path, "holds no JSON object. A model is the folder that `surrogate train --out` writes; "
                                    "train it again.")
     if text.get("schema") != SCHEMA or text.get("method") not in METHODS:
-        raise InputFileError(
-            path,
-            f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one that "
-            f"this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.",
-        )
+        raise InputFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one "
+                                   f"that this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
     try:
         return _assemble(kind, text, _read_arrays(folder / ARRAYS))
     except (KeyError, TypeError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        told = type(error).__name__ if "pickle" in str(error) else error
+        why = type(error).__name__ if "pickle" in str(error) else error
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
-                                     f"({told}). Train the model again.") from None
+                                     f"({why}). Train the model again.") from None
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:

@@ -31,8 +31,7 @@ class Counts:
 
 
 def widen_pipe(descriptor: int) -> None:
-    """Let a pipe hold more frames than its 64 kB, where the system can, so that a fast writer's are answered together.
-    """
+    """Let a pipe hold more frames than its 64 kB, where the system can, so that those of a fast writer go together."""
     with contextlib.suppress(ImportError, AttributeError, OSError):
         import fcntl
 

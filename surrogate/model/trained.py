@@ -19,8 +19,7 @@ from touchcal import cache
 from touchcal.array_store import fingerprint
 from touchcal.arrays import Array
 
-# What decides the scales of intervals.
-_CODE = ("surrogate.model.train", "surrogate.model.trained")
+_CODE = ("surrogate.model.train", "surrogate.model.trained")  # what decides the scales of intervals
 # Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
 NOISY_FRAMES, NOISE_DRAWS = 1000, 4
 
@@ -37,14 +36,14 @@ class Calibration:
 class Rows:
     """The rows of the data set that the model was made from."""
 
-    # (n,) hash of each row, and its part: an index into split.PARTS
+    # (n,) hash of each row, and its part: an index into samples.PARTS
     row_hash: NDArray[np.uint64]
     part: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Range:
-    """What the training rows span; predictions beyond it are flagged."""
+    """What the training rows span; predictions outside it are flagged."""
 
     # (outputs,) lowest and highest target
     lowest: Array
@@ -105,7 +104,6 @@ def calibrated(model: TrainedModel, noise_V: float) -> bool:
 
 
 def _key(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> str:
-    """What the scales of a model follow from, for the cache."""
     return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
                          "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages)}, _CODE)
 

@@ -15,10 +15,8 @@ import numpy as np
 from touchcal.arrays import Array, Index
 
 DEGREE = 4
-# Points wanted for each product, and how far beyond their range, over it, the polynomial is believed.
-POINTS, MARGIN = 6, 0.1
-# chi^2 over the least from which a point counts half in the fit.
-HALF = 20.0
+POINTS, MARGIN = 6, 0.1  # points for each product, and how far outside their range, over it, the polynomial is believed
+HALF = 20.0  # chi^2 over the least from which a point counts half in the fit
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,7 @@ from touchcal.arrays import Array
 SOLVED, HELD_OUT = (0.03, 0.25, 0.75, 0.97), (0.12, 0.9)
 # What the map misses at solved touches, in standard deviations of the readings, that is not worth drawing again for.
 SMALL = 0.2
-# Place of log d among the unknowns.
-LOG_D = 2
+LOG_D = 2  # place of log d among the unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +35,7 @@ class Correction:
     # (readings,) V there, and (readings, 4) V per unit of each
     offset: Array
     slope: Array
-    # (k,) log d, increasing, and (k, readings) V there beside
+    # (k,) log d, increasing, and (k, readings) V more there
     log_d: Array
     beside: Array
 

@@ -17,7 +17,7 @@ from surrogate.bounds.dataset_bound import example_of
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.bounds.material_spread import MaterialSpread, known_material, spread_of
 from surrogate.bounds.reading_derivatives import derivatives_of, slopes_of
-from surrogate.data.sensor_ring import Ring, ring_of
+from surrogate.data.sensor_ring import Ring, ring_of, same_ring
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -75,11 +75,8 @@ def simulator_of(card_path: Path, *, data: Path | None = None, scene: Path | Non
 
 def check_sensor(simulator: Simulator, ring: Ring) -> None:
     """ValueError where the scene's readings are not those of a model."""
-    own = ring_of(simulator.scene)
-    same = (own.radius_mm == ring.radius_mm and np.array_equal(own.angle_rad, ring.angle_rad)
-            and all(np.array_equal(getattr(own, name), getattr(ring, name))
-                    for name in ("source", "sink", "read", "ground")))
-    if not same:
+    # the foreseen modes aside
+    if not same_ring(replace(ring_of(simulator.scene), modes=ring.modes), ring):
         raise ValueError("the scene's disc, electrodes or drive are not those that the model was trained on. Give the "
                          "model's own data set with --data, or a --scene with its [body], [electrodes] and [drive].")
 

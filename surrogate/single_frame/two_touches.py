@@ -22,8 +22,7 @@ PLACES, PAIRS, STEPS = 150, 12, 40
 # Gap between the edges, mm, and the part of the signal, 2-norm, that superposition misses there.
 GAPS_MM = np.array([5.0, 10.0, 20.0, 30.0, 45.0, 60.0])
 MISSED = np.array([0.094, 0.050, 0.021, 0.0114, 0.0059, 0.0034])
-# Twice the log evidence (BIC) by which two must beat one: "very strong" (Kass, Raftery 1995).
-STRONG = 10.0
+STRONG = 10.0  # twice the log evidence (BIC) by which two must beat one: "very strong" (Kass, Raftery 1995)
 
 
 @dataclass(frozen=True, eq=False)

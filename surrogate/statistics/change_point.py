@@ -14,9 +14,8 @@ from touchcal.arrays import Array, Index
 # Step, in lengths of the process, and the gain of log evidence, a quantity, that makes it worth while.
 SIZE, WORTH = 0.25, 15.0
 # Rows between places that are tried at first; rows on either side that are asked, and fewest.
-APART, ROWS, FEWEST = 16, 200, 60
-# Place of no step.
-NONE = -np.inf
+SPACING, ROWS, FEWEST = 16, 200, 60
+NONE = -np.inf  # place of no step
 
 
 def locate(x: Array, y: Array, along: Array, noise: float) -> float:
@@ -29,8 +28,8 @@ def locate(x: Array, y: Array, along: Array, noise: float) -> float:
     tried = tried[along[order[tried - 1]] < along[order[tried]]]
     if not len(tried):
         return NONE
-    best, _ = _best(x, y, order, tried[::APART], noise)
-    best, gain = _best(x, y, order, tried[np.abs(tried - best) < APART], noise)
+    best, _ = _best(x, y, order, tried[::SPACING], noise)
+    best, gain = _best(x, y, order, tried[np.abs(tried - best) < SPACING], noise)
     return float(along[order[best - 1:best + 1]].mean()) if gain > WORTH * y.shape[1] else NONE
 
 
@@ -46,9 +45,8 @@ def _best(x: Array, y: Array, order: Index, tried: Index, noise: float) -> tuple
 
 
 def _gain(x: Array, y: Array, order: Index, before: int, noise: float) -> float:
-    """Gain of log evidence by a step after so many rows."""
     first = max(before - ROWS, 0)
     rows = order[first:before + ROWS]
-    beyond = np.where(np.arange(len(rows)) >= before - first, SIZE, 0.0)
-    return (matern_process.log_evidence(np.column_stack([x[rows], beyond]), y[rows], noise)
+    step = np.where(np.arange(len(rows)) >= before - first, SIZE, 0.0)
+    return (matern_process.log_evidence(np.column_stack([x[rows], step]), y[rows], noise)
             - matern_process.log_evidence(x[rows], y[rows], noise))

@@ -11,7 +11,7 @@ from scipy.special import betaincinv, ndtri
 from touchcal.arrays import Array, Mask
 
 COVERAGE = 0.90
-# Chance that the calibration rows drawn leave a lower coverage than is told, and the least that is not cautioned.
+# Chance that the calibration rows drawn leave a lower coverage than is said, and the least that is not cautioned.
 UNLUCKY, LEAST = 0.05, 0.85
 
 
@@ -66,8 +66,8 @@ def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERA
     in doubt, so the factor of these outputs is never below the normal one.
     """
     ratio = np.abs(error) / np.maximum(sd, np.finfo(float).tiny)
-    beyond = math.ceil((rows + 1) * coverage) > rows
-    floored = beyond if discrete is None else discrete | beyond
+    too_few = math.ceil((rows + 1) * coverage) > rows
+    floored = too_few if discrete is None else discrete | too_few
     least = np.where(floored, normal(coverage), 0.0)
     place = -(-_order(rows, coverage) * len(ratio) // rows) - 1
     return np.maximum(np.partition(ratio, place, axis=0)[place], least)

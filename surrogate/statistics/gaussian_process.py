@@ -73,12 +73,13 @@ def fit(x: Array, y: Array, variance: Array | None = None) -> GaussianProcess:
     if len(x) < x.shape[1] + 2:
         raise ValueError(f"{len(x)} rows are too few to learn from {x.shape[1]} inputs; at least {x.shape[1] + 2}.")
     shape = np.ones(len(x)) if variance is None else variance / np.median(variance)
-    kept = _spread(len(x), MAX_NODES)
+    kept = spread_evenly(len(x), MAX_NODES)
     centre = x[kept].mean(axis=0)
     x, y, shape = x[kept] - centre, y[kept], shape[kept]
-    search = _spread(len(x), MAX_SEARCH)
-    residual = _detrended(x[search], y[search], shape[search])
-    lengths, amplitude, ratio = _hyperparameters(x[search], residual, shape[search])
+    search = spread_evenly(len(x), MAX_SEARCH)
+    regressors, root = _regressors(x[search]), np.sqrt(shape[search])
+    trend = np.linalg.lstsq(regressors / root[:, None], y[search] / root, rcond=None)[0]
+    lengths, amplitude, ratio = _hyperparameters(x[search], y[search] - regressors @ trend, shape[search])
     return GaussianProcess(x / lengths, centre, lengths, amplitude, (amplitude * ratio) ** 2 * shape, y)
 
 
@@ -112,7 +113,8 @@ def _mean(process: GaussianProcess, x: Array, cross: Array) -> tuple[Array, Arra
     return process.trend[0] + x @ process.trend[1:] + weighted.sum(1), gradient + process.trend[1:]
 
 
-def _spread(n: int, most: int) -> Index:
+def spread_evenly(n: int, most: int) -> Index:
+    """At most so many of n rows, spread evenly over them."""
     return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
 
 
@@ -136,12 +138,6 @@ def _regressors(x: Array) -> Array:
     return np.column_stack([np.ones(len(x)), x])
 
 
-def _detrended(x: Array, y: Array, variance: Array) -> Array:
-    root = np.sqrt(variance)[:, None]
-    trend = np.linalg.lstsq(_regressors(x) / root, y / root[:, 0], rcond=None)[0]
-    return y - _regressors(x) @ trend
-
-
 def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, float]:
     """Most probable lengths, amplitude and noise ratio; the amplitude in closed form."""
     span = np.std(x, axis=0)
@@ -160,7 +156,6 @@ def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, fl
 
 
 def _negative_log_posterior(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:
-    """The negative log likelihood and the prior of the lengths, with the gradient."""
     value, gradient = _likelihood_and_gradient(log, squared, y, shape)
     off = (log[:-1] - np.log(LENGTH_MEDIAN)) / LENGTH_SPREAD
     return value + 0.5 * float(off @ off), gradient + np.r_[off / LENGTH_SPREAD, 0.0]

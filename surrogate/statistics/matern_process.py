@@ -12,8 +12,7 @@ from scipy.optimize import minimize
 from surrogate.statistics.gaussian_process import negative_log_likelihood, squared_distance
 from touchcal.arrays import Array
 
-# Most rows and quantities that the lengths are searched on.
-MAX_SEARCH, MAX_QUANTITIES = 600, 8
+MAX_SEARCH, MAX_QUANTITIES = 600, 8  # most rows and quantities that the lengths are searched on
 # Bounds of the lengths over the spread of their input, of the noise over the amplitude, and the most iterations.
 LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
 
@@ -61,7 +60,7 @@ def predict(process: Matern, x: Array) -> tuple[Array, Array]:
 
 
 def _root(a: Array, b: Array) -> Array:
-    """sqrt(5) |a - b|, from the first of b, so that inputs that are alike lose no digits."""
+    """sqrt(5) |a - b|, from the first of b, so that inputs close to one another lose no digits."""
     a, b = a - b[0], b - b[0]
     return np.sqrt(5 * squared_distance(a, b))
 

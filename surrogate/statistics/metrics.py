@@ -9,8 +9,7 @@ import numpy as np
 from touchcal.arrays import Array
 
 NOISE_REFERENCES = ("baseline", "signal")
-# Parts of the rows that scored intervals are to hold.
-COVERAGES = (0.50, 0.90, 0.95)
+COVERAGES = (0.50, 0.90, 0.95)  # parts of the rows that scored intervals are to hold
 
 
 @dataclass(frozen=True)

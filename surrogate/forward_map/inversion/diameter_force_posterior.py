@@ -19,8 +19,7 @@ from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_s
 from touchcal.arrays import Array, Mask
 
 DIAMETERS, LOADS = 48, 96
-# Spacings of the table that a standard deviation must exceed for the table to resolve it.
-RESOLVED = 1.5
+RESOLVED = 1.5  # spacings of the table that a standard deviation must exceed for the table to resolve it
 
 
 @dataclass(frozen=True)

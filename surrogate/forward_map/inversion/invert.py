@@ -13,16 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from surrogate.forward_map import electrode_correction
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise, noise_floor, strength_discrepancy
-from surrogate.forward_map.inversion import known_diameters, reading_covariance
-from surrogate.forward_map.inversion.diameter_force_posterior import (
-    Posterior,
-    make_table,
-    moments,
-    posterior,
-    resolved,
-    starts,
-)
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, extent, linearise, noise_floor, strength_discrepancy
+from surrogate.forward_map.inversion import diameter_force_posterior, known_diameters, reading_covariance
+from surrogate.forward_map.inversion.diameter_force_posterior import Posterior
 from surrogate.forward_map.inversion.known_diameters import Selected
 from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
 from surrogate.forward_map.inversion.reading_covariance import Uncertainty, of, whitened
@@ -32,16 +25,13 @@ from surrogate.forward_map.multipole_series import combined
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
 from touchcal.arrays import Array, Index, Mask
 
-# Bands of loads that each give one start.
-BANDS = 5
+BANDS = 5  # bands of loads that each give one start
 # Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
 SHORT, MIDDLE, LONG = 6, 12, 100
-# Branches of each frame that known punches are tried from, and the steps of each.
-BRANCHES, HELD = 2, 20
+BRANCHES, HELD = 2, 20  # branches of each frame that known punches are tried from, and the steps of each
 # Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
 NOISY = 2.0
-# Column of F in a touch, and that of g among the unknowns.
-FORCE, LOAD = 3, 3
+FORCE, LOAD = 3, 3  # column of F in a touch, and that of g among the unknowns
 # Standard deviation of g from which known punches are tried aside of an end, too, and how many of these aside.
 WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
 # Least diameter and force that a regression may leave before it is held to the training touches, mm and N.
@@ -75,7 +65,7 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
     size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
-    punches = posterior(forward, make_table(forward), located)
+    punches = diameter_force_posterior.posterior(forward, diameter_force_posterior.make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
     usual = noise_floor(forward, near) * size
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
@@ -91,19 +81,17 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
 
 
 def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
-    """Minima from states (m, p), the same number of each frame."""
+    """Minima from states (m, p), the same number of each frame, whose discrepancies of the strengths are held."""
     frames, discrepancy = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _discrepancy(forward, state)
     return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]),
                                                 discrepancy[which], s), state, steps, lambda s: _within(forward, s))
 
 
 def _discrepancy(forward: ForwardMap, state: Array) -> Array:
-    """(m, orders) discrepancies of the strengths at states (m, p), which are held in a descent from these."""
     return strength_discrepancy(forward, _unknown(forward, state))
 
 
 def _best(ends: Minimum, frames: int, most: int) -> Minimum:
-    """The best ends of each frame, in order of their cost."""
     cost = ends.cost.reshape(frames, -1)
     rows = (np.argsort(cost, axis=1)[:, :most] + cost.shape[1] * np.arange(frames)[:, None]).ravel()
     return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
@@ -127,8 +115,8 @@ def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum
     start = _within(forward, known_diameters.starts(branches, log_d).reshape(len(worth), -1))
     discrepancy = _discrepancy(forward, start[worth])
     tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
-    return known_diameters.select(free, known_diameters.filled(tried, worth, start), len(log_d),
-                                1 / (forward.rows + 2))
+    ends = known_diameters.filled(tried, worth, start)
+    return known_diameters.select(free, ends, len(log_d), 1 / (forward.rows + 2))
 
 
 def _spread(ends: Minimum, wide: float) -> Minimum:
@@ -156,23 +144,21 @@ def _mixed(forward: ForwardMap, found: Inversion, selected: Selected) -> Inversi
 def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
     """With forces that may be among those of the training touches held to these, a uniform prior; the covariance is
     left as wide as it was."""
-    mean = reading_covariance.truncated_normal_mean(
-        np.column_stack([found.touch, found.material]), found.peak.joint, FORCE, *forward.bounds[:, 2]
-    )
+    both = np.column_stack([found.touch, found.material])
+    mean = reading_covariance.truncated_normal_mean(both, found.peak.joint, FORCE, *forward.bounds[:, 2])
     unknown = on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
     touch = to_touch(unknown, forward.p0)
     return replace(found, touch=touch, material=mean[:, 4:], inside=_inside(forward, touch))
 
 
 def _inside(forward: ForwardMap, touch: Array) -> Mask:
-    """(n,) whether radius, d and F of touches (n, 4) lie among those of the training touches."""
-    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
-    return np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
+    reached = extent(touch)
+    return np.all((reached >= np.r_[0.0, forward.bounds[0, 1:]]) & (reached <= forward.bounds[1]), axis=1)
 
 
 def _broadened(found: Inversion) -> Inversion:
     """With mean and covariance of (d, F) over the table where their posterior is broad."""
-    mean, covariance = moments(found.punches, found.punches.table.touch[:, 2:])
+    mean, covariance = diameter_force_posterior.moments(found.punches, found.punches.table.touch[:, 2:])
     touch, spread = found.touch.copy(), found.covariance.copy()
     touch[found.broad, 2:] = mean[found.broad]
     spread[found.broad, :2, 2:], spread[found.broad, 2:, :2] = 0.0, 0.0
@@ -191,7 +177,7 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: Mas
     peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
     in_table = noisy & (np.hypot(touch[:, 0], touch[:, 1]) <= INTERIOR * forward.ring.radius_mm)
     return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit,
-                     _inside(forward, touch), resolved(punches) & in_table, punches)
+                     _inside(forward, touch), diameter_force_posterior.resolved(punches) & in_table, punches)
 
 
 def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
@@ -220,8 +206,8 @@ def _carried(slope: Array, covariance: Array) -> Array:
 
 def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
     """(n BANDS, 4 + discrepancies) states with the most probable punch of each band of loads at the located places; of
-    each band the touch that the map foresees most alike where that place is near the rim."""
-    chosen = starts(punches, BANDS)
+    each band the touch whose foreseen signal is closest where that place is near the rim."""
+    chosen = diameter_force_posterior.starts(punches, BANDS)
     unknown = np.empty((len(chosen), BANDS, 4))
     unknown[..., :2] = located.place_mm[:, None]
     unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
@@ -232,8 +218,8 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     return np.column_stack([scaled, np.zeros((len(scaled), forward.discrepancies))])
 
 
-def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, discrepancy: Array, state: Array
-               ) -> tuple[Array, Array]:
+def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, discrepancy: Array,
+               state: Array) -> tuple[Array, Array]:
     """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + discrepancies: whitened readings, then
     prior and discrepancies."""
     here = linearise(forward, _unknown(forward, state), discrepancy)
@@ -249,5 +235,4 @@ def _unknown(forward: ForwardMap, state: Array) -> Array:
 
 
 def _within(forward: ForwardMap, state: Array) -> Array:
-    """States held to the training touches and a margin about them."""
     return np.column_stack([(on_range(forward, _unknown(forward, state)) - forward.mean) / forward.sd, state[:, 4:]])

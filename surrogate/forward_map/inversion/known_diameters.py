@@ -15,8 +15,7 @@ import numpy as np
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse
 from touchcal.arrays import Array, Mask
 
-# Cost above the free fit's from which a punch is not tried, were the signal linear.
-RULED_OUT = 30.0
+RULED_OUT = 30.0  # cost above the free fit's from which a punch is not tried, were the signal linear
 # Place of log d among the unknowns, and the information by which it is held, in the scale of its prior.
 LOG_D, HELD = 2, 1e12
 
@@ -32,7 +31,7 @@ class Selected:
 
 
 def held(residuals: tuple[Array, Array], readings: int) -> tuple[Array, Array]:
-    """Residuals and Jacobian of states whose log d is held, beside its prior."""
+    """Residuals and Jacobian of states whose log d is held in place of its prior."""
     residual, jacobian = residuals[0].copy(), residuals[1].copy()
     residual[:, readings + LOG_D] = 0.0
     jacobian[..., LOG_D] = 0.0
@@ -102,7 +101,7 @@ def select(free: Minimum, candidates: Minimum, punches: int, other: float) -> Se
     normal[:, LOG_D, LOG_D] = HELD
     parts = ((free.state, candidates.state), (free.cost, candidates.cost), (free.normal, normal),
              (free.residual, candidates.residual))
-    end = Minimum(*(_picked(chosen > 0, one, held[known]) for one, held in parts))
+    end = Minimum(*(np.where((chosen > 0).reshape(-1, *[1] * (one.ndim - 1)), held[known], one) for one, held in parts))
     states = candidates.state.reshape(n, -1, candidates.state.shape[1])
     return Selected(end, np.concatenate([free.state[:, None], states], axis=1), probability)
 
@@ -131,7 +130,3 @@ def between(selected: Selected, touch: Callable[[Array], Array]) -> tuple[Array,
 
 def _evidence(end: Minimum) -> Array:
     return -end.cost - 0.5 * np.linalg.slogdet(end.normal)[1]
-
-
-def _picked(known: Mask, free: Array, held: Array) -> Array:
-    return np.where(known.reshape(-1, *[1] * (free.ndim - 1)), held, free)

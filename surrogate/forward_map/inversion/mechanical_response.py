@@ -11,8 +11,7 @@ from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
 from touchcal.arrays import Array
 
-# Distances to the rim are felt as log(SOFT - radius), over the disc's radius.
-SOFT = 1.06
+SOFT = 1.06  # distances to the rim are felt as log(SOFT - radius), over the disc's radius
 
 
 @dataclass(frozen=True)

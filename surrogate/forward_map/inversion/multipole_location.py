@@ -9,15 +9,14 @@ import numpy as np
 
 from surrogate.forward_map import multipole_series
 from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.forward_map import place as scaled_place
 from surrogate.statistics.levenberg_marquardt import inverse, minimise
 from touchcal.arrays import Array, Index
 
 # Candidate places, how many of the best go on, and the steps that each is given.
 CANDIDATES, PLACES, STEPS = 400, 2, 15
-# How far beyond the training touches a touch may lie: its place, mm, and log d and log F.
-MARGIN_MM, MARGIN = 10.0, 0.1
-# Part of the disc's radius beyond which no place is sought.
-RIM = 0.97
+MARGIN_MM, MARGIN = 10.0, 0.1  # how far outside the training touches one may lie: its place, mm, and log d and log F
+RIM = 0.97  # part of the disc's radius outside which no place is sought
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,8 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
     def residuals(state: Array, which: Index) -> tuple[Array, Array]:
         return _residuals(forward, signal[frames[which]], sd[frames[which]], size[which], state)
 
-    found = minimise(residuals, starts, STEPS, lambda state: _on_disc(forward, state))
+    found = minimise(residuals, starts, STEPS,
+                     lambda state: np.column_stack([on_disc(forward, state[:, :2]), state[:, 2:]]))
     best = np.argmin(found.cost.reshape(-1, PLACES), axis=1) + PLACES * np.arange(len(signal))
     return _as_ratios(forward, found.state[best], inverse(found.normal[best])[:, 2:, 2:])
 
@@ -64,10 +64,8 @@ def candidates(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
     i = np.arange(count) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * i
     place = (forward.bounds[1, 0] * np.sqrt(i / count) * np.array([np.cos(angle), np.sin(angle)])).T
-    z = (place[:, 0] + 1j * place[:, 1]) / forward.ring.radius_mm
-    pattern = (
-        multipole_series.basis(*multipole_series.patterns(forward.ring, forward.field, z, 1))[..., 0] * forward.sign
-    )
+    drive, read = multipole_series.patterns(forward.ring, forward.field, scaled_place(forward.ring, place), 1)
+    pattern = multipole_series.basis(drive, read)[..., 0] * forward.sign
     size = np.linalg.norm(pattern, axis=1)
     return place, pattern / size[:, None], size
 
@@ -79,7 +77,7 @@ def _ratios(forward: ForwardMap) -> tuple[Array, Array]:
 
 
 def _residuals(forward: ForwardMap, signal: Array, sd: Array, size: Array, state: Array) -> tuple[Array, Array]:
-    z = (state[:, 0] + 1j * state[:, 1]) / forward.ring.radius_mm
+    z = scaled_place(forward.ring, state)
     fields = multipole_series.electrode_fields(forward.ring, forward.field, z, multipole_series.ORDERS + 1)
     base, by_x, by_y = multipole_series.basis_and_slopes(forward.ring, fields)
     strength = state[:, 2:]
@@ -92,12 +90,6 @@ def _residuals(forward: ForwardMap, signal: Array, sd: Array, size: Array, state
     holds[:, :, 2] = -mean / (spread * size[:, None])
     holds[:, np.arange(len(mean)), np.arange(3, state.shape[1])] = 1 / (spread * size[:, None])
     return np.concatenate([residual, held], axis=1), np.concatenate([jacobian, holds], axis=1)
-
-
-def _on_disc(forward: ForwardMap, state: Array) -> Array:
-    held = state.copy()
-    held[:, :2] = on_disc(forward, state[:, :2])
-    return held
 
 
 def on_disc(forward: ForwardMap, place_mm: Array) -> Array:

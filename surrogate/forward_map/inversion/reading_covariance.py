@@ -1,4 +1,4 @@
-"""What readings are uncertain by: white noise, and the map's own error, which is alike among readings near the rim.
+"""What readings are uncertain by: white noise, and the map's own error, which readings near the rim share.
 
 The covariance white^2 I + U diag(sd^2) U' of each frame has orthonormal U of few columns, so that residuals are
 whitened by one product with them.
@@ -15,7 +15,7 @@ from surrogate.forward_map import electrode_correction, rim_covariance
 from surrogate.forward_map.forward_map import ForwardMap, gap, place
 from touchcal.arrays import Array, Index
 
-# Standard deviations beyond a bound from which it is not believed, as far as errors of the map make one in a hundred
+# Standard deviations outside a bound from which it is not believed, as far as errors of the map make one in a hundred
 # touches err; and that count as far within.
 DOUBTED, FAR = 5.0, 30.0
 
@@ -54,15 +54,15 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Unce
     return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
 
 
-def whitened(told: Uncertainty, values: Array) -> Array:
+def whitened(sd: Uncertainty, values: Array) -> Array:
     """Values (n, readings, q) in V times the inverse root of the covariance."""
-    off = told.axes @ (told.shrink[..., None] * (told.axes.transpose(0, 2, 1) @ values))
-    return (values - off) / told.white[:, None, None]
+    off = sd.axes @ (sd.shrink[..., None] * (sd.axes.transpose(0, 2, 1) @ values))
+    return (values - off) / sd.white[:, None, None]
 
 
-def of(told: Uncertainty, frames: Index) -> Uncertainty:
+def of(sd: Uncertainty, frames: Index) -> Uncertainty:
     """Those of some frames."""
-    return Uncertainty(told.white[frames], told.axes[frames], told.shrink[frames])
+    return Uncertainty(sd.white[frames], sd.axes[frames], sd.shrink[frames])
 
 
 def truncated_normal_mean(mean: Array, covariance: Array, column: int, lowest: float, highest: float) -> Array:

@@ -19,22 +19,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from surrogate.learners.bayesian_network import layer
-from surrogate.learners.bayesian_network.laplace import (
-    ROUNDING,
-    Curvature,
-    curvature,
-    effective_parameters,
-    factor,
-    log_evidence,
-    solve,
-)
+from surrogate.learners.bayesian_network import laplace, layer
+from surrogate.learners.bayesian_network.laplace import Curvature, curvature, factor, solve
 from touchcal.arrays import Array
 
 # A network that leaves more than this part of the targets' variance unexplained has collapsed onto their mean.
 COLLAPSED = 0.9
-# alpha of a warm-up, with beta = 1
-WARM_ALPHA = 0.01
+WARM_ALPHA = 0.01  # alpha of a warm-up, with beta = 1
 
 
 @dataclass(frozen=True)
@@ -117,22 +108,21 @@ def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None,
 def _directions(x: Tensor) -> Tensor:
     """(q, r) orthonormal axes that span the rows of x, but for what rounding takes from J J'."""
     _, singular, axes = torch.linalg.svd(x, full_matrices=False)
-    kept = singular > ROUNDING**0.5 * singular[0]
+    kept = singular > laplace.ROUNDING**0.5 * singular[0]
     return axes[kept].T.contiguous()
 
 
 def _train_once(x: Tensor, y: Tensor, first: _State, options: Options, collapses: int,
                 show: Callable[[Tensor], None] | None) -> tuple[Tensor, Training]:
-    """One start, after so many that collapsed."""
     state, gamma, stop, history = _descend(x, y, first, options, show)
     collapsed = state.squared_error >= COLLAPSED * float(((y - y.mean()) ** 2).sum())
-    evidence = log_evidence(curvature(state.weights, x), state.alpha, state.beta, state.cost)
+    evidence = laplace.log_evidence(curvature(state.weights, x), state.alpha, state.beta, state.cost)
     return state.weights, Training(state.alpha, state.beta, gamma, len(history), stop, evidence, collapses + collapsed,
                                    collapsed, np.array(history).reshape(-1, 5))
 
 
-def _descend(x: Tensor, y: Tensor, state: _State, options: Options, show: Callable[[Tensor], None] | None
-             ) -> tuple[_State, float, str, list[list[float]]]:
+def _descend(x: Tensor, y: Tensor, state: _State, options: Options,
+             show: Callable[[Tensor], None] | None) -> tuple[_State, float, str, list[list[float]]]:
     """Steps until one of the stopping rules holds; returns the state, gamma, the rule and the history."""
     mu, history, gamma = options.mu, [], float(len(state.weights))
     curved = curvature(state.weights, x)
@@ -145,10 +135,10 @@ def _descend(x: Tensor, y: Tensor, state: _State, options: Options, show: Callab
             return state, gamma, "mu_max", history
         state, curved = trial, curvature(trial.weights, x)
         if len(history) >= options.warm_up:
-            gamma, left = effective_parameters(curved, trial.alpha, trial.beta)
+            gamma, left = laplace.effective_parameters(curved, trial.alpha, trial.beta)
             state = replace(trial, alpha=gamma / (2 * trial.squared_weights), beta=left / (2 * trial.squared_error))
-        told = gamma if len(history) >= options.warm_up else math.nan
-        history.append([state.squared_error, state.squared_weights, told, state.alpha, state.beta])
+        known = gamma if len(history) >= options.warm_up else math.nan
+        history.append([state.squared_error, state.squared_weights, known, state.alpha, state.beta])
         if show is not None:
             show(state.weights)
         if gamma < 1e-3:
@@ -169,7 +159,7 @@ def _first_state(x: Tensor, y: Tensor, start: Tensor, turned: Tensor, warm: bool
 
 def _accepted(x: Tensor, y: Tensor, state: _State, step_at: Callable[[float], Tensor], mu: float,
               options: Options) -> tuple[_State | None, float]:
-    """The first step of growing damping that lowers the cost, and the next damping; None beyond mu_max."""
+    """The first step of growing damping that lowers the cost, and the next damping; None above mu_max."""
     while mu <= options.mu_max:
         weights = state.weights + step_at(mu)
         trial = _State(weights, state.alpha, state.beta, layer.output(weights, x) - y)

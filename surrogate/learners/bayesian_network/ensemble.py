@@ -22,8 +22,7 @@ from touchcal.arrays import Array
 # Draws of the weights that tell the spread of an output; its standard deviation is then known within 1 / sqrt(2 DRAWS),
 # an eighth, before calibration.
 DRAWS = 32
-# Rows predicted together, to bound the memory.
-BATCH = 256
+BATCH = 256  # rows predicted together, to bound the memory
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Networks:
 
     inputs: int  # inputs q of each network
     targets: MinMax  # scaling of the outputs
-    weights: Array  # (outputs, p) weights as network.layers cuts them
+    weights: Array  # (outputs, p) weights as layer.layers cuts them
     # (outputs, DRAWS, p) departures from them, normal with the Laplace covariance, float32
     draws: NDArray[np.float32]
     trainings: tuple[Training, ...]
@@ -84,7 +83,6 @@ def record(networks: Networks, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _train(x: Array, seed: int, options: Options, y: Array) -> tuple[Array, NDArray[np.float32], Training]:
-    """Weights, their draws and the record of one network."""
     with threadpool_limits(1):
         inputs = torch.from_numpy(x)
         weights, training = bayesian_regularisation.train(inputs, torch.from_numpy(y), seed, options)
@@ -116,7 +114,7 @@ def _predict(networks: Networks, x: Array) -> tuple[Array, Array, Array]:
 
 
 def _cut(weights: NDArray[np.floating], inputs: int) -> tuple[NDArray[np.floating], ...]:
-    """Views of weight vectors (..., p): W (..., h, q), b (..., h), v (..., h), c (...), as network.layers cuts one."""
+    """Views of weight vectors (..., p): W (..., h, q), b (..., h), v (..., h), c (...), as layer.layers cuts one."""
     units = (weights.shape[-1] - 1) // (inputs + 2)
     inner, bias, outer, offset = np.split(weights, np.cumsum([units * inputs, units, units]), axis=-1)
     return inner.reshape(*weights.shape[:-1], units, inputs), bias, outer, offset[..., 0]

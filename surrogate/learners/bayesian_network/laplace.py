@@ -17,8 +17,7 @@ from torch import Tensor
 from surrogate.learners.bayesian_network import layer
 from touchcal.arrays import Array
 
-# Part of its mean diagonal that a matrix may lose to rounding.
-ROUNDING = 1e-14
+ROUNDING = 1e-14  # part of its mean diagonal that a matrix may lose to rounding
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Curvature:
 def curvature(w: Tensor, x: Tensor) -> Curvature:
     """J J' or J'J of weights (p,) on inputs (n, q)."""
     if len(x) < len(w):
-        return Curvature(np.asfortranarray(layer.kernel(w, x, x).numpy()), len(x), len(w))
+        return Curvature(np.asfortranarray(layer.kernel(w, x).numpy()), len(x), len(w))
     return Curvature(layer.normal(w, x), len(x), len(w))
 
 
@@ -86,5 +85,5 @@ def draws(w: Tensor, x: Tensor, alpha: float, beta: float, count: int, generator
     prior = normal / math.sqrt(alpha)
     noise = torch.randn(count, of.rows, generator=generator, dtype=torch.float64) / math.sqrt(2 * beta)
     seen = torch.stack([layer.times_jacobian(w, x, one) for one in prior]) + noise
-    told = beta * solve(lower, seen.T.contiguous()).T
-    return prior - torch.stack([layer.times_transpose(w, x, one) for one in told])
+    known = beta * solve(lower, seen.T.contiguous()).T
+    return prior - torch.stack([layer.times_transpose(w, x, one) for one in known])
