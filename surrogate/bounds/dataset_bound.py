@@ -41,9 +41,8 @@ class Floor:
     """Least root mean square errors at one noise level."""
 
     dataset: str  # sha256 of the data set's rows and their signals
-    # dB below the RMS of the baseline voltages, and the noise of one reading, V
-    noise_db: float
-    noise_V: float
+    noise_db: float  # dB below the RMS of the baseline voltages
+    noise_V: float  # noise of one reading, V
     known: Mapping[str, float]  # by output, in its unit; a known material
     # the same where the material is known to its posterior; x0, y0, d and F alone; empty without one
     material: Mapping[str, float] = field(default_factory=dict)

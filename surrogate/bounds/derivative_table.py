@@ -43,9 +43,8 @@ class SlopeTable:
     """Derivatives at places, diameters and pressures."""
 
     weight: Array  # (P,) weight of each place, their sum 1
-    # (D,) diameters, mm, and (K,) pressures F / d^2, N/mm^2, both increasing
-    d_mm: Array
-    pressure: Array
+    d_mm: Array  # (D,) diameters, mm, increasing
+    pressure: Array  # (K,) pressures F / d^2, N/mm^2, increasing
     # (K,) positions of the pressures on the scale that they are evenly spaced on, and that scale
     scale: Callable[[Array], Array]
     # (P, D, K, readings, parameters) derivatives: by x, y, by d at constant pressure, by log F, by the card's
@@ -126,8 +125,7 @@ def at_pressure(by: Array, d_mm: Array, pressure: Array) -> Array:
 
 
 def derivatives_at(table: SlopeTable, place: int, d_mm: Array, force_N: Array) -> Derivatives:
-    """Derivatives at one of the places for diameters and forces (n,): cubic along the pressures' scale, Lagrange's
-    polynomial in log d."""
+    """Derivatives at one of the places for d and F (n,): cubic along the pressures' scale, Lagrange's in log d."""
     pressure = force_N / d_mm**2
     along = CubicSpline(table.scale(table.pressure), table.values[place], axis=1)(table.scale(pressure))
     found = np.einsum("dn,dnrp->nrp", _across(table.d_mm, d_mm), along)

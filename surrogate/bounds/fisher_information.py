@@ -28,12 +28,10 @@ class Slopes:
 class Prior:
     """Touches uniform over the part of a disc where the punch fits, and over ranges of diameter and force."""
 
-    # radius of the disc, and least distance between the punch's edge and the rim, mm
-    radius_mm: float
-    gap_mm: float
-    # lowest and highest diameter, mm, and force, N
-    d_mm: tuple[float, float]
-    force_N: tuple[float, float]
+    radius_mm: float  # radius of the disc, mm
+    gap_mm: float  # least distance between the punch's edge and the rim, mm
+    d_mm: tuple[float, float]  # lowest and highest diameter, mm
+    force_N: tuple[float, float]  # lowest and highest force, N
 
     def reach_mm(self, d_mm: Array | float) -> Array:
         """Largest distance of a punch's axis from the centre."""

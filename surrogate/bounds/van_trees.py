@@ -32,9 +32,8 @@ class Domain:
 
     basis: Basis  # on the unit square or line
     varies: tuple[int, ...]  # parameters that vary, some of (0, 1) for (d, F)
-    # (2,) lowest values and ranges of both
-    lowest: Array
-    size: Array
+    lowest: Array  # (2,) lowest values of both
+    size: Array  # (2,) ranges of both
 
     @property
     def points(self) -> Array:

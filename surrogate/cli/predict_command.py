@@ -77,14 +77,13 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     read, reference, dead = _frames(model, Path(frames), baseline)
     noise = _noise(model, reference, noise_v)
     if touches == 2:
-        _written(_pairs(model, read, reference, dead, noise), model_folder, out, as_json)
-        return
-    if not (direct or posterior):
-        _written(_plain_table(model, read, reference, dead, noise), model_folder, out, as_json)
-        return
-    simulator = None if card is None else _simulator(model, card, data, scene, reference)
-    rows = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
-    _written(rows, model_folder, out, as_json)
+        table = _pairs(model, read, reference, dead, noise)
+    elif direct or posterior:
+        simulator = None if card is None else _simulator(model, card, data, scene, reference)
+        table = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
+    else:
+        table = _plain_table(model, read, reference, dead, noise)
+    _written(table, model_folder, out, as_json)
 
 
 def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,

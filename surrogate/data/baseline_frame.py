@@ -30,8 +30,7 @@ def untouched(volts: Array) -> Untouched:
 
 
 def caution(trained_V: Array, baseline_V: Array) -> str:
-    """In words, that an untouched frame (readings,), V, is not that of the training, and the likely cause; empty where
-    it may be."""
+    """That an untouched frame (readings,), V, is not that of the training, and the likely cause; else empty."""
     finite = np.isfinite(baseline_V)
     trained, given = trained_V[finite], baseline_V[finite]
     separation = relative_difference(given, trained)

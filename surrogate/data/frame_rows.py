@@ -94,8 +94,7 @@ def frames_of(lines: Sequence[Line], order: Index) -> Lines:
 
 
 def read_lines(path: Path, readings: int) -> Lines:
-    """All frames of a file, blank lines left out; InputFileError where it holds none, or its header names anything but
-    readings."""
+    """All frames of a file, without blank lines; InputFileError where it holds none, or a header of other names."""
     with open(path, "rb") as file:
         lines = [line for some in waiting_lines(file) for line in some if line[1]]
     order = np.arange(readings)

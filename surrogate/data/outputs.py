@@ -25,8 +25,7 @@ SI = {"mm": ("m", 1e-3), "N": ("N", 1.0), "kPa": ("Pa", 1e3), "mm2": ("m2", 1e-6
 
 
 def chosen(choice: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of a choice, a list or separated by commas, in the order of NAMES; "all" is every one. ValueError lists the
-    known."""
+    """Names of a choice (a list, or separated by commas; "all"), in the order of NAMES; ValueError lists the known."""
     if choice == "all":
         return NAMES
     requested = [name.strip() for name in choice.split(",")] if isinstance(choice, str) else choice

@@ -71,8 +71,7 @@ def ring_of(scene: Scene) -> Ring:
 
 
 def _modes(scene: Scene) -> Array:
-    """q_m of one electrode of a ring of equal line electrodes by the complete electrode model; 1, those of points, for
-    others."""
+    """q_m of one of equal line electrodes by the complete electrode model; 1, those of points, for others."""
     if scene.electrodes.kind != "line" or not identical(scene.electrodes):
         return np.ones(MODES)
     driven = solve_rim(scene.body, scene.electrodes, USUAL_S_PER_M * scene.skin.thickness_m).driven[:MODES, 0]

@@ -31,8 +31,7 @@ class RimEffect:
     side of the step)."""
 
     symmetry: Symmetry
-    # (maps, readings, components) directions of the effect at touches that each map folds
-    directions: Array
+    directions: Array  # (maps, readings, components) directions of the effect at touches that each map folds
     process: Matern
     whole: Ring  # the ring with all readings, whose patterns' norms the effect is over
     fill: Array  # (all readings of the ring, readings) all of them by those that frames have
@@ -59,8 +58,7 @@ def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size
 
 
 def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, size: Array) -> float:
-    """Gap to the rim where what made the data changes its method, among those (n,) of the touches; change_point.NONE
-    where none is seen."""
+    """Gap, among those (n,) of the touches, at which what made the data changes its method; NONE where none is seen."""
     near = near_rim(z, MAX_ROWS)
     place, folded = _folded(symmetry_of(ring), z[near], residual[near] / size[near, None])
     inputs = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :OF_STEP]

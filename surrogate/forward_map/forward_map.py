@@ -37,9 +37,8 @@ class ForwardMap:
     beside: FittedCorrection  # what the rim adds, and the error there
     p0: float  # pressure p0 of the load g, N/mm^2
     floor: float  # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
-    # (4,) mean and standard deviation of the training touches in (x, y, log d, g), mm and N
-    mean: Array
-    sd: Array
+    mean: Array  # (4,) mean of the training touches in (x, y, log d, g), mm and N
+    sd: Array  # (4,) their standard deviation
     # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
     bounds: Array
     known_mm: Array  # diameters of the known punches that training rows share, mm; none where these vary
@@ -87,8 +86,8 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     z = place(ring, touch)
     # those within the interior, or the innermost where these are few
     inner = np.abs(z) <= max(INTERIOR, float(np.sort(np.abs(z))[MIN_ROWS - 1]))
-    field, sign, processes, floor = _series(ring, z[inner], _inputs_of(ring, unknown[inner], material[inner]),
-                                            touch[inner, 3], signal_V[inner])
+    inputs = _inputs(ring, unknown[inner], material[inner])
+    field, sign, processes, floor = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, sign, processes, rim_correction.zero_correction(ring), p0, floor, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch))
     return _with_rim(series, z, unknown, signal_V, material)
@@ -180,7 +179,7 @@ def by_material(forward: ForwardMap, unknown: Array) -> Array:
 
 def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders) log |p_1 / V| and the ratios p_n / p_1 of touches (n, 4) given as (x, y, log d, g)."""
-    inputs = _inputs(forward, unknown)
+    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
     out = np.column_stack([gaussian_process.mean(process, inputs)[0] for process in forward.strengths])
     out[:, 0] += np.log(force(unknown[:, 2], unknown[:, 3], forward.p0))
     return out
@@ -190,11 +189,11 @@ def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by
               slope: Array, unknown: Array) -> tuple[Array, Array]:
     """What polarization and the electrodes' metal add to the signal, and its derivatives by (x, y, log d, g)."""
     z, punch, dipole = place(forward.ring, unknown), unknown[:, 2:], value[:, 0]
-    beside, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
-    answer = polarization.counted(polarization.effect(beside.polarization, forward.ring, fields, z, punch, side), z)
-    metal = polarization.counted(electrode_correction.effect(beside.rim, forward.ring, z, punch, side), z)
-    if base.shape[1] < len(beside.rim.whole.read):
-        base, by_x, by_y = multipole_series.basis_and_slopes(beside.rim.whole, fields)
+    fitted, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
+    answer = polarization.counted(polarization.effect(fitted.polarization, forward.ring, fields, z, punch, side), z)
+    metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, z, punch, side), z)
+    if base.shape[1] < len(fitted.rim.whole.read):
+        base, by_x, by_y = multipole_series.basis_and_slopes(fitted.rim.whole, fields)
     norm, norm_slope = np.linalg.norm(base[..., 0], axis=1), np.zeros((len(z), 4))
     for k, by in enumerate((by_x, by_y)):
         norm_slope[:, k] = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
@@ -210,12 +209,7 @@ def place(ring: Ring, touch: Array) -> Complex:
     return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
 
 
-def _inputs(forward: ForwardMap, unknown: Array) -> Array:
-    """Of the mean material."""
-    return _inputs_of(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
-
-
-def _inputs_of(ring: Ring, unknown: Array, material: Array) -> Array:
+def _inputs(ring: Ring, unknown: Array, material: Array) -> Array:
     return np.column_stack([unknown[:, 2:], np.minimum(np.abs(place(ring, unknown)), INTERIOR) ** 2, material])
 
 
@@ -232,7 +226,7 @@ def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
     The scatter of log p_1 about its process (noise) is discrepancy; that of the ratios is mostly what least squares on
     one row leaves undetermined, which the floor stands for already.
     """
-    inputs = _inputs(forward, unknown)
+    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
     variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])
     variance[:, 0] += forward.strengths[0].noise[0]
     return np.sqrt(variance)
@@ -241,7 +235,8 @@ def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
 def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = None) -> tuple[Array, Array, Array]:
     """Strengths (n, orders), their slopes (n, orders, 4), and the derivatives (n, orders, k) of log p_1 and of the
     ratios by the material, the mean one where none is given."""
-    inputs = _inputs(forward, unknown) if material is None else _inputs_of(forward.ring, unknown, material)
+    held = np.zeros((len(unknown), forward.materials)) if material is None else material
+    inputs = _inputs(forward.ring, unknown, held)
     found = [gaussian_process.mean(process, inputs) for process in forward.strengths]
     first = forward.sign * force(unknown[:, 2], unknown[:, 3], forward.p0) * np.exp(found[0][0])
     ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _ in found[1:]])

@@ -46,7 +46,6 @@ def touch_slope(unknown: Array, p0: float) -> Array:
 
 
 def known_mm(d_mm: Array) -> Array:
-    """Diameters of the known punches, increasing; none where training rows have many different ones, one, or few rows
-    of each."""
+    """Diameters of the known punches, increasing; none where training rows have many, one, or few rows of each."""
     values, counts = np.unique(d_mm, return_counts=True)
     return values if 1 < len(values) <= MOST and counts.min() >= ROWS else np.zeros(0)

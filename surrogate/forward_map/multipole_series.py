@@ -112,8 +112,7 @@ def _objective(ring: Ring, q: Array, fit: Strengths, scale: Strengths) -> float:
 
 
 def _step(ring: Ring, q: Array, z: Complex, fit: Strengths, learned: int) -> Array:
-    """Gauss-Newton step of q_2 ... of the learned modes on the residual with the strengths projected out, under the
-    prior."""
+    """Gauss-Newton step of the learned modes from q_2 on, with strengths projected out, under the prior."""
     drive, read = patterns(ring, q, z)
     onto, _ = np.linalg.qr(basis(drive, read))
     columns = []

@@ -139,8 +139,7 @@ def half_width(ring: Ring, log_d: Array) -> Array:
 
 
 def log_gap(z: Complex, half: Array) -> tuple[Array, Array]:
-    """(n,) log(SOFT + gap) of punches of these halves at places z (n,), and its derivative by the gap, 0 where one
-    overhangs."""
+    """(n,) log(SOFT + gap) of punches of these halves at z (n,), and its derivative by the gap, 0 for an overhang."""
     gap = 1 - np.abs(z) - half
     felt = SOFT + np.maximum(gap, 0.0)
     return np.log(felt), np.where(gap > 0, 1 / felt, 0.0)

@@ -22,15 +22,13 @@ FOLDS = 4  # parts of the touches, each of which shows the error of what the oth
 class Rows:
     """Touches near the rim, and what the series leaves of their signals."""
 
-    # (n,) place over the disc's radius, (n, 2) log d and load g, (n,) gap to the rim over the radius
-    z: Complex
-    punch: Array
-    gap: Array
+    z: Complex  # (n,) place over the disc's radius
+    punch: Array  # (n, 2) log d and load g
+    gap: Array  # (n,) gap to the rim over the radius
     left: Array  # (n, readings) what the series leaves, V
-    # (n,) strength of the dipole, the norm of its signal, and that of the whole signal, V
-    dipole: Array
-    size: Array
-    norm: Array
+    dipole: Array  # (n,) strength of the dipole
+    size: Array  # (n,) norm of its signal, V
+    norm: Array  # (n,) norm of the whole signal, V
 
     def some(self, kept: Mask) -> Rows:
         """Those that are kept."""

@@ -23,9 +23,8 @@ ROUNDING = 1e-10
 class Symmetry:
     """All maps z -> turn z and z -> turn conj(z) that keep the ring and its readings."""
 
-    # (maps,) turns, |turn| = 1, and whether z is mirrored first
-    turn: Complex
-    mirrored: Mask
+    turn: Complex  # (maps,) turns, |turn| = 1
+    mirrored: Mask  # (maps,) whether z is mirrored first
     readings: Array  # (maps, readings, readings) readings of the mapped touch by those of the touch
 
 

@@ -49,8 +49,7 @@ def regression(value: Array, variance: Array) -> Estimate:
 class Training:
     """What a fit is asked for."""
 
-    # names of the outputs, in the order of outputs.NAMES
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names of the outputs, in the order of outputs.NAMES
     seed: int
     epochs: int  # steps of an iterated method; 0 for the others
     workers: int = 1  # processes that may share the outputs

@@ -71,7 +71,8 @@ class TouchInversion(Learner):
 def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
     found = invert(learner.forward, signal, noise_V)
     value, sd, own = found.touch, np.sqrt(np.einsum("npp->np", found.covariance)), 0.0
-    slope = np.broadcast_to(np.eye(4, 4 + found.material.shape[1]), (len(signal), 4, 4 + found.material.shape[1]))
+    slope = np.concatenate([np.broadcast_to(np.eye(4), (len(signal), 4, 4)),
+                            np.zeros((len(signal), 4, found.material.shape[1]))], axis=2)
     if learner.response.processes:
         answer = mechanical_response.respond(learner.response, found.touch, found.material)
         mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)

@@ -22,9 +22,8 @@ MOST, UNITS, RATE = 20, 128, 3e-3
 class Layer:
     """One affine map."""
 
-    # (out, in) and (out,)
-    weight: Array
-    bias: Array
+    weight: Array  # (out, in)
+    bias: Array  # (out,)
 
 
 @dataclass(frozen=True)

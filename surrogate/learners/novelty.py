@@ -19,9 +19,8 @@ SURE = 3.0  # standard deviations of noise from which a sign is sure
 class Novelty:
     """The span of the directions of some signals."""
 
-    # (k, readings) orthonormal directions, and what they leave of the worst held-out direction
-    axes: Array
-    worst: float
+    axes: Array  # (k, readings) orthonormal directions
+    worst: float  # what they leave of the worst held-out direction
     mean: Array  # (readings,) mean direction, zero where signals point both ways
     strongest_V: float  # norm of the strongest signal, V
 

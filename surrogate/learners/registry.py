@@ -17,9 +17,8 @@ class Method:
 
     name: str  # word on the command line and in model files
     where: str  # its learner, "module:Class"
-    # in a few words, for lists; and in a sentence or two, for reports
-    summary: str
-    description: str
+    summary: str  # in a few words, for lists
+    description: str  # in a sentence or two, for reports
     epochs: int = 0  # steps of an iterated method where none are given; 0 for the others
     slow: bool = False  # whether an estimate takes long enough for the scales of intervals to be kept between runs
     handles_missing_channels: bool = False  # whether frames that lack some readings can still be read

@@ -23,14 +23,12 @@ class Lines:
     """Some outputs as linear functions of the same centred products."""
 
     directions: Directions
-    # (m,) mean of each product, and its standard deviation
-    mean: Array
-    sd: Array
+    mean: Array  # (m,) mean of each product
+    sd: Array  # (m,) its standard deviation
     axes: Array  # (r, m) principal axes of the products
     columns: NDArray[np.int64]  # (k,) which outputs these are
-    # (k, m) coefficients, and (k,) their offsets
-    coefficients: Array
-    offset: Array
+    coefficients: Array  # (k, m) coefficients
+    offset: Array  # (k,) their offsets
     # (k,) variance of the coefficients before the rows were seen, and (k, r) what these took of it along each axis
     prior_variance: Array
     taken: Array

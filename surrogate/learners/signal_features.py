@@ -15,9 +15,8 @@ class Directions:
 
     mean: Array  # (readings,) mean direction
     axes: Array  # (k, readings) principal axes, each over the standard deviation along it
-    # mean and standard deviation of log(|dV| / V)
-    log_mean: float
-    log_sd: float
+    log_mean: float  # mean of log(|dV| / V)
+    log_sd: float  # its standard deviation
 
 
 def fit_directions(signal_V: Array, components: int) -> Directions:
@@ -57,16 +56,14 @@ def sound_components(signal_V: Array, most: int) -> int:
 
 
 def carried(directions: Directions, signal_V: Array, slope: Array, noise_V: float) -> Array:
-    """(n, outputs) variance that white noise on the readings makes of outputs with slopes (n, outputs, k + 1) by the
-    features."""
+    """(n, outputs) variance that noise on the readings makes of outputs of slopes (n, outputs, k + 1) by features."""
     if noise_V == 0:
         return np.zeros(slope.shape[:2])
     return noise_V**2 * np.sum(by_signal(directions, signal_V, slope) ** 2, axis=2)
 
 
 def by_signal(directions: Directions, signal_V: Array, slope: Array) -> Array:
-    """(n, outputs, readings) derivatives by the signal, per V, of outputs with slopes (n, outputs, k + 1) by the
-    features."""
+    """(n, outputs, readings) derivatives by the signal, per V, from slopes (n, outputs, k + 1) by the features."""
     size = np.linalg.norm(signal_V, axis=1)[:, None]
     unit = signal_V / size
     along, by_size = slope[..., :-1], slope[..., -1]

@@ -24,8 +24,7 @@ class Trainbr(Learner):
     voltages exactly, and a frame of another baseline still serves.
     """
 
-    # scaling of the readings, V
-    readings: MinMax
+    readings: MinMax  # scaling of the readings, V
     networks: Networks
 
     @classmethod

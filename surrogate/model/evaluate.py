@@ -22,7 +22,7 @@ from surrogate.model.model import Model
 from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import describe_rows, few
 from surrogate.statistics.gaussian_process import spread_evenly
-from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, rms, score
+from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Score, rms, score
 from touchcal.arrays import Array, Index, Mask
 
 # Columns of the half widths of intervals, one for each of COVERAGES.
@@ -206,12 +206,16 @@ def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int
 
 
 def _scores(model: Model, table: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    scored: dict[str, dict[str, Any]] = {name: {} for name in model.names}
-    for (name, part), group in table.groupby(["output", "part"], sort=False):
-        target, value, *half_widths = (group[key].to_numpy(np.float64) for key in ("target", "value", *HALF_WIDTHS))
-        unit = model.units[model.names.index(name)]
-        scored[name][str(part)] = asdict(score(target, value, np.array(half_widths), unit))
+    scored: dict[str, dict[str, Any]] = {}
+    for name, unit in zip(model.names, model.units, strict=True):
+        rows = table.loc[table["output"] == name]
+        scored[name] = {str(part): asdict(_score(group, unit)) for part, group in rows.groupby("part", sort=False)}
     return scored
+
+
+def _score(group: pd.DataFrame, unit: str) -> Score:
+    target, value, *half_widths = (group[key].to_numpy(np.float64) for key in ("target", "value", *HALF_WIDTHS))
+    return score(target, value, np.array(half_widths), unit)
 
 
 def transfer(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:

@@ -51,8 +51,7 @@ def why_not(model: TrainedModel, dead: Mask) -> str:
 
 
 def check_needed(model: TrainedModel, dead: Mask, where: str) -> None:
-    """ValueError where a model cannot do without channels (readings,) that are dead in every frame of a place, such as
-    a file."""
+    """ValueError where a model cannot do without channels (readings,) that are dead in every frame, as of a file."""
     if dead.any() and (problem := why_not(model, dead)):
         raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Fix it: {problem}.")
 

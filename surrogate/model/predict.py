@@ -42,8 +42,7 @@ class Predictor:
     model: TrainedModel
     baseline_V: Array  # (readings,) the untouched frame, V
     noise_V: float  # standard deviation of the noise of a signal, V
-    # (outputs,) standard deviations that make a 90 % interval
-    scale: Array
+    scale: Array  # (outputs,) standard deviations that make a 90 % interval
     novelty: Novelty
     dead: Mask  # (readings,) channels that are dead whatever a frame reads
     # predictors of the readings that are left, by the bytes of a mask of dead channels
@@ -54,9 +53,8 @@ class Predictor:
 class Predictions:
     """One row a frame; NaN where a frame has no touch to read."""
 
-    # (n, outputs), and the half widths of the 90 % intervals
-    value: Array
-    half_width: Array
+    value: Array  # (n, outputs)
+    half_width: Array  # (n, outputs) half widths of the 90 % intervals
     flag: list[str]  # (n,) what is to be known of the frame, empty where nothing is
     # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
     # half_width over the normal factor. No columns where the model cannot tell

@@ -36,18 +36,16 @@ class Calibration:
 class Rows:
     """The rows of the data set that the model was made from."""
 
-    # (n,) hash of each row, and its part: an index into samples.PARTS
-    row_hash: NDArray[np.uint64]
-    part: NDArray[np.int64]
+    row_hash: NDArray[np.uint64]  # (n,) hash of each row
+    part: NDArray[np.int64]  # (n,) its part: an index into samples.PARTS
 
 
 @dataclass(frozen=True)
 class Range:
     """What the training rows span; predictions outside it are flagged."""
 
-    # (outputs,) lowest and highest target
-    lowest: Array
-    highest: Array
+    lowest: Array  # (outputs,) lowest target
+    highest: Array  # (outputs,) highest target
     weakest_V: float  # norm of the weakest signal, V
     misfit: float  # largest misfit of a validation row
 
@@ -56,17 +54,14 @@ class Range:
 class TrainedModel:
     """A learner for some outputs of one sensor."""
 
-    # name in the registry of learners
-    method: str
+    method: str  # name in the registry of learners
     ring: Ring
-    # names of the outputs, in the order of outputs.NAMES
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names of the outputs, in the order of outputs.NAMES
     learner: Learner
     calibration: Calibration
     rows: Rows
     trained: Range
-    # (readings,) voltages of the untouched sensor, V
-    baseline_V: Array
+    baseline_V: Array  # (readings,) voltages of the untouched sensor, V
     seed: int
     fit_s: float  # CPU time of the training, s
     record: Mapping[str, Any]  # how the training went and what it was made from, as JSON

@@ -32,9 +32,8 @@ class Ridge:
 
     log_d: Array  # (k,) log d, increasing
     best: PchipInterpolator  # log d -> (3,) x, y, g that fit best, mm and 1, smooth between the diameters
-    # (m, 4) solutions that count, (m, 3, 3) covariances of (x, y, g) there at the same diameter
-    counted: Array
-    spread: Array
+    counted: Array  # (m, 4) solutions that count
+    spread: Array  # (m, 3, 3) covariances of (x, y, g) there at the same diameter
     reach: float  # half the step between diameters, in log d
 
 

@@ -23,9 +23,8 @@ HALF = 20.0  # chi^2 over the least from which a point counts half in the fit
 class Emulator:
     """chi^2 of touches u (n, 4) inside a box."""
 
-    # (4,) middle of the points and half their range
-    middle: Array
-    half: Array
+    middle: Array  # (4,) middle of the points
+    half: Array  # (4,) half their range
     factor: Array  # (k, k) triangular factor: chi^2 = |factor phi|^2
 
 
@@ -60,8 +59,7 @@ def _products(unknowns: int) -> list[tuple[int, ...]]:
 
 @cache
 def _grown(unknowns: int) -> list[tuple[Index, Index]]:
-    """For each degree from 1 on: the product of one degree less, by its place among all, and the unknown it is taken
-    times."""
+    """For each degree from 1 on: the place of the product of one degree less, and the unknown it is taken times."""
     every = _products(unknowns)
     place = {one: k for k, one in enumerate(every)}
     of_degree = [[one for one in every if len(one) == degree] for degree in range(1, DEGREE + 1)]

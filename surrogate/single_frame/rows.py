@@ -43,8 +43,7 @@ class One:
     """One touched frame and what the learned map makes of it."""
 
     line: int
-    # (readings,) touched minus untouched, V
-    signal_V: Array
+    signal_V: Array  # (readings,) touched minus untouched, V
     learned: Predictions
 
 

@@ -32,12 +32,10 @@ class Correction:
     """What is added to the learned map's signals about one touch."""
 
     centre: Array  # (4,) the touch as (x, y, log d, g)
-    # (readings,) V there, and (readings, 4) V per unit of each
-    offset: Array
-    slope: Array
-    # (k,) log d, increasing, and (k, readings) V more there
-    log_d: Array
-    beside: Array
+    offset: Array  # (readings,) V there
+    slope: Array  # (readings, 4) V per unit of each
+    log_d: Array  # (k,) log d, increasing
+    beside: Array  # (k, readings) V more there
 
     def at(self, unknown: Array) -> tuple[Array, Array]:
         """(n, readings) V, and (n, readings, 4) its derivatives, at touches (n, 4) as (x, y, log d, g)."""
@@ -45,11 +43,11 @@ class Correction:
         right = np.clip(np.searchsorted(self.log_d, at), 1, len(self.log_d) - 1)
         width = np.diff(self.log_d)[right - 1]
         share = ((at - self.log_d[right - 1]) / width)[:, None]
-        beside = (1 - share) * self.beside[right - 1] + share * self.beside[right]
+        more = (1 - share) * self.beside[right - 1] + share * self.beside[right]
         slope = np.repeat(self.slope[None], len(unknown), axis=0)
         between = (at == unknown[:, LOG_D])[:, None]
         slope[..., LOG_D] += np.where(between, self.beside[right] - self.beside[right - 1], 0.0) / width[:, None]
-        return self.offset + (unknown - self.centre) @ self.slope.T + beside, slope
+        return self.offset + (unknown - self.centre) @ self.slope.T + more, slope
 
 
 @dataclass(frozen=True, eq=False)

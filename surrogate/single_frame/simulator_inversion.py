@@ -36,17 +36,14 @@ class Direct:
     covariance: Array
     own: Array
     misfit: float  # squared residual over what noise, material and the simulator's error explain, a degree of freedom
-    # (readings,) what is left of the signal, and the simulator's one there, V
-    residual_V: Array
-    signal_V: Array
-    # what readings may be off by, and their derivatives (readings, 4) by the touch
-    unknowns: Unknowns
-    slope: Array
+    residual_V: Array  # (readings,) what is left of the signal, V
+    signal_V: Array  # (readings,) the simulator's signal there, V
+    unknowns: Unknowns  # what readings may be off by
+    slope: Array  # (readings, 4) their derivatives by the touch
     # relative error of the simulator's signal, with the bounds of what its plan leaves out, which no interval counts
     error_estimate: float
-    # scenes solved (and derivatives once), CPU time, s
-    simulations: int
-    cpu_s: float
+    simulations: int  # scenes solved (and derivatives once)
+    cpu_s: float  # CPU time, s
     converged: bool  # whether it ended within CLOSE of the minimum
 
 

@@ -35,9 +35,8 @@ class Simulator:
 class Solved:
     """Readings of one solved scene."""
 
-    # (readings,) change by the touches, and untouched, V
-    signal_V: Array
-    baseline_V: Array
+    signal_V: Array  # (readings,) change by the touches, V
+    baseline_V: Array  # (readings,) untouched, V
     # relative error of the signal, 2-norm, that solving left, and with the bounds of what the plan left out
     numerical: float
     error_estimate: float

@@ -29,9 +29,8 @@ STRONG = 10.0  # twice the log evidence (BIC) by which two must beat one: "very 
 class Pair:
     """One frame read as two touches, in the order of x."""
 
-    # (2, 4) x, y, d in mm, F in N; (8, 8) covariance of both
-    touch: Array
-    covariance: Array
+    touch: Array  # (2, 4) x, y, d in mm, F in N
+    covariance: Array  # (8, 8) covariance of both
     # BIC of one touch minus that of two; squared residual a degree of freedom, of two and of one
     gain: float
     misfit: float

@@ -27,9 +27,8 @@ class GaussianProcess:
     """y(x) = b0 + b.(x - centre) + f(x), f a zero-mean process of kernel a^2 exp(-|x/l - x'/l|^2 / 2)."""
 
     nodes: Array  # (k, q) training inputs minus the centre, over the lengths
-    # (q,) mean training input, and lengths l, unit of each input
-    centre: Array
-    lengths: Array
+    centre: Array  # (q,) mean training input
+    lengths: Array  # (q,) lengths l, unit of each input
     amplitude: float  # standard deviation a of the process, unit of y
     noise: Array  # (k,) variance of the noise of each node, unit of y squared
     values: Array  # (k,) y at the nodes

@@ -18,8 +18,7 @@ class Score:
 
     mse: float
     rmse: float
-    # coefficient of determination; None where the targets do not vary
-    r2: float | None
+    r2: float | None  # coefficient of determination; None where the targets do not vary
     mae: float
     n: int  # rows
     # fraction of rows whose 50, 90 and 95 % interval holds the target

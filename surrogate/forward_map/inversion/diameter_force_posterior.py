@@ -26,9 +26,8 @@ RESOLVED = 1.5  # spacings of the table that a standard deviation must exceed fo
 class Table:
     """Strengths of punches at the mean radius of the training touches."""
 
-    # (D,) diameters, mm, and (G,) loads g
-    d_mm: Array
-    load: Array
+    d_mm: Array  # (D,) diameters, mm
+    load: Array  # (G,) loads g
     p0: float  # pressure of the load, N/mm^2
     strengths: Array  # (D, G, orders) log |p_1 / V|, p_2 / p_1 ...
 

@@ -82,13 +82,10 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
 
 def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
     """Minima from states (m, p), the same number of each frame, whose discrepancies of the strengths are held."""
-    frames, discrepancy = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _discrepancy(forward, state)
+    frames = np.repeat(np.arange(len(signal)), len(state) // len(signal))
+    discrepancy = strength_discrepancy(forward, _unknown(forward, state))
     return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]),
                                                 discrepancy[which], s), state, steps, lambda s: _within(forward, s))
-
-
-def _discrepancy(forward: ForwardMap, state: Array) -> Array:
-    return strength_discrepancy(forward, _unknown(forward, state))
 
 
 def _best(ends: Minimum, frames: int, most: int) -> Minimum:
@@ -98,8 +95,7 @@ def _best(ends: Minimum, frames: int, most: int) -> Minimum:
 
 
 def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum, branches: Minimum) -> Selected:
-    """Known punches tried from the end of the free fit and from the next best branch; the free fit alone where none
-    is known."""
+    """Known punches tried from the ends of the free fit and of the next best branch; the free fit where none is."""
     if not len(forward.known_mm):
         return Selected(free, free.state[:, None], np.ones((len(signal), 1)))
     log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]
@@ -113,15 +109,14 @@ def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum
         return known_diameters.held(free, signal.shape[1])
 
     start = _within(forward, known_diameters.starts(branches, log_d).reshape(len(worth), -1))
-    discrepancy = _discrepancy(forward, start[worth])
+    discrepancy = strength_discrepancy(forward, _unknown(forward, start[worth]))
     tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
     ends = known_diameters.filled(tried, worth, start)
     return known_diameters.select(free, ends, len(log_d), 1 / (forward.rows + 2))
 
 
 def _spread(ends: Minimum, wide: float) -> Minimum:
-    """Each end, and others on either side along its regression on g at the same diameter, of no promise where g is not
-    wide."""
+    """Each end, and others along its regression on g at the same diameter, of no promise where g is not wide."""
     sd = np.sqrt(inverse(ends.normal)[:, LOAD, LOAD])
     along = known_diameters.by_load(ends.normal, LOAD) * sd[:, None]
     state = ends.state[:, None] + ASIDE[:, None] * along[:, None]
@@ -142,8 +137,7 @@ def _mixed(forward: ForwardMap, found: Inversion, selected: Selected) -> Inversi
 
 
 def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
-    """With forces that may be among those of the training touches held to these, a uniform prior; the covariance is
-    left as wide as it was."""
+    """With forces that may be in the training range held to it, a uniform prior; the covariance stays as wide."""
     both = np.column_stack([found.touch, found.material])
     mean = reading_covariance.truncated_normal_mean(both, found.peak.joint, FORCE, *forward.bounds[:, 2])
     unknown = on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))

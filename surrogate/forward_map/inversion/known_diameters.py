@@ -40,8 +40,7 @@ def held(residuals: tuple[Array, Array], readings: int) -> tuple[Array, Array]:
 
 
 def starts(ends: Minimum, log_d: Array) -> Array:
-    """(n, punches, p) states of the scaled log d (punches,), the other unknowns moved with it as the normal matrices of
-    the ends tell."""
+    """(n, punches, p) states of the scaled log d (punches,), the others moved with it by the ends' normal matrices."""
     rest = np.delete(np.arange(ends.state.shape[1]), LOG_D)
     normal = ends.normal
     moves = -np.linalg.solve(normal[:, rest[:, None], rest], normal[:, rest, LOG_D][..., None])[..., 0]
@@ -53,8 +52,7 @@ def starts(ends: Minimum, log_d: Array) -> Array:
 
 
 def by_load(normal: Array, load: int) -> Array:
-    """(n, p) change of the most probable state with the unknown `load`, at the same diameter, of normal matrices
-    (n, p, p)."""
+    """(n, p) change of the most probable state with the unknown `load` at the same diameter, of normals (n, p, p)."""
     rest = np.delete(np.arange(normal.shape[1]), (LOG_D, load))
     out = np.zeros(normal.shape[:2])
     out[:, load] = 1.0

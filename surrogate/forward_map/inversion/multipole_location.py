@@ -59,8 +59,7 @@ def _starts(forward: ForwardMap, signal: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def candidates(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
-    """Places (count, 2) of a sunflower spiral, mm, directions (count, readings) of their dipoles' signals and the norms
-    of these."""
+    """Places (count, 2) of a sunflower spiral, mm, directions (count, readings) of dipoles' signals there, norms."""
     i = np.arange(count) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * i
     place = (forward.bounds[1, 0] * np.sqrt(i / count) * np.array([np.cos(angle), np.sin(angle)])).T

@@ -38,17 +38,17 @@ def white(sd: Array, readings: int) -> Uncertainty:
 def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Uncertainty:
     """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of norms size
     (n,), V, as far as known of all readings of the ring."""
-    ring, beside = forward.ring, forward.beside
+    ring, fitted = forward.ring, forward.beside
     floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
-    near = electrode_correction.reaches(beside.rim, z)
-    directions = min(beside.error.alike.shape[2:])
+    near = electrode_correction.reaches(fitted.rim, z)
+    directions = min(fitted.error.alike.shape[2:])
     axes, sd = np.zeros((len(z), len(ring.read), directions)), np.zeros((len(z), directions))
     if np.any(near):
         gaps = gap(ring, unknown[near])
-        norm = rim_covariance.size_at(beside.error, gaps, unknown[near, 3]) * size[near]
-        axes[near], along, rest = rim_covariance.spread(beside.error, z[near], gaps)
+        norm = rim_covariance.size_at(fitted.error, gaps, unknown[near, 3]) * size[near]
+        axes[near], along, rest = rim_covariance.spread(fitted.error, z[near], gaps)
         sd[near] = along * norm[:, None]
-        left = norm * np.sqrt(rest / len(beside.rim.fill))
+        left = norm * np.sqrt(rest / len(fitted.rim.fill))
         floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
     whole = np.hypot(noise_V, floor)
     return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))

@@ -26,15 +26,12 @@ FORESEEN, FRAMES = 256, 32  # touches foreseen and frames compared at once, to b
 class Foreseen:
     """Touches near the rim in one sector, in order of their loads, and what the map foresees of them."""
 
-    # (m, 4) as (x, y, log d, g), and (4,) the unit of steps from them
-    unknown: Array
-    unit: Array
-    # (m, readings) signal over its norm, and (m,) that norm, V
-    direction: NDArray[np.float32]
-    norm: Array
-    # (m 4, readings) its slopes by the units over that norm, and (m, 4) along the direction
-    slope: NDArray[np.float32]
-    along: Array
+    unknown: Array  # (m, 4) as (x, y, log d, g)
+    unit: Array  # (4,) unit of steps from them
+    direction: NDArray[np.float32]  # (m, readings) signal over its norm
+    norm: Array  # (m,) that norm, V
+    slope: NDArray[np.float32]  # (m 4, readings) its slopes by the units over that norm
+    along: Array  # (m, 4) these along the direction
     damped: Array  # (m, 4, 4) inverse of the slopes' products, damped
 
 

@@ -32,8 +32,7 @@ class Networks:
     inputs: int  # inputs q of each network
     targets: MinMax  # scaling of the outputs
     weights: Array  # (outputs, p) weights as layer.layers cuts them
-    # (outputs, DRAWS, p) departures from them, normal with the Laplace covariance, float32
-    draws: NDArray[np.float32]
+    draws: NDArray[np.float32]  # (outputs, DRAWS, p) departures from them, normal with the Laplace covariance, float32
     trainings: tuple[Training, ...]
 
     @property

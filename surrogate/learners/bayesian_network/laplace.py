@@ -25,9 +25,8 @@ class Curvature:
     """The smaller of J J' and J'J at some weights."""
 
     gram: Array  # (m, m) its lower triangle
-    # numbers of rows n and of weights p; J J' is held where n < p
-    rows: int
-    count: int
+    rows: int  # number of rows n
+    count: int  # number of weights p; J J' is held where n < p
 
     @property
     def dual(self) -> bool:
