@@ -12,21 +12,20 @@ from touchcal.terminal import JsonOption, check_apart, check_out, counter, numbe
 
 DATA_HELP = "Data set: the least root mean square error over its touches."
 NOISE_HELP = "Noise levels in dB below the RMS of the baseline voltages, separated by commas."
+MATERIAL_HELP = "Count what the card's posterior leaves open, too."
+RIM_HELP = "Of one touch: count what the rim changes of the mechanics."
 MAP_HELP = "Of one touch: the limit of its punch anywhere on the disc, in some 50 CPU seconds."
 OUT_HELP = "CSV to write; as MODEL_DIR/limits.csv (of a data set) or limit_map.csv (of a map) reports show it."
 
 
-def limit(
-        card: Annotated[Path, typer.Argument(metavar="CARD", help="Card of the foam and the skin.")],
-        data: Annotated[Path | None, typer.Option(help=DATA_HELP)] = None,
-        scene: Annotated[Path | None, typer.Option(help="Scene of one touch: the limit there.")] = None,
-        noise_db: Annotated[str, typer.Option(help=NOISE_HELP)] = "80,60",
-        material: Annotated[bool, typer.Option("--material", help="Count what the card's posterior leaves open, "
-                                                                  "too.")] = False,
-        rim: Annotated[bool, typer.Option("--rim", help="Of one touch: count what the rim changes of the mechanics."
-                                          )] = False,
-        over_disc: Annotated[bool, typer.Option("--map", help=MAP_HELP)] = False,
-        out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None, as_json: JsonOption = False) -> None:
+def limit(card: Annotated[Path, typer.Argument(metavar="CARD", help="Card of the foam and the skin.")],
+          data: Annotated[Path | None, typer.Option(help=DATA_HELP)] = None,
+          scene: Annotated[Path | None, typer.Option(help="Scene of one touch: the limit there.")] = None,
+          noise_db: Annotated[str, typer.Option(help=NOISE_HELP)] = "80,60",
+          material: Annotated[bool, typer.Option("--material", help=MATERIAL_HELP)] = False,
+          rim: Annotated[bool, typer.Option("--rim", help=RIM_HELP)] = False,
+          over_disc: Annotated[bool, typer.Option("--map", help=MAP_HELP)] = False,
+          out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None, as_json: JsonOption = False) -> None:
     """Find the physical limit of x0, y0, d and F under noise; of a data set that of the mechanical outputs, too.
 
     Example: surrogate limit card.json --data sweep --noise-db 80,60 --material --out model/limits.csv
