@@ -1,5 +1,5 @@
-"""Files of `surrogate limit` beside a model: the least errors that any reading of its data set can reach under noise,
-and standard deviations over the disc."""
+"""Files of `surrogate limit` in a model's folder: the least errors that any reading of its data set can reach under
+noise, and standard deviations over the disc."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def floor(limits: pd.DataFrame | None, output: str, material: str) -> dict[float
 def with_limits(scores: Mapping[str, Any], limits: pd.DataFrame | None) -> dict[str, Any]:
     """Scores as `evaluate` gives them, each noise level with the least errors of its data set where they are known."""
     own = of_dataset(limits, scores)
-    return {**scores, "noise": [{**level, "limits": at_level(own, level["db_below_baseline"])}
+    return {**scores, "noise": [level | {"limits": at_level(own, level["db_below_baseline"])}
                                 for level in scores["noise"]]}
 
 

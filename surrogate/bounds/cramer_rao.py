@@ -1,7 +1,7 @@
 """The limit over the disc: standard deviations of x0, y0, d and F of one punch, by its place.
 
 Places of one sector from an electrode to the next are solved; the ring's turns make them the whole disc's, and turn the
-covariance of the place with them. (Its mirror is no symmetry of the readings: see `limit_table`.)
+covariance of the place with them. (Its mirror is no symmetry of the readings: see `derivative_table`.)
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from eitsim.scene.electrodes import identical
 from eitsim.scene.scene import Punch, Scene
@@ -24,8 +23,7 @@ from surrogate.bounds.reading_derivatives import Derivatives, derivatives_of, sl
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import ring_of
 from surrogate.statistics.metrics import rms
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Distances from the centre, the centre aside, which lie closer towards the rim, and angles of a sector.
 RADII, ANGLES = 8, 4
@@ -65,16 +63,13 @@ def _turns(scene: Scene) -> bool:
     return identical(scene.electrodes) and set(map(tuple, readings)) == set(map(tuple, (readings + 1) % count))
 
 
-def solved(scene: Scene, card: MaterialCard, where: Iterable[tuple[float, float]], *, rim: bool = False
-           ) -> Iterator[Solved]:
+def solved(scene: Scene, card: MaterialCard, where: Iterable[tuple[float, float]], *,
+           rim: bool = False) -> Iterator[Solved]:
     """The scene's punch at places of a sector, some 1.5 CPU seconds each; errors as `derivatives_of`."""
     for radius, angle in where:
-        yield Solved(radius, angle, derivatives_of(replace(scene, punches=(_moved(scene.punches[0], radius, angle),)),
-                                                   card, rim=rim))
-
-
-def _moved(punch: Punch, radius_mm: float, angle: float) -> Punch:
-    return replace(punch, x_m=radius_mm * float(np.cos(angle)) / 1e3, y_m=radius_mm * float(np.sin(angle)) / 1e3)
+        x_mm, y_mm = radius * float(np.cos(angle)), radius * float(np.sin(angle))
+        there = replace(scene.punches[0], x_m=x_mm / 1e3, y_m=y_mm / 1e3)
+        yield Solved(radius, angle, derivatives_of(replace(scene, punches=(there,)), card, rim=rim))
 
 
 def turned(covariance: Array, angle: float) -> Array:
@@ -97,8 +92,8 @@ def over_disc(scene: Scene, card: MaterialCard, spreads: Mapping[str, MaterialSp
                          for row in _turned_rows(scene.punches[0], one, spread, level, name, count)])
 
 
-def _turned_rows(punch: Punch, one: Solved, spread: MaterialSpread, level: float, material: str, count: int
-                 ) -> Iterator[dict[str, object]]:
+def _turned_rows(punch: Punch, one: Solved, spread: MaterialSpread, level: float, material: str,
+                 count: int) -> Iterator[dict[str, object]]:
     """Rows of a place and of those that the ring's turns make of it."""
     own = covariance_at(one.derivatives, spread, level)
     for k in range(count if one.radius_mm else 1):
@@ -144,7 +139,8 @@ def cramer_rao(scene: Scene, card: MaterialCard, noise_dB: Sequence[float] = (80
     >>> surrogate.cramer_rao(eitsim.read_scene("scene.toml"), matcal.read_card("card.json"))    # doctest: +SKIP
     """
     found = derivatives_of(scene, card, rim=rim)
-    return pd.DataFrame([row for level in noise_dB for name, spread in (spreads or {"known": known_material()}).items()
+    spreads = spreads or {"known": known_material()}
+    return pd.DataFrame([row for level in noise_dB for name, spread in spreads.items()
                          for row in limits_of(found, spread, level, name)])
 
 

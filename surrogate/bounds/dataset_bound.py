@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset.parquet import read_manifest
@@ -27,11 +26,11 @@ from surrogate.bounds.van_trees import Domain, domain, least_error
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, content_hash, read_samples, take
 from surrogate.forward_map.inversion import mechanical_response
+from surrogate.statistics.gaussian_process import spread_evenly
 from surrogate.statistics.metrics import rms
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-# Targets' derivatives (n, 2) by d and F at touches (n, 2)
-Gradient = Callable[[Array], Array]
+Gradient = Callable[[Array], Array]  # targets' derivatives (n, 2) by d and F at touches (n, 2)
 
 # Rows that the responses' derivatives are learned from, and the step of their differences, relative.
 _ROWS, _STEP = 400, 1e-3
@@ -41,13 +40,10 @@ _ROWS, _STEP = 400, 1e-3
 class Floor:
     """Least root mean square errors at one noise level."""
 
-    # sha256 of the data set's rows and their signals
-    dataset: str
-    # dB below the RMS of the baseline voltages, and the noise of one reading, V
-    noise_db: float
-    noise_V: float
-    # by output, in its unit; a known material
-    known: Mapping[str, float]
+    dataset: str  # sha256 of the data set's rows and their signals
+    noise_db: float  # dB below the RMS of the baseline voltages
+    noise_V: float  # noise of one reading, V
+    known: Mapping[str, float]  # by output, in its unit; a known material
     # the same where the material is known to its posterior; x0, y0, d and F alone; empty without one
     material: Mapping[str, float] = field(default_factory=dict)
 
@@ -64,15 +60,13 @@ def floors(folder: Path | str, card_path: Path, noise_db: Sequence[float], *, ma
     table = table_for(example_of(folder), card, prior, each=each)
     gradients = _gradients(samples)
     spread = spread_of(card, card_path) if material else None
-    volts, dataset = rms(samples.baseline_V), content_hash(samples)
-
-    def at(level: float) -> Floor:
-        noise_V = below(level, volts)
+    dataset, found = content_hash(samples), []
+    for level in noise_db:
+        noise_V = below(level, rms(samples.baseline_V))
         known = least_rms(table, prior, noise_V, known_material(), gradients)
         open_ = {} if spread is None else least_rms(table, prior, noise_V, spread)
-        return Floor(dataset, level, noise_V, known, open_)
-
-    return [at(level) for level in noise_db]
+        found.append(Floor(dataset, level, noise_V, known, open_))
+    return found
 
 
 def prior_of(samples: Samples) -> Prior:
@@ -123,10 +117,10 @@ def _at_place(table: SlopeTable, where: Domain, place: int, noise_V: float, spre
 
 def _gradients(samples: Samples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
-    some = take(samples, np.linspace(0, len(samples) - 1, min(len(samples), _ROWS)).round().astype(int))
+    some = take(samples, spread_evenly(len(samples), _ROWS))
     names, touch = outputs.NAMES[outputs.TOUCH:], some.target[:, :outputs.TOUCH]
     learned = mechanical_response.fit(some.ring.radius_mm, touch, some.target[:, outputs.TOUCH:], names,
-                             np.zeros((len(touch), 0)))
+                                      np.zeros((len(touch), 0)))
 
     def value(punch: Array) -> Array:
         touches = np.column_stack([0 * punch, punch])

@@ -1,8 +1,8 @@
 """Derivatives of readings over a whole prior: solved at some places, diameters and pressures, and cubics between.
 
 The ring's turns make all places those of one sector from an electrode to the next. (Its mirror does not: readings are
-taken against an electrode on one side of the driven pair, and with white noise the mirrored ones tell some 6 %
-more or less.) Places are Gauss-Legendre points in the square of the distance from the centre, where the punch fits.
+taken against an electrode on one side of the driven pair, and with white noise the mirrored ones say some 6 % more or
+less.) Places are Gauss-Legendre points in the square of the distance from the centre, where the punch fits.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from eitsim.scene.scene import Punch, Scene, scene_tables
@@ -22,11 +21,9 @@ from matcal.laws.hyperfoam import Hyperfoam
 from surrogate.bounds.fisher_information import Prior
 from surrogate.bounds.reading_derivatives import MESH_HALVINGS, Derivatives, derivatives_of
 from touchcal import cache
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# What the numbers of a table follow from, for the cache.
-_CODE = ("eitsim.simulation.derivatives.readings",)
+_CODE = ("eitsim.simulation.derivatives.readings",)  # what the numbers of a table follow from, for the cache
 # Strains of the compression that tells where pressures are to lie close.
 _STRAINS = np.linspace(0.0, 0.95, 400)
 _GOLDEN = (5**0.5 - 1) / 2
@@ -40,22 +37,20 @@ class Nodes:
     diameters: int = 3
     pressures: int = 9
 
+
 @dataclass(frozen=True, eq=False)
 class SlopeTable:
     """Derivatives at places, diameters and pressures."""
 
-    # (P,) weight of each place, their sum 1
-    weight: Array
-    # (D,) diameters, mm, and (K,) pressures F / d^2, N/mm^2, both increasing
-    d_mm: Array
-    pressure: Array
+    weight: Array  # (P,) weight of each place, their sum 1
+    d_mm: Array  # (D,) diameters, mm, increasing
+    pressure: Array  # (K,) pressures F / d^2, N/mm^2, increasing
     # (K,) positions of the pressures on the scale that they are evenly spaced on, and that scale
     scale: Callable[[Array], Array]
     # (P, D, K, readings, parameters) derivatives: by x, y, by d at constant pressure, by log F, by the card's
     parameters: tuple[str, ...]
     values: Array
-    # (readings,) untouched, V
-    baseline_V: Array
+    baseline_V: Array  # (readings,) untouched, V
 
 
 def table_for(scene: Scene, card: MaterialCard, prior: Prior, nodes: Nodes | None = None,
@@ -114,8 +109,8 @@ def _axes(law: Hyperfoam, prior: Prior, nodes: Nodes) -> tuple[Array, Array, Cal
         return strain + np.log(pressure / low) / np.log(high / low)
 
     fine = np.geomspace(low, high, 4000)
-    return d_mm, np.interp(np.linspace(scale(fine[:1])[0], scale(fine[-1:])[0], nodes.pressures), scale(fine), fine), \
-        scale
+    even = np.linspace(scale(fine[:1])[0], scale(fine[-1:])[0], nodes.pressures)
+    return d_mm, np.interp(even, scale(fine), fine), scale
 
 
 def at_pressure(by: Array, d_mm: Array, pressure: Array) -> Array:
@@ -130,8 +125,7 @@ def at_pressure(by: Array, d_mm: Array, pressure: Array) -> Array:
 
 
 def derivatives_at(table: SlopeTable, place: int, d_mm: Array, force_N: Array) -> Derivatives:
-    """Derivatives at one of the places for diameters and forces (n,): cubic along the pressures' scale, Lagrange's
-    polynomial in log d."""
+    """Derivatives at one of the places for d and F (n,): cubic along the pressures' scale, Lagrange's in log d."""
     pressure = force_N / d_mm**2
     along = CubicSpline(table.scale(table.pressure), table.values[place], axis=1)(table.scale(pressure))
     found = np.einsum("dn,dnrp->nrp", _across(table.d_mm, d_mm), along)

@@ -10,19 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data import outputs
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """Derivatives of the change of the readings by touches; leading axes are any."""
 
-    # (..., readings, 4) by x, y, d, F; V over mm, mm, mm, N
-    touch: Array
+    touch: Array  # (..., readings, 4) by x, y, d, F; V over mm, mm, mm, N
     # (..., readings, m) by the material, V a standard deviation of m independent ones; m = 0 for a known material
     material: Array
 
@@ -31,12 +28,10 @@ class Slopes:
 class Prior:
     """Touches uniform over the part of a disc where the punch fits, and over ranges of diameter and force."""
 
-    # radius of the disc, and least distance between the punch's edge and the rim, mm
-    radius_mm: float
-    gap_mm: float
-    # lowest and highest diameter, mm, and force, N
-    d_mm: tuple[float, float]
-    force_N: tuple[float, float]
+    radius_mm: float  # radius of the disc, mm
+    gap_mm: float  # least distance between the punch's edge and the rim, mm
+    d_mm: tuple[float, float]  # lowest and highest diameter, mm
+    force_N: tuple[float, float]  # lowest and highest force, N
 
     def reach_mm(self, d_mm: Array | float) -> Array:
         """Largest distance of a punch's axis from the centre."""
@@ -65,8 +60,8 @@ def local_covariance(slopes: Slopes, noise_V: float, prior: Prior) -> Array:
     """(..., 4, 4) covariance of the best estimate of (x, y, d, F) where readings are linear in them, with a Gaussian
     prior of the prior's variances.
 
-    It is exact for that, and no bound beside it: where a standard deviation comes near to the prior's, a uniform prior
-    and readings that bend can only be counted over the whole prior (`limit_field`).
+    It is exact for that, and no bound otherwise: where a standard deviation comes near to the prior's, a uniform prior
+    and readings that bend can only be counted over the whole prior (`van_trees`).
     """
     given = np.where(prior.variances > 0, prior.variances, 1.0)
     scale = np.sqrt(given)
@@ -84,12 +79,9 @@ def local_covariance(slopes: Slopes, noise_V: float, prior: Prior) -> Array:
 class Split:
     """An information of (x, y, d, F) as that of the place where the punch is known, and that of the punch alone."""
 
-    # (..., 2, 2) covariance of (x, y) where (d, F) is known, mm^2
-    place: Array
-    # (..., 2, 2) by how much the best (x, y) falls with (d, F): -d(x, y)/d(d, F)
-    follows: Array
-    # (..., 2, 2) information of (d, F), (x, y) marginalised
-    punch: Array
+    place: Array  # (..., 2, 2) covariance of (x, y) where (d, F) is known, mm^2
+    follows: Array  # (..., 2, 2) by how much the best (x, y) falls with (d, F): -d(x, y)/d(d, F)
+    punch: Array  # (..., 2, 2) information of (d, F), (x, y) marginalised
 
 
 def split(whole: Array) -> Split:

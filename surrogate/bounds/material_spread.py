@@ -1,6 +1,6 @@
 """What a posterior leaves open of a material, to first order in its stresses and conductivities.
 
-Moduli and exponents of a hyperfoam may lie far apart for laws that are almost one, so that a covariance of theirs is of
+Moduli and exponents of a hyperfoam may differ much for laws that are almost one, so that a covariance of theirs is of
 no use in a linear formula. Each draw is therefore taken as the change of the card's own mu and alpha that, to first
 order, makes the draw's stress: their covariance is that of the stresses.
 """
@@ -11,38 +11,30 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.sweeps.design.card_draws import Cards, Material, cards_for
 from matcal.card import MaterialCard, require
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.posterior.draws import card_of
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# Parts of a card that readings at rest follow.
-_PARTS = ("hyperfoam", "conductivity")
-# Uniaxial strains at which laws are compared, from nearly flat to where the skin beside a punch is stretched; the
+_PARTS = ("hyperfoam", "conductivity")  # parts of a card that readings at rest follow
+# Uniaxial strains at which laws are compared, from nearly flat to where the skin next to a punch is stretched; the
 # stress over mu_0 that counts as small.
 _STRAINS = np.concatenate([np.linspace(-0.9, -0.02, 45), np.linspace(0.02, 0.5, 12)])
 _SMALL = 0.05
-# Step of the differences that tell the tangent, over the parameter.
-_STEP = 1e-5
-# Directions are kept down to this part of the largest, once every parameter is scaled.
-_KEPT = 1e-9
+_STEP = 1e-5  # step of the differences that tell the tangent, over the parameter
+_KEPT = 1e-9  # directions are kept down to this part of the largest, once every parameter is scaled
 
 
 @dataclass(frozen=True, eq=False)
 class MaterialSpread:
     """The covariance L L' of a card's parameters over its posterior."""
 
-    # names as in a data set
-    parameters: tuple[str, ...]
-    # (parameters, m) L, in their units
-    factor: Array
-    # largest relative stress, r.m.s. over the strains, that first order misses of a draw
-    missed: float = 0.0
+    parameters: tuple[str, ...]  # names as in a data set
+    factor: Array  # (parameters, m) L, in their units
+    missed: float = 0.0  # largest relative stress, r.m.s. over the strains, that first order misses of a draw
 
 
 def known_material() -> MaterialSpread:
@@ -51,7 +43,7 @@ def known_material() -> MaterialSpread:
 
 
 def spread_of(card: MaterialCard, card_path: Path) -> MaterialSpread:
-    """The covariance of the hyperfoam's and the conductivity's parameters over the draws beside the card, moduli as it
+    """The covariance of the hyperfoam's and the conductivity's parameters over the draws next to the card, moduli as it
     labels them; ValueError where there is no posterior of both that can be used."""
     return spread_over(cards_for(Material(parts=_PARTS), 0, card))
 
@@ -59,7 +51,8 @@ def spread_of(card: MaterialCard, card_path: Path) -> MaterialSpread:
 def spread_over(cards: Cards) -> MaterialSpread:
     """As `spread_of`, of cards that are drawn."""
     foam, missed = _foam_changes(cards)
-    skin = np.array([_skin_of(one) for one in _drawn(cards)])
+    laws = [require(one, "conductivity", "the limit") for one in _drawn(cards)]
+    skin = np.array([[law.c0_S_per_m, *law.a.tolist()] for law in laws])
     order = len(require(cards.card, "hyperfoam", "the limit").mu_Pa)
     names = (*(f"mu_{i + 1}_Pa" for i in range(order)), *(f"alpha_{i + 1}" for i in range(order)), "c0_S_per_m",
              *(f"a_{i + 1}" for i in range(skin.shape[1] - 1)))
@@ -69,11 +62,6 @@ def spread_over(cards: Cards) -> MaterialSpread:
 def _drawn(cards: Cards) -> list[MaterialCard]:
     assert cards.draws is not None
     return [card_of(cards.draws, cards.card, k) for k in range(len(cards.samples))]
-
-
-def _skin_of(card: MaterialCard) -> list[float]:
-    law = require(card, "conductivity", "the limit")
-    return [law.c0_S_per_m, *law.a.tolist()]
 
 
 def _foam_changes(cards: Cards) -> tuple[Array, float]:

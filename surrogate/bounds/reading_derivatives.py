@@ -5,21 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from eitsim.electrics.mesh.p2_triangles import HALVINGS
 from eitsim.scene.scene import Accuracy, Scene
 from eitsim.simulation.derivatives.readings import scene_sensitivity
 from matcal.card import MaterialCard
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.bounds.material_spread import MaterialSpread
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 TOUCH = ("x_mm", "y_mm", "d_mm", "F_N")
 # Halvings of the skin's mesh: with one less than the readings' own a touch takes a quarter of the time, and standard
-# deviations differ by 0.2 to 1.5 % (14 mm, 80 dB: 1 N half way out, 0.3 N beside the rim).
+# deviations differ by 0.2 to 1.5 % (14 mm, 80 dB: 1 N half way out, 0.3 N at the rim).
 MESH_HALVINGS = HALVINGS - 1
 
 
@@ -27,12 +23,9 @@ MESH_HALVINGS = HALVINGS - 1
 class Derivatives:
     """Readings of touches and their derivatives; leading axes are any."""
 
-    # TOUCH, then the parameters of the foam and of the skin, names as in a data set
-    parameters: tuple[str, ...]
-    # (..., readings, parameters), V a unit
-    by: Array
-    # (readings,) untouched, V
-    baseline_V: Array
+    parameters: tuple[str, ...]  # TOUCH, then the parameters of the foam and of the skin, names as in a data set
+    by: Array  # (..., readings, parameters), V a unit
+    baseline_V: Array  # (readings,) untouched, V
 
 
 def derivatives_of(scene: Scene, card: MaterialCard, *, rim: bool = False) -> Derivatives:

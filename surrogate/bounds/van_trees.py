@@ -2,7 +2,7 @@
 
 Van Trees' inequality holds for every vector field q on the prior that does not cross its border:
 E (t_hat - t)^2 >= (E q.grad t)^2 / E[q' I q + (div q)^2]. The best q solves I q - grad div q = grad t, and the bound is
-E q.grad t: the average Cramer-Rao variance where it is small beside the prior, and the prior's own variance where the
+E q.grad t: the average Cramer-Rao variance where it is small against the prior, and the prior's own variance where the
 readings tell nothing. Of one parameter with constant information I on a range 2a it is (1 - tanh(u)/u) / I, u = a
 sqrt(I); a Gaussian prior of the same variance would give 1 / (I + 3/a^2), which is more than a uniform prior's best
 estimator needs to miss. Source: Gill, Levit, Bernoulli 1 (1995) 59, DOI 10.2307/3318681, whose inequality is optimised
@@ -14,31 +14,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Basis, BilinearForm, ElementLineP2, ElementTriRT2, LinearForm, MeshLine, MeshTri, condense, solve
 from skfem.element import DiscreteField
 from skfem.helpers import dot
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Squares of two triangles along each parameter. On synthetic touches the bound is within 1 % of the best estimator's
 # error where noise is loud, and 7 to 9 % below it where it is so quiet that the posterior is a thin curve.
 ELEMENTS = 16
-# Information over 1 / range^2 that stands for none at all.
-_NONE = 1e-6
+_NONE = 1e-6  # information over 1 / range^2 that stands for none at all
 
 
 @dataclass(frozen=True, eq=False)
 class Domain:
     """The rectangle of a uniform prior, or the line where one of its parameters is known."""
 
-    # on the unit square or line
-    basis: Basis
-    # parameters that vary, some of (0, 1) for (d, F)
-    varies: tuple[int, ...]
-    # (2,) lowest values and ranges of both
-    lowest: Array
-    size: Array
+    basis: Basis  # on the unit square or line
+    varies: tuple[int, ...]  # parameters that vary, some of (0, 1) for (d, F)
+    lowest: Array  # (2,) lowest values of both
+    size: Array  # (2,) ranges of both
 
     @property
     def points(self) -> Array:
@@ -74,9 +69,10 @@ def least_error(where: Domain, information: Array, slope: Array) -> Array:
     a lower bound, never a wrong one.
     """
     kept, size = list(where.varies), where.size[list(where.varies)]
-    told = information[..., kept, :][..., kept] * np.outer(size, size) + _NONE * np.eye(len(kept))
-    told, own = np.moveaxis(told, (-2, -1), (0, 1)), np.moveaxis(slope[..., kept] * size, -1, 0)
-    flow = BilinearForm(lambda q, r, w: dot(_times(told, _vector(q)), _vector(r)) + _div(q) * _div(r))
+    known = information[..., kept, :][..., kept] * np.outer(size, size) + _NONE * np.eye(len(kept))
+    known, own = np.moveaxis(known, (-2, -1), (0, 1)), np.moveaxis(slope[..., kept] * size, -1, 0)
+    flow = BilinearForm(lambda q, r, w: dot(np.einsum("ij...,j...->i...", known, _vector(q)), _vector(r))
+                        + _div(q) * _div(r))
     load = LinearForm(lambda r, w: dot(own, _vector(r)))
     system = condense(flow.assemble(where.basis), load.assemble(where.basis), D=where.basis.get_dofs())
     best = where.basis.interpolate(np.asarray(solve(*system)))
@@ -91,7 +87,3 @@ def _vector(field: DiscreteField) -> Array:
 
 def _div(field: DiscreteField) -> Array:
     return np.asarray(field.grad)[0] if field.div is None else np.asarray(field.div)
-
-
-def _times(matrix: Array, vector: Array) -> Array:
-    return np.einsum("ij...,j...->i...", matrix, vector)

@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from touchcal.terminal import JsonOption, check_apart, check_out, counter, numbers, print_json
 
-if TYPE_CHECKING:
-    from eitsim.scene.scene import Scene
-    from matcal.card import MaterialCard
-    from surrogate.bounds.material_spread import MaterialSpread
+DATA_HELP = "Data set: the least root mean square error over its touches."
+NOISE_HELP = "Noise levels in dB below the RMS of the baseline voltages, separated by commas."
+MATERIAL_HELP = "Count what the card's posterior leaves open, too."
+RIM_HELP = "Of one touch: count what the rim changes of the mechanics."
+MAP_HELP = "Of one touch: the limit of its punch anywhere on the disc, in some 50 CPU seconds."
+OUT_HELP = "CSV to write; as MODEL_DIR/limits.csv (of a data set) or limit_map.csv (of a map) reports show it."
 
 
 def limit(card: Annotated[Path, typer.Argument(metavar="CARD", help="Card of the foam and the skin.")],
-          data: Annotated[Path | None, typer.Option(help="Data set: the least root mean square error over its "
-                                                         "touches.")] = None,
+          data: Annotated[Path | None, typer.Option(help=DATA_HELP)] = None,
           scene: Annotated[Path | None, typer.Option(help="Scene of one touch: the limit there.")] = None,
-          noise_db: Annotated[str, typer.Option(help="Noise levels in dB below the RMS of the baseline voltages, "
-                                                     "separated by commas.")] = "80,60",
-          material: Annotated[bool, typer.Option("--material", help="Count what the card's posterior leaves open, "
-                                                                    "too.")] = False,
-          rim: Annotated[bool, typer.Option("--rim", help="Of one touch: count what the rim changes of the "
-                                                          "mechanics.")] = False,
-          over_disc: Annotated[bool, typer.Option("--map", help="Of one touch: the limit of its punch anywhere on the "
-                                                                "disc, in some 50 CPU seconds.")] = False,
-          out: Annotated[Path | None, typer.Option(help="CSV to write; as MODEL_DIR/limits.csv (of a data set) or "
-                                                        "limit_map.csv (of a map) reports show it.")] = None,
-          as_json: JsonOption = False) -> None:
-    """Tell the physical limit of x0, y0, d and F under noise; of a data set that of the mechanical outputs, too.
+          noise_db: Annotated[str, typer.Option(help=NOISE_HELP)] = "80,60",
+          material: Annotated[bool, typer.Option("--material", help=MATERIAL_HELP)] = False,
+          rim: Annotated[bool, typer.Option("--rim", help=RIM_HELP)] = False,
+          over_disc: Annotated[bool, typer.Option("--map", help=MAP_HELP)] = False,
+          out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None, as_json: JsonOption = False) -> None:
+    """Find the physical limit of x0, y0, d and F under noise; of a data set that of the mechanical outputs, too.
 
     Example: surrogate limit card.json --data sweep --noise-db 80,60 --material --out model/limits.csv
     """
@@ -49,10 +44,10 @@ def limit(card: Annotated[Path, typer.Argument(metavar="CARD", help="Card of the
     levels = numbers(noise_db, "--noise-db", "80,60")
     if data is not None:
         rows, title = _of_data(data, card, levels, material), "least RMS error over the prior"
-    elif over_disc:
-        rows, title = _of_map(scene, card, levels, material, rim), "standard deviation over the disc"
     else:
-        rows, title = _of_scene(scene, card, levels, material, rim), "standard deviation at this touch"
+        assert scene is not None
+        rows = _of_scene(scene, card, levels, material, rim, over_disc)
+        title = "standard deviation over the disc" if over_disc else "standard deviation at this touch"
     if out is not None:
         pd.DataFrame(rows).to_csv(out, index=False, float_format="%.6g")
     if as_json:
@@ -67,39 +62,26 @@ def _of_data(folder: Path, card: Path, levels: list[float], material: bool) -> l
     from surrogate.bounds.dataset_bound import floors
     from surrogate.data import outputs
 
-    found = floors(folder, card, levels, material=material, each=_counted)
+    found = floors(folder, card, levels, material=material, each=counted("touches"))
     return [{"dataset": one.dataset, "noise_db": one.noise_db, "noise_V": one.noise_V, "material": which,
              "output": name, "unit": outputs.of(name).unit, "limit": value}
             for one in found for which, values in (("known", one.known), ("posterior", one.material))
             for name, value in values.items()]
 
 
-def _of_scene(path: Path | None, card_path: Path, levels: list[float], material: bool, rim: bool
-              ) -> list[dict[str, Any]]:
-    import surrogate
-
-    scene, card, spreads = _touch(path, card_path, material)
-    return surrogate.cramer_rao(scene, card, levels, spreads, rim=rim).to_dict("records")
-
-
-def _of_map(path: Path | None, card_path: Path, levels: list[float], material: bool, rim: bool
-            ) -> list[dict[str, Any]]:
-    from surrogate.bounds.cramer_rao import over_disc
-
-    return over_disc(*_touch(path, card_path, material), levels, rim=rim, each=_counted).to_dict("records")
-
-
-def _touch(path: Path | None, card_path: Path, material: bool
-           ) -> tuple[Scene, MaterialCard, dict[str, MaterialSpread]]:
-    """A scene, its card, and what is open of the material."""
+def _of_scene(path: Path, card_path: Path, levels: list[float], material: bool, rim: bool,
+              everywhere: bool) -> list[dict[str, Any]]:
     from eitsim.scene.scene import read_scene
     from matcal.card import read_card
+    from surrogate.bounds.cramer_rao import cramer_rao, over_disc
     from surrogate.bounds.material_spread import known_material, spread_of
 
-    assert path is not None
     card = read_card(card_path)
     spreads = {"known": known_material()} | ({"posterior": spread_of(card, card_path)} if material else {})
-    return read_scene(path), card, spreads
+    scene = read_scene(path)
+    found = (over_disc(scene, card, spreads, levels, rim=rim, each=counted("touches")) if everywhere
+             else cramer_rao(scene, card, levels, spreads, rim=rim))
+    return found.to_dict("records")
 
 
 def _ends(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -118,12 +100,16 @@ def _ends(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
-def _counted(items: Iterable[int]) -> Iterator[int]:
-    listed = list(items)
-    with counter(len(listed), "touches") as advance:
-        for done, item in enumerate(listed, start=1):
-            yield item
-            advance(done)
+def counted(label: str) -> Callable[[Iterable[Any]], Iterator[Any]]:
+    """Goes through items and shows on a terminal how many are done."""
+    def each(items: Iterable[Any]) -> Iterator[Any]:
+        listed = list(items)
+        with counter(len(listed), label) as advance:
+            for done, item in enumerate(listed, start=1):
+                yield item
+                advance(done)
+
+    return each
 
 
 def _print(rows: list[dict[str, Any]], title: str) -> None:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from surrogate.cli.limit_command import limit
+from surrogate.cli.limit_command import counted, limit
 from surrogate.cli.predict_command import ModelFolder, predict
 from surrogate.learners.registry import METHODS, method_of
-from touchcal.terminal import JsonOption, application, check_out, counter, numbers, print_json, run
+from touchcal.terminal import JsonOption, application, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
     from surrogate.model.model import Model
@@ -25,23 +25,23 @@ app = application("Learn touches from electrode voltages: the paper's networks, 
 DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
 
 
+METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
+OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max."
+STEPS = ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values() if one.epochs)
+WORKERS_HELP = "Processes that share the networks; where left out, one a core from 1,000 rows on."
+CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
+LEVELS_HELP = "Noise levels of the stored scores besides no noise, in dB below the RMS of the baseline voltages."
+
+
 @app.command()
 def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of the model.")],
-          method: Annotated[str, typer.Option(help="; ".join(f"{one.name}: {one.summary}" for one in
-                                                             METHODS.values()) + ".")] = "forward",
-          outputs: Annotated[str, typer.Option(help="all, or names separated by commas: x0, y0, d, F, sigma_max, "
-                                                    "sigma_ave, A_c, delta_max.")] = "all",
+          method: Annotated[str, typer.Option(help=METHOD_HELP)] = "forward",
+          outputs: Annotated[str, typer.Option(help=OUTPUTS_HELP)] = "all",
           seed: Annotated[int, typer.Option(help="Seed of the split and of the networks.")] = 0,
-          epochs: Annotated[int | None, typer.Option(help="Most steps; where left out "
-                                                 + ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values()
-                                                             if one.epochs) + ".")] = None,
-          workers: Annotated[int | None, typer.Option(min=1, help="Processes that share the networks; where left out, "
-                                                                  "one a core from 1,000 rows on.")] = None,
-          calibrate: Annotated[Path | None, typer.Option(help="Data set, as of another mesh, whose rows calibrate the "
-                                                              "intervals in place of 15 % of DIR.")] = None,
-          noise_db: Annotated[str, typer.Option(help="Noise levels that the stored scores hold beside no noise, in dB "
-                                                     "below the RMS of the baseline voltages.")] = "100,80,60",
-          as_json: JsonOption = False) -> None:
+          epochs: Annotated[int | None, typer.Option(help=f"Most steps; where left out {STEPS}.")] = None,
+          workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
+          calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
+          noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
     """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test.
 
     Example: surrogate train sweep --out forward --method forward --seed 1
@@ -56,7 +56,7 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     names, levels = chosen(outputs), _levels(noise_db)
     samples = read_samples(folder)
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
-    model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=_shown(names),
+    model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
                             calibrate=calibrate)
     model.save(out)
     result = surrogate.evaluate(model, samples, levels, most_trained=METHODS[model.method].most_scored)
@@ -77,9 +77,9 @@ def evaluate(model_folder: ModelFolder,
              noise_reference: Annotated[str, typer.Option(help="What a level lies below: the RMS of the baseline "
                                                                "voltages, or of the signal.")] = "baseline",
              as_json: JsonOption = False) -> None:
-    """Score a model on data sets; rows it was trained on are told apart. "in 50/90/95 %" is how many per cent of the
-    rows the intervals hold, "+-90 %" the median half width of the 90 % interval. Where `surrogate limit CARD --data DIR
-    --out MODEL_DIR/limits.csv` was run, the least possible errors under noise stand beside those of DIR.
+    """Score a model on data sets; rows it was trained on are listed separately. "in 50/90/95 %" is how many per cent of
+    the rows the intervals hold, "+-90 %" the median half width of the 90 % interval. Where `surrogate limit CARD --data
+    DIR --out MODEL_DIR/limits.csv` was run, the least possible errors under noise stand next to those of DIR.
 
     Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
     """
@@ -121,7 +121,7 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
 
 @app.command()
 def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
-    """Write a PDF of a model: predictions against targets, scores, training record; the least possible errors beside
+    """Write a PDF of a model: predictions against targets, scores, training record; the least possible errors next to
     its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before.
 
     Example: surrogate report forward --out forward.pdf
@@ -145,16 +145,6 @@ def _levels(text: str) -> list[float]:
     return numbers(text, "--noise-db", "80,60") if text else []
 
 
-def _shown(names: tuple[str, ...]) -> Any:
-    def each(items: Iterable[int]) -> Iterator[int]:
-        with counter(len(names), "networks") as advance:
-            for done, item in enumerate(items, start=1):
-                yield item
-                advance(done)
-
-    return each
-
-
 def _print_scores(result: Mapping[str, Any]) -> None:
     """Tables of the scores: training and unseen rows without noise, unseen rows under noise; --json has them
     all, and mean absolute errors."""
@@ -168,8 +158,8 @@ def _print_scores(result: Mapping[str, Any]) -> None:
     if result["scored"]:
         print(f"scored: {result['scored']}")
     if result["force_sd"]:
-        told = ", ".join(f"{part} {value:.3g}" for part, value in result["force_sd"].items())
-        print(f"standard deviation of the force, N, RMS before calibration, squares add up: {told}")
+        parts = ", ".join(f"{part} {value:.3g}" for part, value in result["force_sd"].items())
+        print(f"standard deviation of the force, N, RMS before calibration, squares add up: {parts}")
     if result["material"]:
         print(f"material: {result['material']}")
     print(f"intervals: {result['intervals']}")
@@ -183,7 +173,7 @@ def _print_scores(result: Mapping[str, Any]) -> None:
 
 def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
                  limits: Mapping[str, Mapping[str, float]]) -> None:
-    """limits: material -> output -> least possible error, as `limit_file.at_level`."""
+    """limits: material -> output -> least possible error, as `bound_files.at_level`."""
     from rich.console import Console
     from rich.table import Table
 
@@ -202,7 +192,6 @@ def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
 
 
 def _print_transfer(table: Mapping[str, list[dict[str, Any]]]) -> None:
-    """Unseen rows of several sets side by side, without noise."""
     from rich.console import Console
     from rich.table import Table
 
@@ -217,7 +206,6 @@ def _print_transfer(table: Mapping[str, list[dict[str, Any]]]) -> None:
 
 
 def _held(score: Mapping[str, Any]) -> str:
-    """Per cent of the rows that the three intervals hold."""
     return "/".join(f"{100 * score[f'coverage_{level}']:.0f}" for level in (50, 90, 95))
 
 

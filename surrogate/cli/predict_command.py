@@ -3,43 +3,38 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from touchcal.terminal import JsonOption, check_apart, check_out, counter, print_json
+from surrogate.cli.limit_command import counted
+from touchcal.terminal import JsonOption, check_apart, check_out, print_json
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from surrogate.data.baseline_frame import Untouched
     from surrogate.data.frame_rows import Lines
-    from surrogate.model.missing_channels import Mask
     from surrogate.model.model import Model
     from surrogate.single_frame.simulator_likelihood import Simulator
+    from touchcal.arrays import Mask
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
+FRAMES_HELP = "CSV, one frame of voltages a row; - reads lines from standard input and answers each as it comes."
+BASELINE_HELP = "CSV of untouched frames; else the first row of FRAMES. Two or more of them also give the noise."
+DIRECT_HELP = "Invert the simulator itself, from the learned answer on; needs --card."
+POSTERIOR_HELP = "Sample the posterior of each frame with emcee, on the learned map, or with --card by the simulator."
+TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains it as well."
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
+NoiseV = Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, where known.")]
 
 
-def predict(model_folder: ModelFolder,
-            frames: Annotated[str, typer.Argument(metavar="FRAMES", help="CSV, one frame of voltages a row; - reads "
-                                                                         "lines from standard input and answers each "
-                                                                         "as it comes.")],
-            baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first row of FRAMES. "
-                                                               "Two or more of them also give the noise.")] = None,
-            noise_v: Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, "
-                                                                            "where known.")] = None,
-            direct: Annotated[bool, typer.Option("--direct", help="Invert the simulator itself, from the learned "
-                                                                  "answer on; needs --card.")] = False,
-            posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior of each frame with "
-                                                                        "emcee, on the learned map, or with "
-                                                                        "--card by the simulator.")
-                                 ] = False,
-            touches: Annotated[int, typer.Option(min=1, max=2, help="2 reads two touches from each frame, and says "
-                                                                    "where one explains it as well.")] = 1,
+def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(metavar="FRAMES", help=FRAMES_HELP)],
+            baseline: Annotated[Path | None, typer.Option(help=BASELINE_HELP)] = None, noise_v: NoiseV = None,
+            direct: Annotated[bool, typer.Option("--direct", help=DIRECT_HELP)] = False,
+            posterior: Annotated[bool, typer.Option("--posterior", help=POSTERIOR_HELP)] = False,
+            touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
             data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
             scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card.")] = None,
@@ -56,9 +51,9 @@ def predict(model_folder: ModelFolder,
     channels unread.
 
     Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
-    evaluate` prints. A touch beyond them is flagged where its signal or its answer shows it; in noise a heavier or
+    evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; in noise a heavier or
     a thicker punch may look like one within, and then no flag can tell: where an interval of d or F reaches an end
-    of the range, the touch may lie beyond it.
+    of the range, the touch may lie outside it.
 
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
@@ -82,19 +77,17 @@ def predict(model_folder: ModelFolder,
     read, reference, dead = _frames(model, Path(frames), baseline)
     noise = _noise(model, reference, noise_v)
     if touches == 2:
-        _written(_pairs(model, read, reference, dead, noise), model_folder, out, as_json)
-        return
-    if not (direct or posterior):
-        _written(_plain_table(model, read, reference, dead, noise), model_folder, out, as_json)
-        return
-    simulator = None if card is None else _simulator(model, card, data, scene, reference)
-    rows = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
-    _written(rows, model_folder, out, as_json)
+        table = _pairs(model, read, reference, dead, noise)
+    elif direct or posterior:
+        simulator = None if card is None else _simulator(model, card, data, scene, reference)
+        table = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
+    else:
+        table = _plain_table(model, read, reference, dead, noise)
+    _written(table, model_folder, out, as_json)
 
 
 def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
                   whole: bool) -> None:
-    """ValueError where options do not go together."""
     if frames == "-" and (direct or whole):
         raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
                          "--touches 2 and --json need a file of frames.")
@@ -106,7 +99,6 @@ def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None,
 
 
 def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
-    """A row a frame, by the model alone."""
     from surrogate.model.predict import prepare, sign_caution, table_of
 
     _say_intervals(model, noise)
@@ -117,17 +109,16 @@ def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, 
 
 
 def _pairs(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
-    """A row a frame, two touches each."""
     import pandas as pd
 
     from surrogate.model.missing_channels import silent
     from surrogate.single_frame.rows import check_whole, pair_row, whole
 
     check_whole(dead | silent(reference.volts[None], model.baseline_V)[0])
-    told = whole(frames, model)
-    each = list(zip(told.line.tolist(), told.volts - reference.volts, told.problem, strict=True))
+    lines = whole(frames, model)
+    each = zip(lines.line.tolist(), lines.volts - reference.volts, lines.problem, strict=True)
     rows = [{"line": line, "flag": problem} if problem else pair_row(model, line, signal, noise)
-            for line, signal, problem in _counted_off(each)]
+            for line, signal, problem in counted("frames")(each)]
     names = max((list(row) for row in rows), key=len)
     return pd.DataFrame(rows, columns=names)
 
@@ -150,7 +141,7 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
     import pandas as pd
 
     from surrogate.model.predict import prepare
-    from surrogate.single_frame.rows import direct_row, learner_of, ones, posterior_row, uncalibrated
+    from surrogate.single_frame.rows import direct_row, learner_of, ones, posterior_row
 
     learner_of(model)
     if seed is not None:
@@ -159,21 +150,14 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
         _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
              f"punches these share; the likelihood is {whose}.")
     rows = []
-    ready = prepare if seed is None else uncalibrated
-    for one in _counted_off(list(ones(ready(model, reference.volts, noise, dead), frames))):
+    ready = prepare(model, reference.volts, noise, dead, calibrate=seed is None)
+    for one in counted("frames")(ones(ready, frames)):
         if seed is not None:
             rows.append(posterior_row(model, simulator, one, noise, seed))
         elif simulator is not None:
             rows.append(direct_row(model, simulator, one, noise))
     names = dict.fromkeys(name for row in rows for name in row if name != "flag")
     return pd.DataFrame(rows, columns=[*names, "flag"])
-
-
-def _counted_off(items: list[Any]) -> Iterator[Any]:
-    with counter(len(items), "frames") as advance:
-        for done, item in enumerate(items, start=1):
-            yield item
-            advance(done)
 
 
 def _written(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool) -> None:
@@ -232,7 +216,6 @@ def _say_intervals(model: Model, noise_V: float) -> None:
 
     if not calibrated(model, noise_V):
         _say("the intervals are calibrated at this noise first, which takes a while; they are kept for the next time.")
-
     if words := few(len(model.calibration.target)):
         _say(words)
 
@@ -242,7 +225,6 @@ def _say(words: str) -> None:
 
 
 def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
-    """The untouched frame of a file, and its dead channels."""
     from surrogate.data.baseline_frame import untouched
     from surrogate.data.frame_rows import read_lines
     from surrogate.model.missing_channels import check_needed, silent, stuck
@@ -250,9 +232,7 @@ def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
 
     read = read_lines(baseline, len(model.baseline_V))
     if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
-        raise InputFileError(
-            baseline, f"{read.problem[bad]}. Mend it, or leave the line out.", line=int(read.line[bad])
-        )
+        raise InputFileError(baseline, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
     dead = stuck(read.volts) | silent(read.volts, model.baseline_V).any(axis=0)
     check_needed(model, dead, str(baseline))
     return untouched(read.volts), dead

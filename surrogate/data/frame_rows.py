@@ -11,28 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.frames import column_order
+from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 # Its number, from 1, and its text
 Line = tuple[int, str]
 
 # Most lines that are answered together: those that wait already, so that none waits for another to come.
 BATCH = 32
-# Bytes that are read at a time, at most.
-CHUNK = 1 << 20
+CHUNK = 1 << 20  # bytes that are read at a time, at most
 
 
 @dataclass(frozen=True)
 class Lines:
     """Lines of some frames."""
 
-    # (n,) number of each line, from 1
-    line: NDArray[np.int64]
-    # (n, readings) V, NaN for a cell that holds no number, and for a line that is no frame
-    volts: Array
-    # (n,) why a line is no frame, empty where it is one
-    problem: list[str]
+    line: NDArray[np.int64]  # (n,) number of each line, from 1
+    volts: Array  # (n, readings) V, NaN for a cell that holds no number, and for a line that is no frame
+    problem: list[str]  # (n,) why a line is no frame, empty where it is one
 
     def after_first(self) -> Lines:
         """All but the first."""
@@ -56,7 +52,7 @@ def _text(line: bytes) -> str:
     return line.decode("utf-8-sig", errors="replace").strip()
 
 
-def header_of(text: str, readings: int) -> NDArray[np.intp] | None:
+def header_of(text: str, readings: int) -> Index | None:
     """(readings,) place of each reading in a line by a header that names them v_000 ...; None where the line is no
     header. ValueError for a header of other names."""
     names = [cell.strip().strip('"') for cell in text.split(",")]
@@ -67,9 +63,8 @@ def header_of(text: str, readings: int) -> NDArray[np.intp] | None:
     return None
 
 
-def frame_of(text: str, order: NDArray[np.intp]) -> Array:
-    """(readings,) V of a line whose readings have these places; NaN for an empty cell. ValueError says what is wrong.
-    """
+def frame_of(text: str, order: Index) -> Array:
+    """(readings,) V of a line whose readings have these places, NaN for an empty cell; ValueError where it is none."""
     cells = text.split(",")
     if len(cells) != len(order):
         raise ValueError(f"{len(cells)} columns, expected {len(order)} voltages separated by commas")
@@ -87,7 +82,7 @@ def _number(column: int, cell: str) -> float:
         raise ValueError(f"column {column} holds '{cell.strip()[:20]}' and no number") from None
 
 
-def frames_of(lines: Sequence[Line], order: NDArray[np.intp]) -> Lines:
+def frames_of(lines: Sequence[Line], order: Index) -> Lines:
     """The frames of some lines whose readings have these places."""
     volts, problem = np.full((len(lines), len(order)), np.nan), [""] * len(lines)
     for k, (_, text) in enumerate(lines):
@@ -99,8 +94,7 @@ def frames_of(lines: Sequence[Line], order: NDArray[np.intp]) -> Lines:
 
 
 def read_lines(path: Path, readings: int) -> Lines:
-    """All frames of a file, blank lines left out; InputFileError where it holds none, or its header names anything but
-    readings."""
+    """All frames of a file, without blank lines; InputFileError where it holds none, or a header of other names."""
     with open(path, "rb") as file:
         lines = [line for some in waiting_lines(file) for line in some if line[1]]
     order = np.arange(readings)
@@ -121,5 +115,5 @@ def first_frame(lines: Lines, where: str) -> Array:
     """(readings,) V of the first line, as the untouched frame; ValueError where it is none."""
     if lines.problem[0]:
         raise ValueError(f"{where}, line {lines.line[0]}: {lines.problem[0]}. The first frame is the untouched one: "
-                         "mend it, or give --baseline FILE.")
+                         "fix it, or give --baseline FILE.")
     return lines.volts[0]

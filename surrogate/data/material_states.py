@@ -1,42 +1,38 @@
 """The material of a row as a touch feels it: stress and conductivity of its card, in principal components.
 
-Moduli and exponents of a hyperfoam make up for one another, so that cards far apart in them may be almost one. Cards
-are therefore compared by what they answer at a few strains, and the directions in which a posterior spreads these
+Moduli and exponents of a hyperfoam make up for one another, so that cards that differ much in them may be almost one.
+Cards are therefore compared by what they answer at a few strains, and the directions in which a posterior spreads these
 answers are the states that a surrogate learns and later marginalises.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Strains of the foam and of the skin under punches, and times of a hold, s, at which cards are compared.
 FOAM, SKIN, TIMES_S = (-0.02, -0.2, -0.4, -0.6, -0.8), (0.0, -0.2, -0.4, -0.6, -0.8), (1.0, 10.0, 100.0, 1000.0)
 # Spread of the answers, over their mean, below which a direction is left out, and most directions.
 LEAST, MOST = 1e-3, 4
-# Fewest different cards that tell a spread.
-MIN_CARDS = 5
+MIN_CARDS = 5  # fewest different cards that tell a spread
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
     """Directions in which the answers of some cards spread, each of mean 0 and standard deviation 1."""
 
-    # (q,) mean answers
-    mean: Array
-    # (q, k) states = (answers / mean - 1) @ axes
-    axes: Array
+    mean: Array  # (q,) mean answers
+    axes: Array  # (q, k) states = (answers / mean - 1) @ axes
 
 
 def answers(rows: pd.DataFrame, held: bool) -> Array:
@@ -46,33 +42,29 @@ def answers(rows: pd.DataFrame, held: bool) -> Array:
         return np.zeros((len(rows), 0))
     _, first, which = np.unique(rows["card_sample"], return_index=True, return_inverse=True)
     cards = rows.iloc[first]
-    blocks = [_foam(cards), _skin(cards)] + [_left(cards)] * held
+    blocks = [_answered(cards, (r"mu_\d+_Pa", r"alpha_\d+", r"nu_\d+"), _foam),
+              _answered(cards, ("c0_S_per_m", r"a_\d+"), _skin)]
+    blocks += [_answered(cards, (r"g_\d+", r"tau_\d+_s"), _left)] * held
     return np.column_stack(blocks)[which.ravel()]
 
 
-def _foam(cards: pd.DataFrame) -> Array:
-    mu, alpha, nu = (_columns(cards, pattern) for pattern in (r"mu_\d+_Pa", r"alpha_\d+", r"nu_\d+"))
-    if not mu.size:
-        return np.zeros((len(cards), 0))
-    return np.array([nominal_stress(Hyperfoam(*law), "uniaxial", FOAM) for law in zip(mu, alpha, nu, strict=True)])
+def _answered(cards: pd.DataFrame, patterns: tuple[str, ...], answer: Callable[..., Array]) -> Array:
+    """(cards, q) what laws of the columns of these patterns answer; q = 0 where the first has none."""
+    laws = [cards[[name for name in cards.columns if re.fullmatch(pattern, name)]].to_numpy(np.float64)
+            for pattern in patterns]
+    return np.array([answer(*law) for law in zip(*laws, strict=True)]) if laws[0].size else np.zeros((len(cards), 0))
 
 
-def _skin(cards: pd.DataFrame) -> Array:
-    c0, a = _columns(cards, "c0_S_per_m"), _columns(cards, r"a_\d+")
-    if not c0.size:
-        return np.zeros((len(cards), 0))
-    return np.array([conductivity(Conductivity(float(c), one), SKIN) for c, one in zip(c0[:, 0], a, strict=True)])
+def _foam(mu: Array, alpha: Array, nu: Array) -> Array:
+    return nominal_stress(Hyperfoam(mu, alpha, nu), "uniaxial", FOAM)
 
 
-def _left(cards: pd.DataFrame) -> Array:
-    g, tau = _columns(cards, r"g_\d+"), _columns(cards, r"tau_\d+_s")
-    if not g.size:
-        return np.zeros((len(cards), 0))
-    return np.array([relaxation(Prony(*law), np.array(TIMES_S)) for law in zip(g, tau, strict=True)])
+def _skin(c0: Array, a: Array) -> Array:
+    return conductivity(Conductivity(float(c0[0]), a), SKIN)
 
 
-def _columns(cards: pd.DataFrame, pattern: str) -> Array:
-    return cards[[name for name in cards.columns if re.fullmatch(pattern, name)]].to_numpy(np.float64)
+def _left(g: Array, tau: Array) -> Array:
+    return relaxation(Prony(g, tau), np.array(TIMES_S))
 
 
 def fit(found: Array) -> Spread:

@@ -10,27 +10,22 @@ from dataclasses import dataclass
 class Output:
     """One predicted quantity."""
 
-    # name on the command line and in results
-    name: str
-    # column of the data set
-    column: str
-    # unit of the column
-    unit: str
+    name: str  # name on the command line and in results
+    column: str  # column of the data set
+    unit: str  # unit of the column
 
 
 ALL = (Output("x0", "x_mm", "mm"), Output("y0", "y_mm", "mm"), Output("d", "d_mm", "mm"), Output("F", "F_N", "N"),
        Output("sigma_max", "sigma_max_kPa", "kPa"), Output("sigma_ave", "sigma_ave_kPa", "kPa"),
        Output("A_c", "A_c_mm2", "mm2"), Output("delta_max", "delta_max_mm", "mm"))
 NAMES = tuple(output.name for output in ALL)
-# The first four are the touch itself, the others its mechanical response.
-TOUCH = 4
+TOUCH = 4  # the first four are the touch itself, the others its mechanical response
 # Unit of a column -> the SI unit, and how many of it one is.
 SI = {"mm": ("m", 1e-3), "N": ("N", 1.0), "kPa": ("Pa", 1e3), "mm2": ("m2", 1e-6)}
 
 
 def chosen(choice: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of a choice, a list or separated by commas, in the order of NAMES; "all" is every one. ValueError lists the
-    known."""
+    """Names of a choice (a list, or separated by commas; "all"), in the order of NAMES; ValueError lists the known."""
     if choice == "all":
         return NAMES
     requested = [name.strip() for name in choice.split(",")] if isinstance(choice, str) else choice

@@ -18,13 +18,12 @@ from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.measurement.instrument_table import TABLE
 from surrogate.data import material_states, outputs
 from surrogate.data.sensor_ring import Ring, ring_of_design
+from touchcal.arrays import Array, Index, Mask
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 PARTS = ("train", "val", "test")
 FRACTIONS = (0.70, 0.15)
-# Fewest touches that give each part a few.
-MIN_TOUCHES = 20
+MIN_TOUCHES = 20  # fewest touches that give each part a few
 
 
 @dataclass(frozen=True)
@@ -32,16 +31,11 @@ class Samples:
     """Solved scenes of one sensor."""
 
     ring: Ring
-    # (n,) scene numbers
-    scene: NDArray[np.int64]
-    # (n,) number that rows of one touch share, and of a nested design those of one block
-    touch: NDArray[np.int64]
-    # (n, readings) touched minus untouched, V
-    signal_V: Array
-    # (n, readings) untouched, V
-    baseline_V: Array
-    # (n, 8) outputs.ALL in the units of their columns
-    target: Array
+    scene: NDArray[np.int64]  # (n,) scene numbers
+    touch: NDArray[np.int64]  # (n,) number that rows of one touch share, and of a nested design those of one block
+    signal_V: Array  # (n, readings) touched minus untouched, V
+    baseline_V: Array  # (n, readings) untouched, V
+    target: Array  # (n, 8) outputs.ALL in the units of their columns
     # (n,) number of each row's card among the draws of the posterior, -1 where one card serves all
     card: NDArray[np.int64]
     # (n, q) what each row's card answers, see `surrogate.data.material_states`; q = 0 where one card serves all
@@ -81,7 +75,7 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     if rows.empty:
         counts = ", ".join(f"{n} {name}" for name, n in data.table["outcome"].value_counts().items())
         raise InputFileError(folder, f"none of its {len(data.table)} rows is ok ({counts}); there is nothing to learn "
-                                     "from. Mend the design and sweep again.")
+                                     "from. Fix the design and sweep again.")
     _check_one_touch(folder, rows)
     readings = len(ring.read)
     touched = _numbers(folder, rows, voltage_columns(readings))
@@ -89,16 +83,10 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     target = _numbers(folder, rows, [output.column for output in outputs.ALL])
     scene = rows["scene"].to_numpy(np.int64)
     touch = _touches(data.design["sampler"], scene, rows)
+    material = material_states.answers(rows, "hold" in data.design["tables"])
+    measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
     return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
-                   _material(data, rows), _hashes(scene, target), _measurement(data))
-
-
-def _material(data: Dataset, rows: pd.DataFrame) -> Array:
-    return material_states.answers(rows, "hold" in data.design["tables"])
-
-
-def _measurement(data: Dataset) -> dict[str, Any]:
-    return {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
+                   material, _hashes(scene, target), measurement)
 
 
 def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
@@ -107,12 +95,9 @@ def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
     several = rows.loc[rows["touches"] > 1, ["scene", "touches"]]
     if len(several):
         first = several.iloc[0]
-        raise InputFileError(
-            folder,
-            f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
-            f"{int(first['touches'])}), and a surrogate learns the place and the force of one. "
-            "Sweep a design with one touch a row.",
-        )
+        raise InputFileError(folder, f"{len(several)} rows have several touches (scene {int(first['scene'])}: "
+                                     f"{int(first['touches'])}), and a surrogate learns the place and the force of "
+                                     "one. Sweep a design with one touch a row.")
 
 
 def _touches(sampler: str, scene: NDArray[np.int64], rows: pd.DataFrame) -> NDArray[np.int64]:
@@ -145,7 +130,7 @@ def content_hash(samples: Samples) -> str:
     return hashlib.sha256(samples.row_hash.tobytes() + np.ascontiguousarray(samples.signal_V).tobytes()).hexdigest()
 
 
-def take(samples: Samples, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Samples:
+def take(samples: Samples, rows: Index | Mask) -> Samples:
     """The samples of these rows."""
     return replace(samples, **{part.name: getattr(samples, part.name)[rows] for part in fields(samples)
                                if part.name not in ("ring", "measurement")})

@@ -15,9 +15,7 @@ from eitsim.electrics.forward.untouched import sensor_of
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import identical, middles
 from eitsim.scene.scene import Scene
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from touchcal.arrays import Array, Index
 
 # Modes of an electrode's field, and the conductivity of a usual skin that they are foreseen with, S/m.
 MODES, USUAL_S_PER_M = 120, 30.0
@@ -27,29 +25,28 @@ MODES, USUAL_S_PER_M = 120, 30.0
 class Ring:
     """Electrodes on the rim of a disc and the readings in the order of the data set's columns."""
 
-    # radius of the disc, mm
-    radius_mm: float
-    # (electrodes,) angle of each electrode from +x, counter-clockwise, rad
-    angle_rad: Array
-    # (readings,) electrode that injects the current
-    source: Index
-    # (readings,) electrode that takes it out
-    sink: Index
-    # (readings,) electrode that is read
-    read: Index
-    # (readings,) electrode that is 0 V
-    ground: Index
-    # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
-    modes: Array
+    radius_mm: float  # radius of the disc, mm
+    angle_rad: Array  # (electrodes,) angle of each electrode from +x, counter-clockwise, rad
+    source: NDArray[np.int64]  # (readings,) electrode that injects the current
+    sink: NDArray[np.int64]  # (readings,) electrode that takes it out
+    read: NDArray[np.int64]  # (readings,) electrode that is read
+    ground: NDArray[np.int64]  # (readings,) electrode that is 0 V
+    modes: Array  # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
 
     @cached_property
     def copies(self) -> float:
         """Readings over independent ones: by reciprocity two readings with driving and reading exchanged are one
-        impedance, which a map then has wrong twice alike."""
-        unit = np.eye(len(self.angle_rad))
-        drive, read = unit[self.source] - unit[self.sink], unit[self.read] - unit[self.ground]
-        both = drive[:, :, None] * read[:, None, :]
-        return len(read) / int(np.linalg.matrix_rank((both + both.transpose(0, 2, 1)).reshape(len(read), -1)))
+        impedance, which a map then has wrong twice over."""
+        return len(self.read) / int(np.linalg.matrix_rank(impedances_read(self, np.arange(len(self.angle_rad)))))
+
+
+def impedances_read(ring: Ring, to: Index) -> Array:
+    """(readings, N N) each reading as a combination of transfer impedances, which are symmetric, between electrodes
+    renumbered by `to`: twice the combination."""
+    unit = np.eye(len(to))[to]
+    drive, read = unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[ring.ground]
+    both = drive[:, :, None] * read[:, None, :]
+    return (both + both.transpose(0, 2, 1)).reshape(len(drive), -1)
 
 
 def same_ring(one: Ring, other: Ring) -> bool:
@@ -74,8 +71,7 @@ def ring_of(scene: Scene) -> Ring:
 
 
 def _modes(scene: Scene) -> Array:
-    """q_m of one electrode of a ring of equal line electrodes by the complete electrode model; 1, those of points, for
-    others."""
+    """q_m of one of equal line electrodes by the complete electrode model; 1, those of points, for others."""
     if scene.electrodes.kind != "line" or not identical(scene.electrodes):
         return np.ones(MODES)
     driven = solve_rim(scene.body, scene.electrodes, USUAL_S_PER_M * scene.skin.thickness_m).driven[:MODES, 0]
@@ -83,7 +79,7 @@ def _modes(scene: Scene) -> Array:
     return np.asarray(field / field[0])
 
 
-def _ends(rows: Array, what: str) -> tuple[Index, Index]:
+def _ends(rows: Array, what: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Electrodes of the 1 and of the -1 in each row."""
     first, last = rows.argmax(axis=1), rows.argmin(axis=1)
     unit = np.eye(rows.shape[1])

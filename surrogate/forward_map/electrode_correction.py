@@ -1,32 +1,27 @@
-"""What electrodes add to the signal of a touch near them, beyond series and polarization, learned in one half-sector of
-the ring."""
+"""What electrodes add to the signal of a touch near them that series and polarization lack, by one half-sector."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.polarization import FROM, Effect, half_width, log_gap
+from surrogate.forward_map.polarization import FROM, Effect, half_width, log_gap, near_rim
 from surrogate.forward_map.ring_symmetry import Symmetry, filled_from, fold, symmetry_of
 from surrogate.statistics import change_point, matern_process
 from surrogate.statistics.matern_process import Matern
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex, Index, Mask
 
 # Fewest rows that teach it, and most of them that are kept as nodes, their images across the half-sector not counted.
 MIN_ROWS, MAX_ROWS = 60, 2400
 # How far across the borders of the half-sector images of rows are kept as nodes, over the disc's radius.
 ACROSS = 0.03
-# Part of the effect's energy that the kept components may leave out.
-LEFT_OUT = 1e-4
-# Distances of the centre to the rim are felt as log(SOFT - |z|), beside the punch's own gap; lengths along it count
+LEFT_OUT = 1e-4  # part of the effect's energy that the kept components may leave out
+# Distances of the centre to the rim are felt as log(SOFT - |z|), next to the punch's own gap; lengths along it count
 # ALONG times.
 SOFT, ALONG = 1.06, 5.0
-# Inputs that tell a step along the gap apart from what changes fast with them: all before the gap itself.
+# Inputs that distinguish a step along the gap from what changes fast with them: all before the gap itself.
 OF_STEP = 4
 
 
@@ -36,13 +31,10 @@ class RimEffect:
     side of the step)."""
 
     symmetry: Symmetry
-    # (maps, readings, components) directions of the effect at touches that each map folds
-    directions: Array
+    directions: Array  # (maps, readings, components) directions of the effect at touches that each map folds
     process: Matern
-    # the ring with all readings, whose patterns' norms the effect is over
-    whole: Ring
-    # (all readings of the ring, readings) all of them by those that frames have
-    fill: Array
+    whole: Ring  # the ring with all readings, whose patterns' norms the effect is over
+    fill: Array  # (all readings of the ring, readings) all of them by those that frames have
 
 
 def zero_correction(ring: Ring) -> RimEffect:
@@ -55,7 +47,7 @@ def zero_correction(ring: Ring) -> RimEffect:
 def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
     """Learn from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves (n, readings) of
     signals, and the dipole's strength times the norm of its pattern (n,)."""
-    near = _taught_by(z)
+    near = near_rim(z, MAX_ROWS)
     symmetry = symmetry_of(ring)
     place, folded = _folded(symmetry, z[near], residual[near] / size[near, None])
     place, of, folded = _with_images(symmetry, place, folded)
@@ -66,9 +58,8 @@ def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size
 
 
 def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, size: Array) -> float:
-    """Gap to the rim where what made the data changes its method, among those (n,) of the touches; step.NONE where none
-    is seen."""
-    near = _taught_by(z)
+    """Gap, among those (n,) of the touches, at which what made the data changes its method; NONE where none is seen."""
+    near = near_rim(z, MAX_ROWS)
     place, folded = _folded(symmetry_of(ring), z[near], residual[near] / size[near, None])
     inputs = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :OF_STEP]
     quantities = folded @ _axes(folded).T
@@ -76,14 +67,7 @@ def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, s
     return change_point.locate(inputs / lengths, quantities[:, :matern_process.MAX_QUANTITIES], gap[near], noise)
 
 
-def _taught_by(z: Complex) -> NDArray[np.intp]:
-    """Rows near the rim, or some of them spread over all."""
-    near = np.flatnonzero(np.abs(z) > FROM)
-    return near[np.linspace(0, len(near) - 1, min(len(near), MAX_ROWS)).round().astype(int)]
-
-
 def _folded(symmetry: Symmetry, z: Complex, signal: Array) -> tuple[Complex, Array]:
-    """Places and signals (n, readings) folded into the half-sector."""
     place, chosen = fold(symmetry, z)
     return place, np.einsum("nij,nj->ni", symmetry.readings[chosen], signal)
 
@@ -111,7 +95,7 @@ def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array) ->
     return Effect((directions @ mean[..., None])[..., 0], directions @ slope)
 
 
-def without(rim: RimEffect, ring: Ring, kept: NDArray[np.bool_]) -> RimEffect:
+def without(rim: RimEffect, ring: Ring, kept: Mask) -> RimEffect:
     """The effect on the readings of a ring that are kept."""
     return replace(rim, directions=rim.directions[:, kept], fill=filled_from(ring, kept))
 
@@ -121,7 +105,7 @@ def teaches(rim: RimEffect) -> bool:
     return len(rim.process.nodes) > 0
 
 
-def reaches(rim: RimEffect, z: Complex) -> NDArray[np.bool_]:
+def reaches(rim: RimEffect, z: Complex) -> Mask:
     """(n,) whether a touch is close enough to the rim for the effect."""
     return (np.abs(z) > FROM) & teaches(rim)
 
@@ -139,8 +123,8 @@ def _input_slope(place: Complex, felt: Array, step: Complex) -> Array:
                             -felt * forward.real])
 
 
-def _with_images(symmetry: Symmetry, place: Complex, folded: Array) -> tuple[Complex, NDArray[np.intp], Array]:
-    """Rows and their mirror images just across the borders of the half-sector; which row each is of."""
+def _with_images(symmetry: Symmetry, place: Complex, folded: Array) -> tuple[Complex, Index, Array]:
+    """Rows with their mirror images just across the borders of the half-sector, and which row each is of."""
     places, rows, signals = [place], [np.arange(len(place))], [folded]
     for turn, readings in zip(symmetry.turn[symmetry.mirrored], symmetry.readings[symmetry.mirrored], strict=True):
         image = turn * place.conj()

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_correction, rim_covariance
@@ -14,19 +13,16 @@ from surrogate.forward_map.load_coordinates import force, known_mm, light_pressu
 from surrogate.forward_map.rim_correction import FittedCorrection
 from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
+from touchcal.arrays import Array, Complex
 
-Array = NDArray[np.float64]
-
-# Fewest training rows that the map is learned from.
-MIN_ROWS = 14
+MIN_ROWS = 14  # fewest training rows that the map is learned from
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_NOISE_FLOOR = 1e-5
-# Radius over the disc's within which the multipole series is learned; beyond, its strengths are those of that radius.
+# Radius over the disc's within which the multipole series is learned; outside, its strengths are those of that radius.
 INTERIOR = 0.40
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.ORDERS) + 1
-# Inputs of the strengths that the touch gives: log d, g, |z0|^2.
-TOUCH_INPUTS = 3
+TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,27 +31,18 @@ class ForwardMap:
     the rim; the material is some standard normal states of the card, none where one card serves all rows."""
 
     ring: Ring
-    # (modes,) harmonic coefficients of one electrode's field
-    field: Array
-    # sign of the dipole strength: -1 or 1
-    sign: float
-    # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
-    strengths: tuple[GaussianProcess, ...]
-    # what the rim adds, and the error there
-    beside: FittedCorrection
-    # pressure p0 of the load g, N/mm^2
-    p0: float
-    # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
-    floor: float
-    # (4,) mean and standard deviation of the training touches in (x, y, log d, g), mm and N
-    mean: Array
-    sd: Array
+    field: Array  # (modes,) harmonic coefficients of one electrode's field
+    sign: float  # sign of the dipole strength: -1 or 1
+    strengths: tuple[GaussianProcess, ...]  # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
+    beside: FittedCorrection  # what the rim adds, and the error there
+    p0: float  # pressure p0 of the load g, N/mm^2
+    floor: float  # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
+    mean: Array  # (4,) mean of the training touches in (x, y, log d, g), mm and N
+    sd: Array  # (4,) their standard deviation
     # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
     bounds: Array
-    # diameters of the known punches that training rows share, mm; none where these vary
-    known_mm: Array
-    # training rows
-    rows: int
+    known_mm: Array  # diameters of the known punches that training rows share, mm; none where these vary
+    rows: int  # training rows
 
     @property
     def materials(self) -> int:
@@ -63,13 +50,13 @@ class ForwardMap:
         return len(self.strengths[0].centre) - TOUCH_INPUTS
 
     @cached_property
-    def series(self) -> NDArray[np.complex128]:
+    def series(self) -> Complex:
         """(FIELDS, modes, electrodes) series of the electrodes' fields."""
         return multipole_series.field_series(self.ring, self.field, FIELDS)
 
     @property
     def discrepancies(self) -> int:
-        """Standard normal unknowns beside the touch: one a strength, then those of the material."""
+        """Standard normal unknowns besides the touch: one a strength, then those of the material."""
         return len(self.strengths) + self.materials
 
 
@@ -77,10 +64,8 @@ class ForwardMap:
 class Linearised:
     """The map and its derivatives at touches given as (x, y, log d, g)."""
 
-    # (n, readings) signal, V
-    signal_V: Array
-    # (n, readings, 4) derivative, V per unit of each
-    jacobian: Array
+    signal_V: Array  # (n, readings) signal, V
+    jacobian: Array  # (n, readings, 4) derivative, V per unit of each
     # (n, readings, discrepancies) derivative along each strength times that strength's standard deviation, then along
     # each state of the material, V
     discrepancy: Array
@@ -99,28 +84,22 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     unknown = to_unknown(touch, p0)
     material = np.zeros((len(touch), 0)) if material is None else material
     z = place(ring, touch)
-    inner = _within(z, INTERIOR)
-    field, sign, processes, floor = _series(ring, z[inner], _inputs(ring, unknown[inner], material[inner]),
-                                              touch[inner, 3], signal_V[inner])
+    # those within the interior, or the innermost where these are few
+    inner = np.abs(z) <= max(INTERIOR, float(np.sort(np.abs(z))[MIN_ROWS - 1]))
+    inputs = _inputs(ring, unknown[inner], material[inner])
+    field, sign, processes, floor = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, sign, processes, rim_correction.zero_correction(ring), p0, floor, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch))
     return _with_rim(series, z, unknown, signal_V, material)
 
 
-def _with_rim(series: ForwardMap, z: NDArray[np.complex128], unknown: Array, signal_V: Array,
+def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
               material: Array) -> ForwardMap:
-    """The series with what the rim adds to it."""
     base = multipole_series.basis(*multipole_series.patterns(series.ring, series.field, z))
     value = _strengths(series, unknown, material)[0]
-    rows = rim_correction.Rows(
-        z,
-        unknown[:, 2:],
-        gap(series.ring, unknown),
-        signal_V - multipole_series.combined(base, value),
-        value[:, 0],
-        value[:, 0] * np.linalg.norm(base[..., 0], axis=1),
-        np.linalg.norm(signal_V, axis=1),
-    )
+    left, size = signal_V - multipole_series.combined(base, value), value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
+    rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, value[:, 0], size,
+                               np.linalg.norm(signal_V, axis=1))
     return replace(series, beside=rim_correction.fit(series.ring, series.field, rows))
 
 
@@ -129,15 +108,8 @@ def gap(ring: Ring, unknown: Array) -> Array:
     return 1 - np.abs(place(ring, unknown)) - polarization.half_width(ring, unknown[:, 2])
 
 
-def _within(z: NDArray[np.complex128], reach: float) -> NDArray[np.bool_]:
-    """Which touches lie within a radius, or the innermost where these are few."""
-    radius = np.abs(z)
-    return radius <= max(reach, float(np.sort(radius)[MIN_ROWS - 1]))
-
-
-def _series(ring: Ring, z: NDArray[np.complex128], inputs: Array, force_N: Array,
+def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
             signal_V: Array) -> tuple[Array, float, tuple[GaussianProcess, ...], float]:
-    """Field, sign, strengths and floor of the series."""
     field = multipole_series.learn_field(ring, z, signal_V)
     found = multipole_series.strengths(ring, field, z, signal_V)
     first = found.value[:, 0]
@@ -164,10 +136,15 @@ def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
     return floor * np.sqrt(forward.ring.copies)
 
 
+def extent(touch: Array) -> Array:
+    """(n, 3) radius, d and F of touches (n, 4)."""
+    return np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
+
+
 def _bounds(touch: Array) -> Array:
     """Lowest and highest (radius, d, F), widened twice as far as n uniform draws end inside their range, span / n."""
-    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
-    lowest, highest = extent.min(axis=0), extent.max(axis=0)
+    reached = extent(touch)
+    lowest, highest = reached.min(axis=0), reached.max(axis=0)
     gap = 2 * (highest - lowest) / len(touch)
     return np.array([np.maximum(lowest - gap, lowest / 2), highest + gap])
 
@@ -190,12 +167,8 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
         signal[near] += added
         jacobian[near] += added_slope
     along = np.concatenate([sd[:, :, None] * np.eye(sd.shape[1]), by_card], axis=2)
-    return Linearised(signal, jacobian, _along(base, signal, value[:, :1], along))
-
-
-def _along(base: Array, signal: Array, dipole: Array, change: Array) -> Array:
-    """(n, readings, k) what changes (n, orders, k) of log p_1 and of the ratios make of a signal (n, readings)."""
-    return signal[..., None] * change[:, :1] + base[..., 1:] @ (dipole[..., None] * change[:, 1:])
+    change = signal[..., None] * along[:, :1] + base[..., 1:] @ (value[:, :1, None] * along[:, 1:])
+    return Linearised(signal, jacobian, change)
 
 
 def by_material(forward: ForwardMap, unknown: Array) -> Array:
@@ -212,15 +185,15 @@ def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
     return out
 
 
-def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, by_x: Array, by_y: Array, value: Array,
+def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by_y: Array, value: Array,
               slope: Array, unknown: Array) -> tuple[Array, Array]:
     """What polarization and the electrodes' metal add to the signal, and its derivatives by (x, y, log d, g)."""
     z, punch, dipole = place(forward.ring, unknown), unknown[:, 2:], value[:, 0]
-    beside, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
-    answer = polarization.counted(polarization.effect(beside.polarization, forward.ring, fields, z, punch, side), z)
-    metal = polarization.counted(electrode_correction.effect(beside.rim, forward.ring, z, punch, side), z)
-    if base.shape[1] < len(beside.rim.whole.read):
-        base, by_x, by_y = multipole_series.basis_and_slopes(beside.rim.whole, fields)
+    fitted, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
+    answer = polarization.counted(polarization.effect(fitted.polarization, forward.ring, fields, z, punch, side), z)
+    metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, z, punch, side), z)
+    if base.shape[1] < len(fitted.rim.whole.read):
+        base, by_x, by_y = multipole_series.basis_and_slopes(fitted.rim.whole, fields)
     norm, norm_slope = np.linalg.norm(base[..., 0], axis=1), np.zeros((len(z), 4))
     for k, by in enumerate((by_x, by_y)):
         norm_slope[:, k] = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
@@ -231,7 +204,7 @@ def _near_rim(forward: ForwardMap, fields: NDArray[np.complex128], base: Array, 
     return whole * dipole[:, None], by_unknown * dipole[:, None, None] + whole[..., None] * slope[:, :1]
 
 
-def place(ring: Ring, touch: Array) -> NDArray[np.complex128]:
+def place(ring: Ring, touch: Array) -> Complex:
     """(n,) x + iy over the radius of touches (n, ...) that begin with x and y in mm."""
     return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
 

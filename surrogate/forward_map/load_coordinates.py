@@ -1,20 +1,17 @@
 """Coordinates in which the effect of a punch is smooth: log d, and the load g = asinh(p / p0), p = F / d^2.
 
-Punches of all diameters press nearly alike at one nominal pressure p, so that functions of g hardly depend on d. g goes
-like p for light touches, where effects are proportional to the force, and like log p for heavy ones.
+Punches of all diameters press nearly the same at one nominal pressure p, so that functions of g hardly depend on d. g
+goes like p for light touches, where effects are proportional to the force, and like log p for heavy ones.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
-# Part of the training touches that are lighter than p0.
-LIGHT = 0.1
-# Most diameters that are taken for those of known punches, and fewest rows of each.
-MOST, ROWS = 12, 40
+LIGHT = 0.1  # part of the training touches that are lighter than p0
+MOST, ROWS = 12, 40  # most diameters that are taken for those of known punches, and fewest rows of each
 
 
 def light_pressure(touch: Array) -> float:
@@ -49,7 +46,6 @@ def touch_slope(unknown: Array, p0: float) -> Array:
 
 
 def known_mm(d_mm: Array) -> Array:
-    """Diameters of the known punches, increasing; none where training rows have many different ones, one, or few rows
-    of each."""
+    """Diameters of the known punches, increasing; none where training rows have many, one, or few rows of each."""
     values, counts = np.unique(d_mm, return_counts=True)
     return values if 1 < len(values) <= MOST and counts.min() >= ROWS else np.zeros(0)

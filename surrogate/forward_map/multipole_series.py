@@ -2,10 +2,10 @@
 
 The potential of electrode e under unit current is Re f(z exp(-i angle_e)) with f(z) = sum_m (q_m / m) z^m, z = x + iy
 over the radius, real q_m by the ring's mirror symmetry (q_m = 1 for point electrodes; width and shunting lower it). A
-change of sheet conductance that is axisymmetric about z0 answers each angular order n of a field apart, so a reading
-that drives the field F and reads the field G changes by dV = sum_n p_n Re[F^(n)(z0) conj(G^(n)(z0))]; p_n depend on
-the touch alone, up to the reflection of its own field at the rim, which depends on |z0|. Close to the rim the series
-does not suffice, and `surrogate.forward_map.electrode_correction` adds what it leaves.
+change of sheet conductance that is axisymmetric about z0 answers each angular order n of a field separately, so a
+reading that drives the field F and reads the field G changes by dV = sum_n p_n Re[F^(n)(z0) conj(G^(n)(z0))]; p_n
+depend on the touch alone, up to the reflection of its own field at the rim, which depends on |z0|. Close to the rim the
+series does not suffice, and `surrogate.forward_map.electrode_correction` adds what it leaves.
 """
 
 from __future__ import annotations
@@ -14,34 +14,26 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
+from surrogate.statistics.gaussian_process import spread_evenly
+from touchcal.arrays import Array, Complex
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
-# Angular orders of the series.
-ORDERS = 3
-# Spread of q_m about the foreseen ones that is believed before any data.
-PRIOR_SD = 0.1
+ORDERS = 3  # angular orders of the series
+PRIOR_SD = 0.1  # spread of q_m about the foreseen ones that is believed before any data
 # How many times less than the foreseen field a learned one must leave of the signals: a series that lacks something
 # else bends the field to make up for it, and is then wrong elsewhere.
 WORTH = 3.0
-# Rows that the field is learned from, at most; each gives all its readings, so few suffice.
-MAX_ROWS = 200
+MAX_ROWS = 200  # rows that the field is learned from, at most; each gives all its readings, so few suffice
 
 
 @dataclass(frozen=True)
 class Strengths:
     """Multipole strengths of single touches, by least squares."""
 
-    # (n, ORDERS) p_n, V
-    value: Array
-    # (n, ORDERS) variance of each up to one common factor
-    variance: Array
-    # (n, readings) what the series leaves of the signal, V
-    residual: Array
+    value: Array  # (n, ORDERS) p_n, V
+    variance: Array  # (n, ORDERS) variance of each up to one common factor
+    residual: Array  # (n, readings) what the series leaves of the signal, V
 
 
 def modes_needed(reach: float) -> int:
@@ -93,14 +85,13 @@ def learn_field(ring: Ring, z: Complex, signal_V: Array) -> Array:
 def _learned(ring: Ring, z: Complex, signal_V: Array, iterations: int = 20) -> Array:
     """q that leaves least of the unit-norm signals, strengths eliminated (Kaufman 1975); modes that do not reach these
     places are those foreseen."""
-    kept = np.linspace(0, len(z) - 1, min(len(z), MAX_ROWS)).round().astype(int)
+    kept = spread_evenly(len(z), MAX_ROWS)
     z, unit = z[kept], signal_V[kept] / np.linalg.norm(signal_V[kept], axis=1, keepdims=True)
     q = ring.modes
     learned = min(modes_needed(float(np.abs(z).max())), len(q))
     current = strengths(ring, q, z, unit)
     for _ in range(iterations):
         step = _step(ring, q, z, current, learned)
-        trial, trial_q = current, q
         for shorten in (1.0, 0.3, 0.1, 0.01):
             trial_q = q + shorten * step
             trial = strengths(ring, trial_q, z, unit)
@@ -111,7 +102,7 @@ def _learned(ring: Ring, z: Complex, signal_V: Array, iterations: int = 20) -> A
         small = np.abs(trial_q - q).max() < 1e-4
         q, current = trial_q, trial
         if small:
-            return q
+            break
     return q
 
 
@@ -121,8 +112,7 @@ def _objective(ring: Ring, q: Array, fit: Strengths, scale: Strengths) -> float:
 
 
 def _step(ring: Ring, q: Array, z: Complex, fit: Strengths, learned: int) -> Array:
-    """Gauss-Newton step of q_2 ... of the learned modes on the residual with the strengths projected out, under the
-    prior."""
+    """Gauss-Newton step of the learned modes from q_2 on, with strengths projected out, under the prior."""
     drive, read = patterns(ring, q, z)
     onto, _ = np.linalg.qr(basis(drive, read))
     columns = []

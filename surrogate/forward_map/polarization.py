@@ -14,25 +14,21 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
 from surrogate.statistics import coefficient_process
 from surrogate.statistics.coefficient_process import SharedProcess
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from surrogate.statistics.gaussian_process import spread_evenly
+from touchcal.arrays import Array, Complex, Index
 
 # Orders of the series, and of the coefficients that they make: two for each pair of orders.
 ORDERS = 3
 PAIRS = tuple((i, j) for i in range(ORDERS) for j in range(i, ORDERS))
 # Radii over the disc's: rows from FROM on teach what the rim changes, which sets in there and is whole from FULL on.
 FROM, FULL = 0.33, 0.40
-# Fewest rows that teach it, and most.
-MIN_ROWS, MAX_ROWS = 200, 3000
-# Gaps between the punch's edge and the rim are felt as log(SOFT + gap), over the disc's radius.
-SOFT = 0.03
+MIN_ROWS, MAX_ROWS = 200, 3000  # fewest rows that teach it, and most
+SOFT = 0.03  # gaps between the punch's edge and the rim are felt as log(SOFT + gap), over the disc's radius
 # Lengths of the coefficients over the spread of (log d, g, the gap's logarithm), chosen on validation rows, and over
 # the step between sides where what made the data changes its method.
 LENGTHS, STEP = np.array([6.0, 1.0, 1.0]), 2.0
@@ -42,23 +38,21 @@ LENGTHS, STEP = np.array([6.0, 1.0, 1.0]), 2.0
 class Effect:
     """What is added to a signal, over the dipole's strength or another size."""
 
-    # (n, readings)
-    value: Array
-    # (n, readings, 4) derivative by (x / R, y / R, log d, g)
-    slope: Array
+    value: Array  # (n, readings)
+    slope: Array  # (n, readings, 4) derivative by (x / R, y / R, log d, g)
 
 
 def zero_correction() -> SharedProcess:
     """Coefficients that are 0 everywhere."""
-    return coefficient_process.zero(len(LENGTHS) + 1, 2 * len(PAIRS))
+    q = len(LENGTHS) + 1
+    return SharedProcess(np.zeros((0, q)), np.zeros(q), np.ones(q), np.zeros((1 + q, 2 * len(PAIRS))))
 
 
 def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, dipole: Array,
         norm: Array) -> SharedProcess:
     """Learn the coefficients from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves
     (n, readings) of signals of these norms (n,), and the dipole's strength (n,)."""
-    near = np.flatnonzero(np.abs(z) > FROM)
-    near = near[np.linspace(0, len(near) - 1, min(len(near), MAX_ROWS)).round().astype(int)]
+    near = near_rim(z, MAX_ROWS)
     half = half_width(ring, punch[near, 0])
     fields = multipole_series.electrode_fields(ring, field, z[near], ORDERS + 1)
     design = _design(ring, fields, z[near], half) * (dipole[near] / half**2 / norm[near])[:, None, None]
@@ -66,6 +60,12 @@ def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: A
     spread = np.std(inputs[:, :len(LENGTHS)], axis=0)
     lengths = np.append(LENGTHS * np.where(spread > 1e-6, spread, 1.0), STEP)
     return coefficient_process.fit(inputs, design, left[near] / norm[near, None], lengths, order=inputs[:, 2])
+
+
+def near_rim(z: Complex, most: int) -> Index:
+    """Rows from FROM on of places z (n,), at most so many, spread over all of these."""
+    near = np.flatnonzero(np.abs(z) > FROM)
+    return near[spread_evenly(len(near), most)]
 
 
 def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punch: Array, side: Array) -> Effect:
@@ -119,17 +119,13 @@ def _readings(ring: Ring, table: Array) -> Array:
 
 def part_at(z: Complex) -> Array:
     """(n,) part of an effect that counts at places z (n,)."""
-    t = _along_onset(z)
+    t = np.clip((np.abs(z) - FROM) / (FULL - FROM), 0, 1)
     return t**2 * (3 - 2 * t)
-
-
-def _along_onset(z: Complex) -> Array:
-    return np.clip((np.abs(z) - FROM) / (FULL - FROM), 0, 1)
 
 
 def counted(effect: Effect, z: Complex) -> Effect:
     """The part of an effect at places z (n,) that counts: none at FROM, all from FULL on."""
-    t, unit = _along_onset(z), z / np.abs(z)
+    t, unit = np.clip((np.abs(z) - FROM) / (FULL - FROM), 0, 1), z / np.abs(z)
     part, by_radius = part_at(z), 6 * t * (1 - t) / (FULL - FROM)
     slope = effect.slope * part[:, None, None]
     slope[..., 0] += effect.value * (by_radius * unit.real)[:, None]
@@ -143,8 +139,7 @@ def half_width(ring: Ring, log_d: Array) -> Array:
 
 
 def log_gap(z: Complex, half: Array) -> tuple[Array, Array]:
-    """(n,) log(SOFT + gap) of punches of these halves at places z (n,), and its derivative by the gap, 0 where one
-    overhangs."""
+    """(n,) log(SOFT + gap) of punches of these halves at z (n,), and its derivative by the gap, 0 for an overhang."""
     gap = 1 - np.abs(z) - half
     felt = SOFT + np.maximum(gap, 0.0)
     return np.log(felt), np.where(gap > 0, 1 / felt, 0.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_covariance
@@ -13,31 +12,25 @@ from surrogate.forward_map.electrode_correction import RimEffect
 from surrogate.forward_map.rim_covariance import RimError
 from surrogate.statistics import change_point
 from surrogate.statistics.coefficient_process import SharedProcess
+from touchcal.arrays import Array, Complex, Index, Mask
 
-Array = NDArray[np.float64]
-
-# Rows whose effect is worked out together, to bound the memory.
-BATCH = 256
-# Parts of the touches, each of which tells the error of what the others teach.
-FOLDS = 4
+BATCH = 256  # rows whose effect is worked out together, to bound the memory
+FOLDS = 4  # parts of the touches, each of which shows the error of what the others teach
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Touches near the rim, and what the series leaves of their signals."""
 
-    # (n,) place over the disc's radius, (n, 2) log d and load g, (n,) gap to the rim over the radius
-    z: NDArray[np.complex128]
-    punch: Array
-    gap: Array
-    # (n, readings) what the series leaves, V
-    left: Array
-    # (n,) strength of the dipole, the norm of its signal, and that of the whole signal, V
-    dipole: Array
-    size: Array
-    norm: Array
+    z: Complex  # (n,) place over the disc's radius
+    punch: Array  # (n, 2) log d and load g
+    gap: Array  # (n,) gap to the rim over the radius
+    left: Array  # (n, readings) what the series leaves, V
+    dipole: Array  # (n,) strength of the dipole
+    size: Array  # (n,) norm of its signal, V
+    norm: Array  # (n,) norm of the whole signal, V
 
-    def some(self, kept: NDArray[np.bool_]) -> Rows:
+    def some(self, kept: Mask) -> Rows:
         """Those that are kept."""
         return Rows(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
@@ -49,8 +42,7 @@ class FittedCorrection:
     polarization: SharedProcess
     rim: RimEffect
     error: RimError
-    # gap over the disc's radius where what made the data changes its method; step.NONE where none is seen
-    step: float
+    step: float  # gap over the disc's radius where what made the data changes its method; change_point.NONE without
 
 
 def zero_correction(ring: Ring) -> FittedCorrection:
@@ -60,13 +52,10 @@ def zero_correction(ring: Ring) -> FittedCorrection:
                             change_point.NONE)
 
 
-def without(correction: FittedCorrection, ring: Ring, kept: NDArray[np.bool_]) -> FittedCorrection:
+def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorrection:
     """What the rim adds to the readings of a ring that are kept."""
-    return replace(
-        correction,
-        rim=electrode_correction.without(correction.rim, ring, kept),
-        error=rim_covariance.without(correction.error, kept),
-    )
+    return replace(correction, rim=electrode_correction.without(correction.rim, ring, kept),
+                   error=rim_covariance.without(correction.error, kept))
 
 
 def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
@@ -77,31 +66,27 @@ def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
     if fewest < electrode_correction.MIN_ROWS:
         return zero_correction(ring)
     answers = fewest >= polarization.MIN_ROWS
-    answer = _answer(ring, field, near, change_point.NONE, answers)
-    where = electrode_correction.step_of(
-        ring, near.z, near.punch, near.gap, _leaves(ring, field, near, answer, change_point.NONE), near.size
-    )
+    _, left = _answer(ring, field, near, change_point.NONE, answers)
+    where = electrode_correction.step_of(ring, near.z, near.punch, near.gap, left, near.size)
     answer, rim = _both(ring, field, near, where, answers)
-    error = _left_out(ring, field, near, where, answers, touch % FOLDS)
-    return FittedCorrection(
-        answer, rim, rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], error), where)
+    left_out = _left_out(ring, field, near, where, answers, touch % FOLDS)
+    error = rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], left_out)
+    return FittedCorrection(answer, rim, error, where)
 
 
-def _touch(near: Rows) -> NDArray[np.intp]:
+def _touch(near: Rows) -> Index:
     """(n,) which different touch each row is of; a sweep may solve one with several cards."""
-    told = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
-    return np.unique(told, axis=0, return_inverse=True)[1].ravel()
+    touches = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
+    return np.unique(touches, axis=0, return_inverse=True)[1].ravel()
 
 
 def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, RimEffect]:
-    answer = _answer(ring, field, near, where, answers)
-    left = _leaves(ring, field, near, answer, where)
-    return answer, electrode_correction.fit(
-        ring, near.z, near.punch, change_point.side(near.gap, where), left, near.size
-    )
+    answer, left = _answer(ring, field, near, where, answers)
+    side = change_point.side(near.gap, where)
+    return answer, electrode_correction.fit(ring, near.z, near.punch, side, left, near.size)
 
 
-def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: NDArray[np.intp]) -> Array:
+def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: Index) -> Array:
     """(n, readings) errors of the signals, over their norms, by what the rows of the other parts (n,) teach, as far as
     it counts."""
     out = np.empty_like(near.left)
@@ -115,12 +100,13 @@ def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool,
     return out
 
 
-def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> SharedProcess:
+def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, Array]:
+    """The polarization, and what it leaves of the signals."""
     if not answers:
-        return polarization.zero_correction()
-    return polarization.fit(
-        ring, field, near.z, near.punch, change_point.side(near.gap, where), near.left, near.dipole, near.norm
-    )
+        return polarization.zero_correction(), near.left
+    side = change_point.side(near.gap, where)
+    answer = polarization.fit(ring, field, near.z, near.punch, side, near.left, near.dipole, near.norm)
+    return answer, _leaves(ring, field, near, answer, where)
 
 
 def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: float) -> Array:

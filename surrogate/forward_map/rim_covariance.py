@@ -1,4 +1,4 @@
-"""The map's error near the rim: how large it is, and how it is alike among readings, told by touches left out."""
+"""The map's error near the rim: how large it is, and how readings share it, estimated from touches left out."""
 
 from __future__ import annotations
 
@@ -6,19 +6,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.ring_symmetry import Symmetry, fold
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex, Mask
 
 # Bins of the gap between punch and rim, by the part of the rows that lie closer, and of the load in each.
 CLOSER, LOADS = (0.02, 0.06, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875), 3
-# Fewest rows of a bin.
-FEWEST = 15
+FEWEST = 15  # fewest rows of a bin
 # Directions of the error in a bin, and the least part of its square that is believed to lie in none of them.
-ALIKE, REST = 16, 0.01
+DIRECTIONS, REST = 16, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +26,14 @@ class RimError:
     gap: Array
     load: Array
     error: Array
-    # (maps, bins, readings, ALIKE) directions in which errors of touches that each map folds are alike, over the norm
-    # of these, and (bins,) what part of its square they leave
+    # (maps, bins, readings, DIRECTIONS) directions that errors of touches that each map folds share, over the norm of
+    # these, and (bins,) what part of its square they leave
     alike: Array
     rest: Array
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
-        """(maps, bins, readings, ALIKE) axes of unit norm of the alike errors, and (maps, bins, ALIKE) their standard
-        deviations."""
+        """(maps, bins, readings, DIRECTIONS) axes of unit norm of the shared errors, and their standard deviations."""
         axes, sd, _ = np.linalg.svd(self.alike, full_matrices=False)
         return np.asarray(axes, np.float64), np.asarray(sd, np.float64)
 
@@ -58,16 +53,14 @@ def told_by(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error: Arra
     each = [[b[part] for part in np.array_split(np.argsort(load[b]), LOADS)] for b in bins]
     norm = np.maximum(np.linalg.norm(error, axis=1), np.finfo(float).tiny)
     unit = folded / norm[:, None]
-    alike, rest = (np.stack(part) for part in zip(*(_alike(unit[b]) for b in bins), strict=True))
+    shared, rest = (np.stack(part) for part in zip(*(_alike(unit[b]) for b in bins), strict=True))
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
-    return RimError(symmetry, np.array([gap[b].mean() for b in bins]),
-                    np.array([[load[b].mean() for b in parts] for parts in each]),
-                    np.array([[np.median(norm[b]) for b in parts] for parts in each]),
-                    back[:, None] @ alike, rest)
+    loads = np.array([[load[b].mean() for b in parts] for parts in each])
+    sizes = np.array([[np.median(norm[b]) for b in parts] for parts in each])
+    return RimError(symmetry, np.array([gap[b].mean() for b in bins]), loads, sizes, back[:, None] @ shared, rest)
 
 
 def _ends(rows: int) -> list[int]:
-    """Rows after which a bin ends."""
     ends = [0]
     for end in np.round(np.multiply(CLOSER, rows)).astype(int).tolist():
         ends += [end] if min(end - ends[-1], rows - end) >= FEWEST else []
@@ -75,31 +68,31 @@ def _ends(rows: int) -> list[int]:
 
 
 def _alike(unit: Array) -> tuple[Array, float]:
-    """Principal directions (readings, ALIKE) of errors (n, readings) of unit norm, times their standard deviations, and
-    what part of the squared norm they leave."""
+    """Principal directions (readings, DIRECTIONS) of errors (n, readings) of unit norm, times their standard
+    deviations, and what part of the squared norm they leave."""
     _, values, axes = np.linalg.svd(unit / np.sqrt(len(unit)), full_matrices=False)
-    count = min(len(axes), ALIKE)
-    kept = np.zeros((ALIKE, unit.shape[1]))
+    count = min(len(axes), DIRECTIONS)
+    kept = np.zeros((DIRECTIONS, unit.shape[1]))
     kept[:count] = values[:count, None] * axes[:count]
     return kept.T, max(float(np.sum(values[count:] ** 2)), REST)
 
 
-def size_at(told: RimError, gap: Array, load: Array) -> Array:
+def size_at(of: RimError, gap: Array, load: Array) -> Array:
     """(n,) error of the signal over its norm, its median, at gaps and loads g (n,)."""
-    loads, errors = (np.column_stack([np.interp(gap, told.gap, column) for column in table.T])
-                     for table in (told.load, told.error))
+    loads, errors = (np.column_stack([np.interp(gap, of.gap, column) for column in table.T])
+                     for table in (of.load, of.error))
     return np.array([np.interp(*one) for one in zip(load, loads, errors, strict=True)])
 
 
-def spread(told: RimError, z: Complex, gap: Array) -> tuple[Array, Array, Array]:
-    """Where errors at places z (n,) and gaps (n,) lie, over their norm: axes (n, readings, ALIKE) of unit norm and
-    standard deviations (n, ALIKE) along them, and the part (n,) of the squared norm that is left."""
-    nearest = np.abs(gap[:, None] - told.gap).argmin(axis=1)
-    axes, sd = told.principal
-    chosen = fold(told.symmetry, z)[1]
-    return axes[chosen, nearest], sd[chosen, nearest], told.rest[nearest]
+def spread(of: RimError, z: Complex, gap: Array) -> tuple[Array, Array, Array]:
+    """Where errors at places z (n,) and gaps (n,) lie, over their norm: axes (n, readings, DIRECTIONS) of unit norm and
+    standard deviations (n, DIRECTIONS) along them, and the part (n,) of the squared norm that is left."""
+    nearest = np.abs(gap[:, None] - of.gap).argmin(axis=1)
+    axes, sd = of.principal
+    chosen = fold(of.symmetry, z)[1]
+    return axes[chosen, nearest], sd[chosen, nearest], of.rest[nearest]
 
 
-def without(told: RimError, kept: NDArray[np.bool_]) -> RimError:
+def without(of: RimError, kept: Mask) -> RimError:
     """The errors of the readings that are kept, over the norm of all."""
-    return replace(told, alike=told.alike[:, :, kept])
+    return replace(of, alike=of.alike[:, :, kept])

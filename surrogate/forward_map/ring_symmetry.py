@@ -1,7 +1,7 @@
 """The ring's symmetries: turns and mirrors that carry electrodes onto electrodes, and what they do to readings.
 
-A touch is folded into one half-sector, from the middle of electrode 0 to the middle of the gap beside it, and its
-readings with it; so every row teaches the whole ring.
+A touch is folded into one half-sector, from the middle of electrode 0 to the middle of the next gap, and its readings
+with it; so every row teaches the whole ring.
 """
 
 from __future__ import annotations
@@ -9,15 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from surrogate.data.sensor_ring import Ring
+from surrogate.data.sensor_ring import Ring, impedances_read
+from touchcal.arrays import Array, Complex, Index, Mask
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
-# How far an electrode or a combination of readings may be from its image, rad and relative.
-TOLERANCE = 1e-9
+TOLERANCE = 1e-9  # how far an electrode or a combination of readings may be from its image, rad and relative
 # Part of the largest singular value below which one is zero but for rounding: half of all are, as readings that
 # exchange drive and read are equal, and some libraries leave these above numpy's default of 1e-15.
 ROUNDING = 1e-10
@@ -27,11 +23,9 @@ ROUNDING = 1e-10
 class Symmetry:
     """All maps z -> turn z and z -> turn conj(z) that keep the ring and its readings."""
 
-    # (maps,) turns, |turn| = 1, and whether z is mirrored first
-    turn: Complex
-    mirrored: NDArray[np.bool_]
-    # (maps, readings, readings) readings of the mapped touch by those of the touch
-    readings: Array
+    turn: Complex  # (maps,) turns, |turn| = 1
+    mirrored: Mask  # (maps,) whether z is mirrored first
+    readings: Array  # (maps, readings, readings) readings of the mapped touch by those of the touch
 
 
 def symmetry_of(ring: Ring) -> Symmetry:
@@ -41,7 +35,7 @@ def symmetry_of(ring: Ring) -> Symmetry:
     all readings onto combinations of readings.
     """
     point = np.exp(1j * ring.angle_rad)
-    entries = _entries(ring, np.arange(len(point)))
+    entries = impedances_read(ring, np.arange(len(point))) / 2
     inverse = np.linalg.pinv(entries, rcond=ROUNDING)
     found: list[tuple[complex, bool, Array]] = []
     for mirrored in (False, True):
@@ -51,7 +45,7 @@ def symmetry_of(ring: Ring) -> Symmetry:
             nearest = np.abs(image[:, None] - point).argmin(axis=1)
             if np.abs(image - point[nearest]).max() > TOLERANCE:
                 continue
-            moved = entries if np.array_equal(nearest, np.arange(len(point))) else _entries(ring, np.argsort(nearest))
+            moved = impedances_read(ring, np.argsort(nearest)) / 2
             combination = moved @ inverse
             if np.abs(combination @ entries - moved).max() < TOLERANCE:
                 found.append((turn, mirrored, combination))
@@ -59,22 +53,14 @@ def symmetry_of(ring: Ring) -> Symmetry:
     return Symmetry(np.array(turns), np.array(mirrors), np.array(readings))
 
 
-def _entries(ring: Ring, to: NDArray[np.intp]) -> Array:
-    """(readings, N N) each reading as a combination of transfer impedances between electrodes renumbered by `to`."""
-    unit = np.eye(len(to))[to]
-    drive, read = unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[ring.ground]
-    both = drive[:, :, None] * read[:, None, :]
-    return (both + both.transpose(0, 2, 1)).reshape(len(drive), -1) / 2
-
-
-def filled_from(ring: Ring, kept: NDArray[np.bool_]) -> Array:
+def filled_from(ring: Ring, kept: Mask) -> Array:
     """(readings, kept) all readings of a ring by those kept, least in norm where these do not tell: two readings of one
     transfer impedance are equal."""
-    entries = _entries(ring, np.arange(len(ring.angle_rad)))
+    entries = impedances_read(ring, np.arange(len(ring.angle_rad))) / 2
     return entries @ np.linalg.pinv(entries[kept], rcond=ROUNDING)
 
 
-def fold(symmetry: Symmetry, z: Complex) -> tuple[Complex, NDArray[np.intp]]:
+def fold(symmetry: Symmetry, z: Complex) -> tuple[Complex, Index]:
     """Places z (n,) in the half-sector, and the map (n,) that carries each there."""
     images = symmetry.turn * np.where(symmetry.mirrored, z[:, None].conj(), z[:, None])
     angle = np.angle(images)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
+from touchcal.arrays import Array, Mask
 
-Array = NDArray[np.float64]
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
@@ -20,26 +19,21 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 class Estimate:
     """Most probable outputs of some signals."""
 
-    # (n, outputs) values in the outputs' units
-    value: Array
-    # (n, outputs) standard deviations, model and noise together, before calibration
-    sd: Array
+    value: Array  # (n, outputs) values in the outputs' units
+    sd: Array  # (n, outputs) standard deviations, model and noise together, before calibration
     # (n,) squared residual of the signal over what was expected; 1 for learners that do not model the signal
     misfit: Array
     # (n,) whether the touch lies among the trained ones; True for learners that only map signals to outputs
-    inside: NDArray[np.bool_]
-    # what makes up sd, for learners that can tell
-    parts: Parts | None = None
+    inside: Mask
+    parts: Parts | None = None  # what makes up sd, for learners that can tell
 
 
 @dataclass(frozen=True)
 class Parts:
     """Parts of standard deviations (n, outputs); their squares and that of the model's part add up to the whole."""
 
-    # by noise alone, were map and material exact
-    noise: Array
-    # what not knowing the material adds
-    material: Array
+    noise: Array  # by noise alone, were map and material exact
+    material: Array  # what not knowing the material adds
 
     def model(self, sd: Array) -> Array:
         """(n, outputs) the rest of sd: the map's own error, and what of the signal it does not explain."""
@@ -55,15 +49,11 @@ def regression(value: Array, variance: Array) -> Estimate:
 class Training:
     """What a fit is asked for."""
 
-    # names of the outputs, in the order of outputs.NAMES
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names of the outputs, in the order of outputs.NAMES
     seed: int
-    # steps of an iterated method; 0 for the others
-    epochs: int
-    # processes that may share the outputs
-    workers: int = 1
-    # may show progress over the outputs
-    each: Progress = iter
+    epochs: int  # steps of an iterated method; 0 for the others
+    workers: int = 1  # processes that may share the outputs
+    each: Progress = iter  # may show progress over the outputs
 
 
 class Learner(Protocol):
@@ -105,11 +95,11 @@ class Learner(Protocol):
         """How the training went, as JSON."""
         return {}
 
-    def discrete(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    def discrete(self, names: tuple[str, ...]) -> Mask:
         """(outputs,) whether an output takes one of a few values."""
         return np.zeros(len(names), bool)
 
-    def without(self, whole: Ring, ring: Ring, kept: NDArray[np.bool_]) -> Self:
+    def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self:
         """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; for methods that
         the registry says handle missing channels."""
         raise ValueError(f"{type(self).__name__} needs all {len(kept)} channels. Give frames that have them.")

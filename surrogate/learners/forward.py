@@ -19,23 +19,20 @@ from surrogate.forward_map.inversion.diameter_force_posterior import make_table,
 from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.learners.base import Estimate, Learner, Parts, Training
+from touchcal.arrays import Array, Mask
 
-Array = NDArray[np.float64]
-
-# Frames solved together, to bound the memory.
-BATCH = 64
-# What an estimate holds for each frame, beside the parts of its standard deviations.
+BATCH = 64  # frames solved together, to bound the memory
+# What an estimate holds for each frame, besides the parts of its standard deviations.
 _EACH = ("value", "sd", "misfit", "inside")
 
 
 @dataclass(frozen=True, eq=False)
 class TouchInversion(Learner):
-    """A forward map and the response of the wanted mechanical outputs, if any."""
+    """A forward map and the response of the requested mechanical outputs, if any."""
 
     forward: ForwardMap
     response: Response
-    # positions of the wanted outputs among the touch's four and the response's
-    columns: NDArray[np.int64]
+    columns: NDArray[np.int64]  # positions of the requested outputs among the touch's four and the response's
 
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:
@@ -60,21 +57,22 @@ class TouchInversion(Learner):
         return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
                 "material_states": self.forward.materials}
 
-    def discrete(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    def discrete(self, names: tuple[str, ...]) -> Mask:
         """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
         known = len(self.forward.known_mm) > 0
         return np.array([known and name == "d" for name in names])
 
-    def without(self, whole: Ring, ring: Ring, kept: NDArray[np.bool_]) -> TouchInversion:
+    def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""
-        beside = rim_correction.without(self.forward.beside, whole, kept)
-        return replace(self, forward=replace(self.forward, ring=ring, beside=beside))
+        rim = rim_correction.without(self.forward.beside, whole, kept)
+        return replace(self, forward=replace(self.forward, ring=ring, beside=rim))
 
 
 def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
     found = invert(learner.forward, signal, noise_V)
-    value, sd, slope, own = found.touch, _sd(found.covariance), np.broadcast_to(np.eye(4), (len(signal), 4, 4)), 0.0
-    slope = np.concatenate([slope, np.zeros((len(signal), 4, found.material.shape[1]))], axis=2)
+    value, sd, own = found.touch, np.sqrt(np.einsum("npp->np", found.covariance)), 0.0
+    slope = np.concatenate([np.broadcast_to(np.eye(4), (len(signal), 4, 4)),
+                            np.zeros((len(signal), 4, found.material.shape[1]))], axis=2)
     if learner.response.processes:
         answer = mechanical_response.respond(learner.response, found.touch, found.material)
         mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)
@@ -93,10 +91,6 @@ def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
     per_variance = sd**2 / (whole + own**2)
     known = np.minimum(known, whole)
     return Parts(np.sqrt(np.minimum(noise, known) * per_variance), np.sqrt((whole - known) * per_variance))
-
-
-def _sd(covariance: Array) -> Array:
-    return np.sqrt(np.einsum("npp->np", covariance))
 
 
 def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array]:

@@ -6,18 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.signal_features import Directions, carried, features, fit_directions, sound_components
 from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# Most directions that are inputs: each is a length to be found.
-MOST = 14
+MOST = 14  # most directions that are inputs: each is a length to be found
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.bayesian_network.min_max import MinMax, min_max, scaled, unscaled
 from surrogate.learners.signal_features import Directions, carried, features, fit_directions, sound_components
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Most directions that are inputs, hidden units of a layer, rate of the first step of Adam on all rows at once.
 MOST, UNITS, RATE = 20, 128, 3e-3
@@ -24,9 +22,8 @@ MOST, UNITS, RATE = 20, 128, 3e-3
 class Layer:
     """One affine map."""
 
-    # (out, in) and (out,)
-    weight: Array
-    bias: Array
+    weight: Array  # (out, in)
+    bias: Array  # (out,)
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,7 @@ class Mlp(Learner):
     directions: Directions
     targets: MinMax
     layers: tuple[Layer, ...]
-    # (outputs,) mean squared error of the training rows, in the outputs' units squared
-    variance: Array
+    variance: Array  # (outputs,) mean squared error of the training rows, in the outputs' units squared
 
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> Mlp:

@@ -6,17 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.bayesian_network import ensemble
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.ensemble import Networks
 from surrogate.learners.signal_features import Directions, carried, features, fit_directions, sound_components
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Most directions that are inputs. On the validation rows of the paper's sweep, 80 steps: 40 directions against 20 take
 # the error of the force from 0.40 to 0.35 N. With 20, a warm-up of the first start makes it 0.45 N, and that of the

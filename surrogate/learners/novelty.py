@@ -5,31 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from surrogate.data.sensor_ring import Ring
+from surrogate.data.sensor_ring import Ring, impedances_read
+from touchcal.arrays import Array, Mask
 
-Array = NDArray[np.float64]
-
-# Principal directions that trained signals are made of, where twice as many rows tell them.
-MOST = 80
+MOST = 80  # principal directions that trained signals are made of, where twice as many rows tell them
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
 LEAST = 1e-3
-# Standard deviations of noise beyond which a sign is sure.
-SURE = 3.0
+SURE = 3.0  # standard deviations of noise from which a sign is sure
 
 
 @dataclass(frozen=True, eq=False)
 class Novelty:
     """The span of the directions of some signals."""
 
-    # (k, readings) orthonormal directions, and what they leave of the worst held-out direction
-    axes: Array
-    worst: float
-    # (readings,) mean direction, zero where signals point both ways
-    mean: Array
-    # norm of the strongest signal, V
-    strongest_V: float
+    axes: Array  # (k, readings) orthonormal directions
+    worst: float  # what they leave of the worst held-out direction
+    mean: Array  # (readings,) mean direction, zero where signals point both ways
+    strongest_V: float  # norm of the strongest signal, V
 
 
 def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
@@ -46,11 +39,8 @@ def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
 
 def _reciprocal(ring: Ring) -> Array:
     """(k, readings) orthonormal readings of symmetric impedance matrices: driving and reading may be exchanged."""
-    unit = np.eye(len(ring.angle_rad))
-    driven, read = unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[ring.ground]
-    product = driven[:, :, None] * read[:, None, :]
-    _, singular, axes = np.linalg.svd((product + product.transpose(0, 2, 1)).reshape(len(read), -1).T,
-                                      full_matrices=False)
+    read = impedances_read(ring, np.arange(len(ring.angle_rad)))
+    _, singular, axes = np.linalg.svd(read.T, full_matrices=False)
     return axes[singular > 1e-9 * singular[0]]
 
 
@@ -64,7 +54,7 @@ def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) / expected)
 
 
-def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> NDArray[np.bool_]:
+def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> Mask:
     """(n,) whether signals (n, readings) point away from all trained ones, by more than noise may."""
     along = signal_V @ novelty.mean
     return along < -SURE * noise_V * np.linalg.norm(novelty.mean)

@@ -15,23 +15,16 @@ if TYPE_CHECKING:
 class Method:
     """A way to learn touches from voltages."""
 
-    # word on the command line and in model files
-    name: str
-    # its learner, "module:Class"
-    where: str
-    # in a few words, for lists; and in a sentence or two, for reports
-    summary: str
-    description: str
-    # steps of an iterated method where none are given; 0 for the others
-    epochs: int = 0
-    # whether an estimate takes long enough for the scales of intervals to be kept between runs
-    slow: bool = False
-    # whether frames that lack some readings can still be read
-    handles_missing_channels: bool = False
+    name: str  # word on the command line and in model files
+    where: str  # its learner, "module:Class"
+    summary: str  # in a few words, for lists
+    description: str  # in a sentence or two, for reports
+    epochs: int = 0  # steps of an iterated method where none are given; 0 for the others
+    slow: bool = False  # whether an estimate takes long enough for the scales of intervals to be kept between runs
+    handles_missing_channels: bool = False  # whether frames that lack some readings can still be read
     # whether estimates say what of their standard deviation is due to noise and to the material
     separates_errors: bool = False
-    # training rows that are scored after the training, at most; None for all
-    most_scored: int | None = None
+    most_scored: int | None = None  # training rows that are scored after the training, at most; None for all
 
     def learner(self) -> type[Learner]:
         """The class of its learner, imported now."""

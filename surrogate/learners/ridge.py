@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
 from surrogate.learners.signal_features import Directions, carried, features, fit_directions
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 COMPONENTS = (4, 6, 8, 11, 15, 20, 27, 36)
 PENALTIES = np.logspace(-8, 3, 34)
@@ -24,21 +23,16 @@ class Lines:
     """Some outputs as linear functions of the same centred products."""
 
     directions: Directions
-    # (m,) mean of each product, and its standard deviation
-    mean: Array
-    sd: Array
-    # (r, m) principal axes of the products
-    axes: Array
-    # (k,) which outputs these are
-    columns: NDArray[np.int64]
-    # (k, m) coefficients, and (k,) their offsets
-    coefficients: Array
-    offset: Array
+    mean: Array  # (m,) mean of each product
+    sd: Array  # (m,) its standard deviation
+    axes: Array  # (r, m) principal axes of the products
+    columns: NDArray[np.int64]  # (k,) which outputs these are
+    coefficients: Array  # (k, m) coefficients
+    offset: Array  # (k,) their offsets
     # (k,) variance of the coefficients before the rows were seen, and (k, r) what these took of it along each axis
     prior_variance: Array
     taken: Array
-    # (k,) variance of the residual by leave-one-out
-    noise: Array
+    noise: Array  # (k,) variance of the residual by leave-one-out
 
 
 @dataclass(frozen=True)
@@ -89,7 +83,7 @@ class _Basis:
 
 
 @lru_cache(maxsize=len(COMPONENTS))
-def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _pairs(count: int) -> tuple[Index, Index]:
     return np.triu_indices(count)
 
 
@@ -116,7 +110,7 @@ def _basis(signal_V: Array, components: int) -> _Basis:
     return _Basis(directions, mean, sd, left, singular, right)
 
 
-def _lines(basis: _Basis, target: Array, columns: NDArray[np.intp], errors: Array) -> Lines:
+def _lines(basis: _Basis, target: Array, columns: Index, errors: Array) -> Lines:
     """Lines of the outputs of these columns; errors: (outputs, penalties) by leaving one out."""
     best = errors[columns].argmin(axis=1)
     noise, penalty = errors[columns, best], PENALTIES[best] * len(target)
@@ -128,7 +122,6 @@ def _lines(basis: _Basis, target: Array, columns: NDArray[np.intp], errors: Arra
 
 
 def _leave_one_out(basis: _Basis, y: Array, penalty: float) -> float:
-    """Mean squared leave-one-out error, by the leverages."""
     weight = basis.singular**2 / (basis.singular**2 + penalty * len(y))
     centred = y - y.mean()
     fitted = basis.left @ (weight * (basis.left.T @ centred))

@@ -1,26 +1,22 @@
-"""Features of a signal that hardly depend on its size: the whitened direction dV / |dV|, and log |dV| beside it."""
+"""Features of a signal: the whitened direction dV / |dV|, which hardly depends on its size, and log |dV|."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class Directions:
     """Principal directions of the training signals' directions."""
 
-    # (readings,) mean direction
-    mean: Array
-    # (k, readings) principal axes, each over the standard deviation along it
-    axes: Array
-    # mean and standard deviation of log(|dV| / V)
-    log_mean: float
-    log_sd: float
+    mean: Array  # (readings,) mean direction
+    axes: Array  # (k, readings) principal axes, each over the standard deviation along it
+    log_mean: float  # mean of log(|dV| / V)
+    log_sd: float  # its standard deviation
 
 
 def fit_directions(signal_V: Array, components: int) -> Directions:
@@ -47,14 +43,6 @@ def features(directions: Directions, signal_V: Array) -> Array:
     return np.column_stack([along, (np.log(size) - directions.log_mean) / directions.log_sd])
 
 
-def feature_slopes(directions: Directions, signal_V: Array) -> Array:
-    """(n, k + 1, readings) derivative of the features by the signal, per V."""
-    size = np.linalg.norm(signal_V, axis=1)[:, None]
-    unit = signal_V / size
-    across = directions.axes - (unit @ directions.axes.T)[..., None] * unit[:, None, :]
-    return np.concatenate([across, unit[:, None, :] / directions.log_sd], axis=1) / size[..., None]
-
-
 def sound_components(signal_V: Array, most: int) -> int:
     """How many directions, at most so many, stand out of white noise in signals (n, readings).
 
@@ -68,16 +56,14 @@ def sound_components(signal_V: Array, most: int) -> int:
 
 
 def carried(directions: Directions, signal_V: Array, slope: Array, noise_V: float) -> Array:
-    """(n, outputs) variance that white noise on the readings makes of outputs with slopes (n, outputs, k + 1) by the
-    features."""
+    """(n, outputs) variance that noise on the readings makes of outputs of slopes (n, outputs, k + 1) by features."""
     if noise_V == 0:
         return np.zeros(slope.shape[:2])
     return noise_V**2 * np.sum(by_signal(directions, signal_V, slope) ** 2, axis=2)
 
 
 def by_signal(directions: Directions, signal_V: Array, slope: Array) -> Array:
-    """(n, outputs, readings) derivatives by the signal, per V, of outputs with slopes (n, outputs, k + 1) by the
-    features: the slopes times `feature_slopes`, which need not be there whole."""
+    """(n, outputs, readings) derivatives by the signal, per V, from slopes (n, outputs, k + 1) by the features."""
     size = np.linalg.norm(signal_V, axis=1)[:, None]
     unit = signal_V / size
     along, by_size = slope[..., :-1], slope[..., -1]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.samples import Samples
 from surrogate.learners.base import Estimate, Learner, Training, regression
@@ -14,8 +13,7 @@ from surrogate.learners.bayesian_network import ensemble
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.ensemble import Networks
 from surrogate.learners.bayesian_network.min_max import MinMax, min_max, scaled
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -26,8 +24,7 @@ class Trainbr(Learner):
     voltages exactly, and a frame of another baseline still serves.
     """
 
-    # scaling of the readings, V
-    readings: MinMax
+    readings: MinMax  # scaling of the readings, V
     networks: Networks
 
     @classmethod

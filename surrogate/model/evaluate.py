@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.measurement.instrument import below, level_db
-from surrogate.data import outputs
 from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Estimate
@@ -22,7 +21,9 @@ from surrogate.learners.registry import METHODS, listed
 from surrogate.model.model import Model
 from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import describe_rows, few
-from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Array, Score, rms, score
+from surrogate.statistics.gaussian_process import spread_evenly
+from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Score, rms, score
+from touchcal.arrays import Array, Index, Mask
 
 # Columns of the half widths of intervals, one for each of COVERAGES.
 HALF_WIDTHS = tuple(f"half_width_{coverage:.0%}".rstrip("%") for coverage in COVERAGES)
@@ -64,8 +65,7 @@ def _measured(measurement: Mapping[str, Any]) -> str:
 class Evaluation:
     """Scores, and the noise-free predictions behind them."""
 
-    # scores as JSON
-    scores: Mapping[str, Any]
+    scores: Mapping[str, Any]  # scores as JSON
     # one row a scene and output: part, scene, output, unit, target, value, HALF_WIDTHS, in the output's unit
     predictions: pd.DataFrame
 
@@ -111,39 +111,34 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
     clean, noisy = (take(samples, rows) for rows in (_spread(part, most_trained), _unseen(part)))
     table, predict_ms, force_sd = _predictions(model, clean, 0.0)
     calibrating = len(model.calibration.target)
+    ends = zip(model.trained.lowest.tolist(), model.trained.highest.tolist(), strict=True)
     scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
               "scored": _scored_words(part, clean, noisy if noise_dB else None),
               "fit_s": model.fit_s, "predict_ms": predict_ms, "intervals": describe_rows(calibrating),
               "interval_rows": calibrating, "few_interval_rows": few(calibrating),
-              "interval_caution": interval_caution(model, samples), "trained_range": _trained_range(model),
+              "interval_caution": interval_caution(model, samples),
+              "trained_range": dict(zip(model.names, ends, strict=True)),
               "material": material_told(model, samples), "force_sd": force_sd,
               "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
               "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
 
 
-def _trained_range(model: Model) -> dict[str, tuple[float, float]]:
-    """Lowest and highest training target of each output, in its unit."""
-    return {name: (float(low), float(high))
-            for name, low, high in zip(model.names, model.trained.lowest, model.trained.highest, strict=True)}
-
-
-def _spread(part: NDArray[np.str_], most_trained: int | None) -> NDArray[np.intp]:
+def _spread(part: NDArray[np.str_], most_trained: int | None) -> Index:
     """Places of all rows but the training ones, and of at most so many of these, spread evenly."""
     trained = np.flatnonzero(part == "train")
-    count = len(trained) if most_trained is None else min(most_trained, len(trained))
-    kept = trained[np.linspace(0, len(trained) - 1, count).round().astype(np.intp)]
+    kept = trained[spread_evenly(len(trained), len(trained) if most_trained is None else most_trained)]
     return np.sort(np.concatenate([np.flatnonzero(part != "train"), kept]))
 
 
-def _unseen(part: NDArray[np.str_]) -> NDArray[np.bool_]:
-    """The rows that the model has not seen; all where it has seen each."""
+def _unseen(part: NDArray[np.str_]) -> Mask:
+    """Rows that the model has not seen; all where it has seen each."""
     found = np.isin(part, UNSEEN)
     return found if found.any() else np.ones(len(part), bool)
 
 
 def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None) -> str:
-    """In words, which rows have scores where not all have; empty where they do."""
+    """Which rows have scores where not all have; empty where they do."""
     left, whole = len(part) - len(clean), int(np.sum(part == "train"))
     words = [f"{whole - left} of {whole} training rows are scored, spread evenly"] * (left > 0)
     if noisy is not None and len(noisy) < len(part):
@@ -173,7 +168,7 @@ def material_told(model: Model, samples: Samples) -> str:
     if cards > 1:
         return f"intervals hold the spread of {cards} cards of the posterior" + (
             "." if METHODS[model.method].separates_errors else ", as one of all errors: only the "
-            f"{listed(lambda method: method.separates_errors)} method tells it apart.")
+            f"{listed(lambda method: method.separates_errors)} method separates it.")
     return "material uncertainty is not in the intervals: the training rows have one card." + (
         f" These rows have {here}: train on a sweep with draws in [material]." if here > 1 else "")
 
@@ -196,10 +191,9 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
     found = estimate(model, noisy, noise)
     predict_ms = (time.process_time() - begun) / len(samples) * 1e3
     half_width = found.sd * interval_scales(model, noise, COVERAGES)[:, None]
-    chosen = [outputs.NAMES.index(name) for name in model.names]
-    part = parts_of(model, samples)
-    tables = [_long(model, samples.scene, part, k, samples.target[:, column], found.value[:, k], half_width[..., k])
-              for k, column in enumerate(chosen)]
+    part, target = parts_of(model, samples), samples.targets(model.names)
+    tables = [_long(model, samples.scene, part, k, target[:, k], found.value[:, k], half_width[..., k])
+              for k in range(len(model.names))]
     return pd.concat(tables, ignore_index=True), predict_ms, _force_sd(model, found, part)
 
 

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS, listed
-from surrogate.model.trained import TrainedModel
+from surrogate.model.trained import Calibration, TrainedModel
+from surrogate.statistics.gaussian_process import spread_evenly
+from touchcal.arrays import Array, Mask
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-# A reading this far below the RMS of its frame reads nothing.
-DEAD = 1e-9
-# Most readings, as a part of all, that a model can do without.
-MOST_DEAD = 0.5
-# Validation rows that calibrate the intervals of a model without some readings.
-CALIBRATION_ROWS = 100
+DEAD = 1e-9  # a reading this far below the RMS of its frame reads nothing
+MOST_DEAD = 0.5  # most readings, as a part of all, that a model can do without
+CALIBRATION_ROWS = 100  # validation rows that calibrate the intervals of a model without some readings
 
 
 def silent(volts: Array, baseline_V: Array) -> Mask:
@@ -42,8 +36,8 @@ def stuck(volts: Array) -> Mask:
 def named(dead: Mask) -> str:
     """In words, which channels of a mask (readings,) are dead, counted from 1."""
     columns = [str(column + 1) for column in np.flatnonzero(dead)]
-    told = ", ".join(columns[:4]) + (f" and {len(columns) - 4} more" if len(columns) > 4 else "")
-    return f"dead channel: column {told}" if len(columns) == 1 else f"dead channels: columns {told}"
+    first = ", ".join(columns[:4]) + (f" and {len(columns) - 4} more" if len(columns) > 4 else "")
+    return f"dead channel: column {first}" if len(columns) == 1 else f"dead channels: columns {first}"
 
 
 def why_not(model: TrainedModel, dead: Mask) -> str:
@@ -57,10 +51,9 @@ def why_not(model: TrainedModel, dead: Mask) -> str:
 
 
 def check_needed(model: TrainedModel, dead: Mask, where: str) -> None:
-    """ValueError where a model cannot do without channels (readings,) that are dead in every frame of a place, such as
-    a file."""
+    """ValueError where a model cannot do without channels (readings,) that are dead in every frame, as of a file."""
     if dead.any() and (problem := why_not(model, dead)):
-        raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Mend it: {problem}.")
+        raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Fix it: {problem}.")
 
 
 def without(model: TrainedModel, dead: Mask) -> TrainedModel:
@@ -69,18 +62,11 @@ def without(model: TrainedModel, dead: Mask) -> TrainedModel:
     if problem := why_not(model, dead):
         raise ValueError(f"{named(dead)}: {problem}.")
     kept = ~dead
-    rows = np.linspace(0, len(model.calibration.target) - 1,
-                       min(CALIBRATION_ROWS, len(model.calibration.target))).round().astype(int)
-    calibration = replace(model.calibration, signal_V=model.calibration.signal_V[rows][:, kept],
-                          target=model.calibration.target[rows])
-    ring = _kept(model.ring, kept)
+    rows = spread_evenly(len(model.calibration.target), CALIBRATION_ROWS)
+    calibration = Calibration(model.calibration.signal_V[rows][:, kept], model.calibration.target[rows])
+    whole = model.ring
+    ring = replace(whole, source=whole.source[kept], sink=whole.sink[kept], read=whole.read[kept],
+                   ground=whole.ground[kept])
     weakest = model.trained.weakest_V * float(np.sqrt(np.mean(kept)))
-    return replace(model, ring=ring, learner=model.learner.without(model.ring, ring, kept),
-                   calibration=calibration, baseline_V=model.baseline_V[kept],
-                   trained=replace(model.trained, weakest_V=weakest))
-
-
-def _kept(ring: Ring, kept: Mask) -> Ring:
-    readings = len(kept)
-    return replace(ring, **{field.name: value[kept] for field in fields(Ring)
-                            if np.shape(value := getattr(ring, field.name)) == (readings,)})
+    return replace(model, ring=ring, learner=model.learner.without(whole, ring, kept), calibration=calibration,
+                   baseline_V=model.baseline_V[kept], trained=replace(model.trained, weakest_V=weakest))

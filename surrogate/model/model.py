@@ -14,7 +14,8 @@ from surrogate.data.baseline_frame import caution, untouched
 from surrogate.model import store
 from surrogate.model.missing_channels import silent, stuck
 from surrogate.model.predict import predict, prepare, si_table
-from surrogate.model.trained import Array, TrainedModel
+from surrogate.model.trained import TrainedModel
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)

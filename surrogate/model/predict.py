@@ -7,38 +7,32 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from surrogate.data import outputs
 from surrogate.data.frame_rows import Lines
 from surrogate.learners.base import Estimate
 from surrogate.learners.novelty import Novelty, fit_novelty, novelty_score, of_other_sign
 from surrogate.learners.registry import METHODS
-from surrogate.model.missing_channels import Mask, named, silent, why_not, without
+from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.trained import TrainedModel, estimate, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index, Mask
 
 NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
-# Where nearly all trained touches lower or raise the readings alike.
+# Where nearly all trained touches lower the readings, or nearly all raise them.
 OTHER_SIGN = "signal of the other sign than a touch's"
-# A signal below this part of the weakest training signal is no touch.
-WEAK = 0.5
-# How far beyond the training targets, in their ranges, a value may lie before it is flagged.
-SLACK = 0.02
+WEAK = 0.5  # a signal below this part of the weakest training signal is no touch
+SLACK = 0.02  # how far outside the training targets, in their ranges, a value may lie before it is flagged
 # Misfit, or novelty score of a signal, from which a frame is unlike a touch: so often the worst of the validation rows.
 MISFIT_FACTOR = 3.0
-# Largest factor by which a strange signal widens the intervals.
-MOST_WIDENED = 1000.0
+MOST_WIDENED = 1000.0  # largest factor by which a strange signal widens the intervals
 # Norm of a signal, over that of the strongest validation row, from which it is outside the training range, and from
 # which no touch is read from it.
 STRONG, WILD = 1.2, 30.0
-# Least factor by which a touch outside the training range widens the intervals; beside the place, they are as wide as
+# Least factor by which a touch outside the training range widens the intervals; but for the place, they are as wide as
 # the range of the training there.
 OUTSIDE_WIDENED = 10.0
-# What makes up the standard deviation of a force.
-PARTS = ("noise", "material", "model")
+PARTS = ("noise", "material", "model")  # what makes up the standard deviation of a force
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +40,11 @@ class Predictor:
     """A model with what does not change from frame to frame."""
 
     model: TrainedModel
-    # (readings,) the untouched frame, V
-    baseline_V: Array
-    # standard deviation of the noise of a signal, V
-    noise_V: float
-    # (outputs,) standard deviations that make a 90 % interval
-    scale: Array
+    baseline_V: Array  # (readings,) the untouched frame, V
+    noise_V: float  # standard deviation of the noise of a signal, V
+    scale: Array  # (outputs,) standard deviations that make a 90 % interval
     novelty: Novelty
-    # (readings,) channels that are dead whatever a frame reads
-    dead: Mask
+    dead: Mask  # (readings,) channels that are dead whatever a frame reads
     # predictors of the readings that are left, by the bytes of a mask of dead channels
     reduced: dict[bytes, Predictor] = field(default_factory=dict)
 
@@ -63,28 +53,27 @@ class Predictor:
 class Predictions:
     """One row a frame; NaN where a frame has no touch to read."""
 
-    # (n, outputs), and the half widths of the 90 % intervals
-    value: Array
-    half_width: Array
-    # (n,) what is to be known of the frame, empty where nothing is
-    flag: list[str]
+    value: Array  # (n, outputs)
+    half_width: Array  # (n, outputs) half widths of the 90 % intervals
+    flag: list[str]  # (n,) what is to be known of the frame, empty where nothing is
     # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
     # half_width over the normal factor. No columns where the model cannot tell
     force_parts: Array
 
 
-def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None) -> Predictor:
-    """What predicting frames needs, the calibration of the intervals included, once for a stream of frames.
+def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None, *,
+            calibrate: bool = True) -> Predictor:
+    """What predicting frames needs, once for a stream of frames.
 
-    dead: (readings,) channels known to be dead, beside those that the baseline shows. ValueError for a noise that is no
-    finite number from 0.
+    dead: (readings,) channels known to be dead, besides those that the baseline shows; calibrate: whether intervals are
+    calibrated, which may invert every calibration row. ValueError for a noise that is no finite number from 0.
     """
     if not 0 <= noise_V < np.inf:
         raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
-    return Predictor(model, baseline_V, noise_V, interval_scale(model, noise_V),
-                     fit_novelty(model.ring, model.calibration.signal_V), lost)
+    scale = interval_scale(model, noise_V) if calibrate else np.ones(len(model.names))
+    return Predictor(model, baseline_V, noise_V, scale, fit_novelty(model.ring, model.calibration.signal_V), lost)
 
 
 def predict(predictor: Predictor, volts: Array) -> Predictions:
@@ -106,10 +95,10 @@ def predict(predictor: Predictor, volts: Array) -> Predictions:
     return found
 
 
-def _groups(dead: Mask) -> Iterator[tuple[Mask, NDArray[np.intp]]]:
+def _groups(dead: Mask) -> Iterator[tuple[Mask, Index]]:
     """Masks of dead channels, each with the frames that have it."""
     if not dead.any():
-        yield dead[0] if len(dead) else np.zeros(dead.shape[1], bool), np.arange(len(dead))
+        yield np.zeros(dead.shape[1], bool), np.arange(len(dead))
         return
     masks, which = np.unique(dead, axis=0, return_inverse=True)
     for k, mask in enumerate(masks):
@@ -172,16 +161,16 @@ def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Ma
     coverage is promised there. None is wider than the range of the training."""
     factor = np.maximum(np.clip(strange, 1.0, MOST_WIDENED), np.where(outside, OUTSIDE_WIDENED, 1.0))
     span = model.trained.highest - model.trained.lowest
-    told = np.array([name not in ("x0", "y0") for name in model.names])
-    wide = np.maximum(half_width * factor[:, None], np.where(outside[:, None] & told, span, 0.0))
+    punch = np.array([name not in ("x0", "y0") for name in model.names])
+    wide = np.maximum(half_width * factor[:, None], np.where(outside[:, None] & punch, span, 0.0))
     return np.minimum(wide, np.where(span > 0, span, np.inf))
 
 
 def _outside(model: TrainedModel, found: Estimate) -> Mask:
-    """(n,) whether an estimate lies beyond the training range, SLACK aside."""
+    """(n,) whether an estimate lies outside the training range, SLACK aside."""
     slack = SLACK * (model.trained.highest - model.trained.lowest)
-    beyond = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
-    return beyond.any(axis=1) | ~found.inside
+    off = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
+    return off.any(axis=1) | ~found.inside
 
 
 def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
@@ -198,8 +187,7 @@ def columns(model: TrainedModel) -> list[str]:
 def _columns(model: TrainedModel, units: Sequence[str]) -> list[str]:
     each = [f"{name}{end}_{unit}" for name, unit in zip(model.names, units, strict=True)
             for end in ("", "_lo90", "_hi90")]
-    parts = [f"F_sd_{part}_N" for part in PARTS] if _parts_told(model) else []
-    return [*each, *parts]
+    return each + [f"F_sd_{part}_N" for part in PARTS if _parts_told(model)]
 
 
 def numbers_of(found: Predictions) -> Array:
@@ -235,9 +223,8 @@ def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
 def table_of(predictor: Predictor, lines: Lines) -> pd.DataFrame:
     """One row a line, with the columns of `columns`; frames without a touch have no values."""
     found = read_touches(predictor, lines)
-    table = pd.DataFrame(numbers_of(found), columns=columns(predictor.model)[1:-1])
+    table = pd.DataFrame(numbers_of(found), columns=columns(predictor.model)[1:-1]).assign(flag=found.flag)
     table.insert(0, "line", lines.line)
-    table["flag"] = found.flag
     return table
 
 

@@ -18,6 +18,7 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
 from surrogate.model.trained import Calibration, Range, Rows, TrainedModel
 from touchcal.array_store import Arrays, flat, rebuilt
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
@@ -50,7 +51,7 @@ def save_evaluation(folder: Path, scores: Mapping[str, Any], predictions: pd.Dat
     write_json(scores, folder / EVALUATION)
 
 
-def histories(folder: Path, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def histories(folder: Path, names: Sequence[str]) -> dict[str, Array]:
     """Training.history of the network of each output of these names; empty for a model of no such networks."""
     stored = _read_arrays(folder / ARRAYS) if (folder / ARRAYS).is_file() else {}
     found = {name: stored.get(f"learner.networks.trainings.{i}.history") for i, name in enumerate(names)}
@@ -71,17 +72,14 @@ def read(kind: type[M], folder: Path) -> M:
         raise InputFileError(path, "holds no JSON object. A model is the folder that `surrogate train --out` writes; "
                                    "train it again.")
     if text.get("schema") != SCHEMA or text.get("method") not in METHODS:
-        raise InputFileError(
-            path,
-            f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one that "
-            f"this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.",
-        )
+        raise InputFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one "
+                                   f"that this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
     try:
         return _assemble(kind, text, _read_arrays(folder / ARRAYS))
     except (KeyError, TypeError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        told = type(error).__name__ if "pickle" in str(error) else error
+        why = type(error).__name__ if "pickle" in str(error) else error
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
-                                     f"({told}). Train the model again.") from None
+                                     f"({why}). Train the model again.") from None
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:

@@ -11,15 +11,13 @@ from io import BufferedIOBase
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.baseline_frame import caution
 from surrogate.data.frame_rows import CHUNK, Lines, first_frame, frames_of, header_of, waiting_lines
-from surrogate.model.missing_channels import Mask, check_needed, silent
+from surrogate.model.missing_channels import check_needed, silent
 from surrogate.model.model import Model
 from surrogate.model.predict import Predictor, columns, numbers_of, prepare, read_touches, sign_caution
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index, Mask
 
 SOURCE = "standard input"
 
@@ -33,8 +31,7 @@ class Counts:
 
 
 def widen_pipe(descriptor: int) -> None:
-    """Let a pipe hold more frames than its 64 kB, where the system can, so that a fast writer's are answered together.
-    """
+    """Let a pipe hold more frames than its 64 kB, where the system can, so that those of a fast writer go together."""
     with contextlib.suppress(ImportError, AttributeError, OSError):
         import fcntl
 
@@ -54,7 +51,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
     table = csv.writer(sink, lineterminator="\n")
     table.writerow(columns(model))
     sink.flush()
-    order: NDArray[np.intp] | None = None
+    order: Index | None = None
     predictor = None if baseline_V is None else prepare(model, baseline_V, noise_V, dead)
     answered, flagged, warned = 0, 0, False
     for lines in waiting_lines(source):
@@ -81,7 +78,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
     return Counts(answered, flagged)
 
 
-def _header(line: tuple[int, str], readings: int) -> NDArray[np.intp] | None:
+def _header(line: tuple[int, str], readings: int) -> Index | None:
     number, text = line
     try:
         return header_of(text, readings)

@@ -72,12 +72,11 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
     samples, names = read_samples(data), chosen_outputs(outputs)
     part = split(samples.touch, seed)
-    training, validation = take(samples, part == "train"), take(samples, part == "val")
+    training, validation, other = take(samples, part == "train"), take(samples, part == "val"), None
     _check_signals(training)
-    other = None if calibrate is None else read_samples(calibrate)
-    if other is not None:
+    if calibrate is not None:
+        validation = other = read_samples(calibrate)
         _check_calibrating(samples, other)
-        validation = other
     begun = _cpu_s()
     asked = Training(names, seed, epochs or chosen.epochs, workers, each)
     learner = chosen.learner().fit(training, asked)
@@ -111,10 +110,11 @@ def _check_calibrating(samples: Samples, calibrate: Samples) -> None:
 
 def _rows(samples: Samples, part: NDArray[np.str_], calibrate: Samples | None) -> Rows:
     """The rows that the model has seen; those that calibrate it instead of the validation rows count as such."""
+    codes = np.array([PARTS.index(p) for p in part], np.int64)
     if calibrate is None:
-        return Rows(samples.row_hash, _codes(part))
+        return Rows(samples.row_hash, codes)
     used = np.full(len(calibrate), PARTS.index("val"))
-    return Rows(np.concatenate([samples.row_hash, calibrate.row_hash]), np.concatenate([_codes(part), used]))
+    return Rows(np.concatenate([samples.row_hash, calibrate.row_hash]), np.concatenate([codes, used]))
 
 
 def _check_signals(samples: Samples) -> None:
@@ -123,18 +123,14 @@ def _check_signals(samples: Samples) -> None:
         raise ValueError(f"scene {samples.scene[np.argmax(bad)]} holds a number that is not finite; a row that is ok "
                          "has numbers alone. Sweep that part again.")
     if silent := [int(s) for s, row in zip(samples.scene, samples.signal_V, strict=True) if not np.any(row)]:
-        raise ValueError(f"scene {silent[0]} has no signal: every dv is 0. Mend the skin or the force of the sweep.")
-
-
-def _codes(part: NDArray[np.str_]) -> NDArray[np.int64]:
-    return np.array([PARTS.index(p) for p in part], np.int64)
+        raise ValueError(f"scene {silent[0]} has no signal: every dv is 0. Fix the skin or the force of the sweep.")
 
 
 def _provenance(samples: Samples, part: NDArray[np.str_], validation: Samples) -> dict[str, Any]:
-    names = ("touchcal", "numpy", "scipy", "torch")
-    return {"dataset": {"sha256": content_hash(samples), "rows": len(samples), "measurement": dict(samples.measurement),
-                        "cards": len(np.unique(samples.card)), "split": {p: int(np.sum(part == p)) for p in PARTS}},
-            "calibration": {"sha256": content_hash(validation), "rows": len(validation),
-                            "cards": len(np.unique(validation.card)),
-                            "measurement": dict(validation.measurement)},
-            "versions": {name: importlib.metadata.version(name) for name in names}}
+    def described(rows: Samples) -> dict[str, Any]:
+        return {"sha256": content_hash(rows), "rows": len(rows), "measurement": dict(rows.measurement),
+                "cards": len(np.unique(rows.card))}
+
+    return {"dataset": described(samples) | {"split": {p: int(np.sum(part == p)) for p in PARTS}},
+            "calibration": described(validation),
+            "versions": {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy", "torch")}}

@@ -15,12 +15,11 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.learners.base import Estimate, Learner
 from surrogate.learners.registry import METHODS
 from surrogate.statistics.conformal import COVERAGE, conformal_scale
-from surrogate.statistics.metrics import Array
 from touchcal import cache
 from touchcal.array_store import fingerprint
+from touchcal.arrays import Array
 
-# What decides the scales of intervals.
-_CODE = ("surrogate.model.train", "surrogate.model.trained")
+_CODE = ("surrogate.model.train", "surrogate.model.trained")  # what decides the scales of intervals
 # Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
 NOISY_FRAMES, NOISE_DRAWS = 1000, 4
 
@@ -29,54 +28,43 @@ NOISY_FRAMES, NOISE_DRAWS = 1000, 4
 class Calibration:
     """Validation rows, which neither train the learner nor test it."""
 
-    # (n, readings) signals, V
-    signal_V: Array
-    # (n, outputs) targets
-    target: Array
+    signal_V: Array  # (n, readings) signals, V
+    target: Array  # (n, outputs) targets
 
 
 @dataclass(frozen=True)
 class Rows:
     """The rows of the data set that the model was made from."""
 
-    # (n,) hash of each row, and its part: an index into split.PARTS
-    row_hash: NDArray[np.uint64]
-    part: NDArray[np.int64]
+    row_hash: NDArray[np.uint64]  # (n,) hash of each row
+    part: NDArray[np.int64]  # (n,) its part: an index into samples.PARTS
 
 
 @dataclass(frozen=True)
 class Range:
-    """What the training rows span; predictions beyond it are flagged."""
+    """What the training rows span; predictions outside it are flagged."""
 
-    # (outputs,) lowest and highest target
-    lowest: Array
-    highest: Array
-    # norm of the weakest signal, V
-    weakest_V: float
-    # largest misfit of a validation row
-    misfit: float
+    lowest: Array  # (outputs,) lowest target
+    highest: Array  # (outputs,) highest target
+    weakest_V: float  # norm of the weakest signal, V
+    misfit: float  # largest misfit of a validation row
 
 
 @dataclass(frozen=True)
 class TrainedModel:
     """A learner for some outputs of one sensor."""
 
-    # name in the registry of learners
-    method: str
+    method: str  # name in the registry of learners
     ring: Ring
-    # names of the outputs, in the order of outputs.NAMES
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names of the outputs, in the order of outputs.NAMES
     learner: Learner
     calibration: Calibration
     rows: Rows
     trained: Range
-    # (readings,) voltages of the untouched sensor, V
-    baseline_V: Array
+    baseline_V: Array  # (readings,) voltages of the untouched sensor, V
     seed: int
-    # CPU time of the training, s
-    fit_s: float
-    # how the training went and what it was made from, as JSON
-    record: Mapping[str, Any]
+    fit_s: float  # CPU time of the training, s
+    record: Mapping[str, Any]  # how the training went and what it was made from, as JSON
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -111,7 +99,6 @@ def calibrated(model: TrainedModel, noise_V: float) -> bool:
 
 
 def _key(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> str:
-    """What the scales of a model follow from, for the cache."""
     return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
                          "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages)}, _CODE)
 

@@ -10,12 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from surrogate.statistics.levenberg_marquardt import inverse, minimise
+from touchcal.arrays import Array, Index
 
-Array = NDArray[np.float64]
 # Touches (n, 4) as (x, y, log d, g) -> whitened residuals (n, readings) and their slopes (n, readings, 4)
 Whitened = Callable[[Array], tuple[Array, Array]]
 
@@ -31,15 +30,11 @@ _FREE = np.array([0, 1, 3])
 class Ridge:
     """The best touches of some diameters."""
 
-    # (k,) log d, increasing
-    log_d: Array
-    # log d -> (3,) x, y, g that fit best, mm and 1, smooth between the diameters
-    best: PchipInterpolator
-    # (m, 4) solutions that count, (m, 3, 3) covariances of (x, y, g) there at the same diameter
-    counted: Array
-    spread: Array
-    # half the step between diameters, in log d
-    reach: float
+    log_d: Array  # (k,) log d, increasing
+    best: PchipInterpolator  # log d -> (3,) x, y, g that fit best, mm and 1, smooth between the diameters
+    counted: Array  # (m, 4) solutions that count
+    spread: Array  # (m, 3, 3) covariances of (x, y, g) there at the same diameter
+    reach: float  # half the step between diameters, in log d
 
 
 def find(whitened: Whitened, centre: Array, log_d: tuple[float, float], load: Callable[[Array], tuple[Array, Array]],
@@ -70,10 +65,10 @@ def _at(whitened: Whitened, centre: Array, log_d: Array, load: Callable[[Array],
     start = np.where(np.isnan(np.tile(share, len(every))), centre[3], low + np.tile(share, len(every)) * (high - low))
     start = np.column_stack([np.tile(centre[:2], (len(held), 1)), start])
 
-    def whole(part: Array, which: NDArray[np.intp]) -> Array:
+    def whole(part: Array, which: Index) -> Array:
         return np.insert(part, LOG_D, held[which], axis=1)
 
-    def residuals(part: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(part: Array, which: Index) -> tuple[Array, Array]:
         left, slope = whitened(within(whole(part, which)))
         return left, slope[..., _FREE]
 

@@ -11,26 +11,21 @@ from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 DEGREE = 4
-# Points wanted for each product, and how far beyond their range, over it, the polynomial is believed.
-POINTS, MARGIN = 6, 0.1
-# chi^2 over the least from which a point counts half in the fit.
-HALF = 20.0
+POINTS, MARGIN = 6, 0.1  # points for each product, and how far outside their range, over it, the polynomial is believed
+HALF = 20.0  # chi^2 over the least from which a point counts half in the fit
 
 
 @dataclass(frozen=True, eq=False)
 class Emulator:
     """chi^2 of touches u (n, 4) inside a box."""
 
-    # (4,) middle of the points and half their range
-    middle: Array
-    half: Array
-    # (k, k) triangular factor: chi^2 = |factor phi|^2
-    factor: Array
+    middle: Array  # (4,) middle of the points
+    half: Array  # (4,) half their range
+    factor: Array  # (k, k) triangular factor: chi^2 = |factor phi|^2
 
 
 def requested(unknowns: int) -> int:
@@ -63,9 +58,8 @@ def _products(unknowns: int) -> list[tuple[int, ...]]:
 
 
 @cache
-def _grown(unknowns: int) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """For each degree from 1 on: the product of one degree less, by its place among all, and the unknown it is taken
-    times."""
+def _grown(unknowns: int) -> list[tuple[Index, Index]]:
+    """For each degree from 1 on: the place of the product of one degree less, and the unknown it is taken times."""
     every = _products(unknowns)
     place = {one: k for k, one in enumerate(every)}
     of_degree = [[one for one in every if len(one) == degree] for degree in range(1, DEGREE + 1)]

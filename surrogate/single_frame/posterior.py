@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.posterior.ensembles import Derived, run_ensembles
 from surrogate.bounds.fisher_information import Prior
@@ -24,21 +23,17 @@ from surrogate.single_frame import diameter_profile, likelihood_emulator
 from surrogate.single_frame.diameter_profile import Ridge
 from surrogate.single_frame.likelihood_emulator import Emulator
 from surrogate.single_frame.simulator_likelihood import Unknowns
+from touchcal.arrays import Array, Mask
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-
-# How far points of the emulator reach, in standard deviations, and beyond the prior, over its ranges.
+# How far points of the emulator reach, in standard deviations, and outside the prior, over its ranges.
 REACH, MARGIN = 2.0, 0.1
 # Draws of the chains that the map itself weighs, the part that must be worth as much as draws of their own, every
 # which one is added to the emulator's points where they are not, rounds, and CPU time, s, after which none begins.
 CHECKED, ENOUGH, ADDED, ROUNDS, SPENT_S = 2000, 0.3, 5, 3, 25.0
-# Times that points are drawn, where the prior leaves few.
-TRIES = 10
-# Draws that are kept.
-KEPT = 1000
-# Touches that the learned map is asked for at once, to bound the memory.
-BATCH = 500
+TRIES = 10  # times that points are drawn, where the prior leaves few
+KEPT = 1000  # draws that are kept
+BATCH = 500  # touches that the learned map is asked for at once, to bound the memory
 
 
 class Added(Protocol):
@@ -53,16 +48,12 @@ class Added(Protocol):
 class Posterior:
     """Draws of one touch."""
 
-    # (KEPT, 4) x, y, d in mm, F in N
-    draws: Array
-    # rhat, ess, autocorrelation_steps, steps, acceptance, converged, as matcal's chains tell them
+    draws: Array  # (KEPT, 4) x, y, d in mm, F in N
+    # rhat, ess, autocorrelation_steps, steps, acceptance, converged, as matcal's chains give them
     checks: dict[str, float | bool]
-    # draws of their own that the weighed ones of the emulator's chains are worth
-    effective: float
-    # CPU time, s
-    cpu_s: float
-    # squared residual, a degree of freedom, at the most probable draw
-    misfit: float
+    effective: float  # draws of their own that the weighed ones of the emulator's chains are worth
+    cpu_s: float  # CPU time, s
+    misfit: float  # squared residual, a degree of freedom, at the most probable draw
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +79,8 @@ class _Frame:
         """(n, readings) of many touches (n, 4)."""
         return np.concatenate([self.whitened(part)[0] for part in np.array_split(unknown, len(unknown) // BATCH + 1)])
 
-    def allowed(self, unknown: Array, margin: float) -> NDArray[np.bool_]:
-        """Which touches (n, 4) are in the prior's range, or beyond it by up to this part."""
+    def allowed(self, unknown: Array, margin: float) -> Mask:
+        """Which touches (n, 4) are in the prior's range, or outside it by up to this part."""
         x, y, d, force = to_touch(unknown, self.forward.p0).T
         inside = np.hypot(x, y) <= self.forward.ring.radius_mm * 0.97
         for values, (low, high) in ((d, self.prior.d_mm), (force, self.prior.force_N)):
@@ -101,9 +92,8 @@ class _Frame:
 class Draws:
     """Draws by chains on an emulator, weighed and drawn again."""
 
-    # (KEPT, p) points
-    points: Array
-    # as matcal's chains tell them; draws of their own that the weighed ones are worth; least squared residual
+    points: Array  # (KEPT, p) points
+    # as matcal's chains give them; draws of their own that the weighed ones are worth; least squared residual
     checks: dict[str, float | bool]
     effective: float
     chi_squared: float
@@ -124,16 +114,12 @@ def prior_of(forward: ForwardMap) -> Prior:
 def posterior_of(forward: ForwardMap, signal_V: Array, noise_V: float, seed: int = 0) -> Posterior:
     """The posterior of one signal (readings,), V, under white noise. Chains that end short say so in `checks`;
     NotConverged where no touch of the prior is near the signal."""
-    start = invert(replace(forward, known_mm=np.zeros(0)), signal_V[None], noise_V).touch[0]
-    return sampled(forward, signal_V, _of_map(forward, start, noise_V).whitening, start, seed)
-
-
-def _of_map(forward: ForwardMap, touch: Array, noise_V: float) -> Unknowns:
-    """Noise and the learned map's own error about a touch."""
-    unknown = to_unknown(touch[None], forward.p0)
+    start = invert(replace(forward, known_mm=np.zeros(0)), signal_V[None], noise_V).touch
+    unknown = to_unknown(start, forward.p0)
     here = linearise(forward, unknown)
     floor = noise_floor(forward, unknown)[0] * np.linalg.norm(here.signal_V)
-    return Unknowns(float(np.hypot(noise_V, floor)), here.discrepancy[0])
+    whiten = Unknowns(float(np.hypot(noise_V, floor)), here.discrepancy[0]).whitening
+    return sampled(forward, signal_V, whiten, start[0], seed)
 
 
 def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, seed: int,
@@ -143,9 +129,14 @@ def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, s
     frame = _Frame(forward, signal_V, prior_of(forward), whiten, correction)
     ridge = _ridge(frame, to_unknown(touch[None], forward.p0)[0])
     points = _points(frame, ridge, np.random.default_rng([seed, 5]))
+
+    def derived(straight: Array) -> dict[str, Array]:
+        touch = to_touch(diameter_profile.bent(ridge, straight), forward.p0)
+        return dict(zip(("x0", "y0", "d", "F"), touch.T, strict=True))
+
     found = weighed_draws(lambda straight: frame.residual(diameter_profile.bent(ridge, straight)),
                           lambda straight: log_prior(forward, frame.prior, diameter_profile.bent(ridge, straight)),
-                          _derived(forward, ridge), points, seed, begun + SPENT_S)
+                          derived, points, seed, begun + SPENT_S)
     return Posterior(to_touch(diameter_profile.bent(ridge, found.points), forward.p0), found.checks, found.effective,
                      time.process_time() - begun, found.chi_squared / (len(frame.signal_V) - 4))
 
@@ -180,18 +171,15 @@ def weighed_draws(residual: Callable[[Array], Array], log_prior: Callable[[Array
         draws = chains.spread_out(CHECKED)
         exact = residual(draws)
         chi2 = np.sum(exact**2, axis=1)
-        weight = _weights((likelihood_emulator.chi_squared(made, draws) - chi2) / 2)
+        log_weight = (likelihood_emulator.chi_squared(made, draws) - chi2) / 2
+        weight = np.exp(log_weight - log_weight.max())
+        weight = weight / weight.sum()
         effective = float(1 / np.sum(weight**2))
         if effective > ENOUGH * CHECKED or time.process_time() > until_s:
             break
         points, at = np.vstack([points, draws[::ADDED]]), np.vstack([at, exact[::ADDED]])
     kept = draws[np.random.default_rng([seed, 6]).choice(CHECKED, KEPT, p=weight)]
     return Draws(kept, chains.checks, effective, float(chi2.min()))
-
-
-def _weights(log_weight: Array) -> Array:
-    weight = np.exp(log_weight - log_weight.max())
-    return weight / weight.sum()
 
 
 def _ridge(frame: _Frame, centre: Array) -> Ridge:
@@ -230,12 +218,3 @@ def log_prior(forward: ForwardMap, prior: Prior, unknown: Array) -> Array:
     out = np.full(len(unknown), -np.inf)
     out[inside] = np.log(d[inside] * force[inside] / np.tanh(unknown[inside, 3]))
     return out
-
-
-def _derived(forward: ForwardMap, ridge: Ridge) -> Derived:
-    def derived(straight: Array) -> dict[str, Array]:
-        return dict(
-            zip(("x0", "y0", "d", "F"), to_touch(diameter_profile.bent(ridge, straight), forward.p0).T, strict=True)
-        )
-
-    return derived

@@ -7,42 +7,35 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data import outputs
-from surrogate.data.baseline_frame import OTHER_BASELINE
+from surrogate.data.baseline_frame import OTHER_BASELINE, relative_difference
 from surrogate.data.frame_rows import Lines
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.invert import invert
-from surrogate.forward_map.inversion.nonlinearity import relative_curvature
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
-from surrogate.learners.novelty import fit_novelty
-from surrogate.model.missing_channels import Mask, named, silent
+from surrogate.model.missing_channels import named, silent
 from surrogate.model.predict import MISFIT, NO_TOUCH, WEAK, Predictions, Predictor, read_touches
 from surrogate.model.trained import TrainedModel
 from surrogate.single_frame.posterior import Posterior, posterior_of
 from surrogate.single_frame.simulated_posterior import simulated_posterior
-from surrogate.single_frame.simulator_inversion import Direct, direct
+from surrogate.single_frame.simulator_inversion import Direct, direct, relative_curvature
 from surrogate.single_frame.simulator_likelihood import Simulator
 from surrogate.single_frame.two_touches import read_pair
 from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.arrays import Array, Mask
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
-# Misfit of a frame from which neither noise nor what is told of the simulator explains it.
-UNEXPLAINED = 2.0
-# Effective draws below which quantiles are rough.
-FEW = 100.0
-# Standard deviations of the readings by which the corrected map may miss a scene.
-MISSED = 1.0
-# Standard deviations of the readings by which they leave their tangent over an interval that is told too narrow.
+UNEXPLAINED = 2.0  # misfit of a frame from which neither noise nor what is known of the simulator explains it
+FEW = 100.0  # effective draws below which quantiles are rough
+MISSED = 1.0  # standard deviations of the readings by which the corrected map may miss a scene
+# Standard deviations of the readings by which they leave their tangent over an interval that is reported too narrow.
 BENT = 1.0
 BENT_WORDS = "readings bend along d and F, whose intervals may be too narrow: ask for --posterior"
-# Standard deviation of a diameter, mm, below which the learned map is sure of a known punch.
-SURE_MM = 0.05
+SURE_MM = 0.05  # standard deviation of a diameter, mm, below which the learned map is sure of a known punch
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +43,7 @@ class One:
     """One touched frame and what the learned map makes of it."""
 
     line: int
-    # (readings,) touched minus untouched, V
-    signal_V: Array
+    signal_V: Array  # (readings,) touched minus untouched, V
     learned: Predictions
 
 
@@ -69,25 +61,18 @@ def learner_of(model: TrainedModel) -> TouchInversion:
     return model.learner
 
 
-def uncalibrated(model: TrainedModel, baseline_V: Array, noise_V: float, dead: Mask) -> Predictor:
-    """As `prepare`, without calibrating intervals that a posterior replaces: that inverts every calibration row."""
-    lost = silent(baseline_V[None], model.baseline_V)[0] | dead
-    return Predictor(model, baseline_V, noise_V, np.ones(len(model.names)),
-                     fit_novelty(model.ring, model.calibration.signal_V), lost)
-
-
 def whole(lines: Lines, model: TrainedModel) -> Lines:
-    """Lines with a problem told of each frame that lacks a channel, which these ways of reading do not leave out."""
+    """Lines with a problem for each frame that lacks a channel, which these ways of reading do not leave out."""
     dead = silent(lines.volts, model.baseline_V)
-    problem = [told or (f"{named(mask)}; --direct, --posterior and --touches 2 need all" if mask.any() else "")
-               for told, mask in zip(lines.problem, dead, strict=True)]
+    problem = [known or (f"{named(mask)}; --direct, --posterior and --touches 2 need all" if mask.any() else "")
+               for known, mask in zip(lines.problem, dead, strict=True)]
     return replace(lines, problem=problem)
 
 
 def check_whole(dead: Mask) -> None:
     """ValueError for channels (readings,) that are dead in every frame."""
     if dead.any():
-        raise ValueError(f"{named(dead)}, in every frame, and --direct, --posterior and --touches 2 need all. Mend it, "
+        raise ValueError(f"{named(dead)}, in every frame, and --direct, --posterior and --touches 2 need all. Fix it, "
                          "or predict without them.")
 
 
@@ -103,19 +88,18 @@ def ones(predictor: Predictor, lines: Lines) -> Iterator[One]:
 
 def check_baseline(simulated_V: Array, baseline_V: Array) -> None:
     """ValueError where an untouched frame is not the simulator's."""
-    separation = float(np.linalg.norm(simulated_V - baseline_V) / np.linalg.norm(simulated_V))
+    separation = relative_difference(baseline_V, simulated_V)
     if separation > OTHER_BASELINE:
-        raise ValueError(
-            f"the untouched frame differs by {separation:.0%} from the simulator's: card, scene and frames are "
-            "not of one sensor, drive and unit. Give the --card and --data or --scene of these frames."
-        )
+        raise ValueError(f"the untouched frame differs by {separation:.0%} from the simulator's: card, scene and "
+                         "frames are not of one sensor, drive and unit. Give the --card and --data or --scene of these "
+                         "frames.")
 
 
 def direct_row(model: TrainedModel, simulator: Simulator, one: One, noise_V: float) -> Row:
     """Values and 90 % intervals of x0, y0, d and F, whose they are, and what they cost.
 
     The learned map's are kept where the simulator has no readings or does not explain the frame better, where noise
-    leaves d and F on several branches, which one covariance cannot tell, and where they are told better.
+    leaves d and F on several branches, which one covariance cannot tell, and where they are closer.
     """
     learner = learner_of(model)
     names = outputs.NAMES[:outputs.TOUCH]
@@ -147,8 +131,8 @@ def _why_learned(own: Direct, broad: bool, learned_sd: Array) -> str:
         return "d and F are broad: ask for --posterior"
     if not own.converged:
         return "the simulator's search ended short"
-    told = np.sqrt(np.diag(own.own)) * np.sqrt(max(own.misfit, 1.0))
-    if np.sum(np.log(told / np.maximum(learned_sd, 1e-9))) > 0:
+    sd = np.sqrt(np.diag(own.own)) * np.sqrt(max(own.misfit, 1.0))
+    if np.sum(np.log(sd / np.maximum(learned_sd, 1e-9))) > 0:
         return "the learned map tells this touch closer"
     return ""
 
@@ -167,7 +151,7 @@ def pair_row(model: TrainedModel, line: int, signal_V: Array, noise_V: float) ->
             unit = outputs.of(name).unit
             row |= {f"{name}_{k + 1}_{unit}": value, f"{name}_{k + 1}_sd_{unit}": spread}
     flag = _joined("" if found.two else "one touch explains this frame as well",
-                   "the two are too near each other to be told apart" if found.too_near else "",
+                   "the two are too near each other to be distinguished" if found.too_near else "",
                    MISFIT if found.misfit > UNEXPLAINED else "")
     return row | {"gain": found.gain, "misfit": found.misfit, "misfit_of_one": found.misfit_of_one, "flag": flag}
 
@@ -215,13 +199,13 @@ def _posterior(learner: TouchInversion, simulator: Simulator | None, one: One, n
     if simulator is None:
         return posterior_of(learner.forward, one.signal_V, noise_V, seed), "", {"by": "learned"}
     try:
-        told = simulated_posterior(simulator, learner.forward, one.signal_V, noise_V, seed)
+        found = simulated_posterior(simulator, learner.forward, one.signal_V, noise_V, seed)
     except NotConverged as error:
         own = posterior_of(learner.forward, one.signal_V, noise_V, seed)
         return own, str(error), {"by": "learned", "simulations": 0, "held_out_error": np.nan}
-    why = "the corrected map misses scenes by more than the noise" if told.held_out_error > MISSED else ""
-    return told.posterior, why, {"by": "simulator", "simulations": told.simulations,
-                                 "held_out_error": told.held_out_error}
+    why = "the corrected map misses scenes by more than the noise" if found.held_out_error > MISSED else ""
+    return found.posterior, why, {"by": "simulator", "simulations": found.simulations,
+                                  "held_out_error": found.held_out_error}
 
 
 def _values(model: TrainedModel, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:

@@ -11,7 +11,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion.invert import invert
@@ -19,29 +18,24 @@ from surrogate.forward_map.load_coordinates import to_unknown, touch_slope
 from surrogate.single_frame.posterior import Posterior, sampled
 from surrogate.single_frame.simulator_inversion import Direct, direct
 from surrogate.single_frame.simulator_likelihood import Simulator, solved
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Quantiles of the diameter, among draws, whose touches are solved to correct the map, and to tell what it still misses.
 SOLVED, HELD_OUT = (0.03, 0.25, 0.75, 0.97), (0.12, 0.9)
 # What the map misses at solved touches, in standard deviations of the readings, that is not worth drawing again for.
 SMALL = 0.2
-# Place of log d among the unknowns.
-LOG_D = 2
+LOG_D = 2  # place of log d among the unknowns
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
     """What is added to the learned map's signals about one touch."""
 
-    # (4,) the touch as (x, y, log d, g)
-    centre: Array
-    # (readings,) V there, and (readings, 4) V per unit of each
-    offset: Array
-    slope: Array
-    # (k,) log d, increasing, and (k, readings) V there beside
-    log_d: Array
-    beside: Array
+    centre: Array  # (4,) the touch as (x, y, log d, g)
+    offset: Array  # (readings,) V there
+    slope: Array  # (readings, 4) V per unit of each
+    log_d: Array  # (k,) log d, increasing
+    beside: Array  # (k, readings) V more there
 
     def at(self, unknown: Array) -> tuple[Array, Array]:
         """(n, readings) V, and (n, readings, 4) its derivatives, at touches (n, 4) as (x, y, log d, g)."""
@@ -49,11 +43,11 @@ class Correction:
         right = np.clip(np.searchsorted(self.log_d, at), 1, len(self.log_d) - 1)
         width = np.diff(self.log_d)[right - 1]
         share = ((at - self.log_d[right - 1]) / width)[:, None]
-        beside = (1 - share) * self.beside[right - 1] + share * self.beside[right]
+        more = (1 - share) * self.beside[right - 1] + share * self.beside[right]
         slope = np.repeat(self.slope[None], len(unknown), axis=0)
         between = (at == unknown[:, LOG_D])[:, None]
         slope[..., LOG_D] += np.where(between, self.beside[right] - self.beside[right - 1], 0.0) / width[:, None]
-        return self.offset + (unknown - self.centre) @ self.slope.T + beside, slope
+        return self.offset + (unknown - self.centre) @ self.slope.T + more, slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +57,7 @@ class Told:
     posterior: Posterior
     # what the corrected map misses of scenes that it was not made from, at most, in standard deviations of the readings
     held_out_error: float
-    # scenes solved
-    simulations: int
+    simulations: int  # scenes solved
 
 
 def simulated_posterior(simulator: Simulator, forward: ForwardMap, signal_V: Array, noise_V: float,

@@ -11,49 +11,40 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion.multipole_location import on_range
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
 from surrogate.single_frame.simulator_likelihood import Simulator, Unknowns, slopes_at, solved, unknowns_of
+from surrogate.statistics.conformal import COVERAGE, normal
 from surrogate.statistics.levenberg_marquardt import inverse
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Most scenes solved after the first, and the step, in standard deviations of the answer, that is not worth one.
 STEPS, CLOSE = 8, 0.05
-# Damping at the start, and what a step that is no gain multiplies it by.
-DAMPING, WORSE = 1e-8, 100.0
-# Standard deviation of log d where the punch is known.
-KNOWN = 1e-4
+DAMPING, WORSE = 1e-8, 100.0  # damping at the start, and what a step that is no gain multiplies it by
+KNOWN = 1e-4  # standard deviation of log d where the punch is known
 
 
 @dataclass(frozen=True, eq=False)
 class Direct:
     """The most probable touch by the simulator."""
 
-    # (4,) x, y, d in mm, F in N
-    touch: Array
+    touch: Array  # (4,) x, y, d in mm, F in N
     # (4, 4) covariance, widened by the misfit where that exceeds 1; and were material and simulator exact
     covariance: Array
     own: Array
-    # squared residual over what noise, material and the simulator's error explain, a degree of freedom
-    misfit: float
-    # (readings,) what is left of the signal, and the simulator's one there, V
-    residual_V: Array
-    signal_V: Array
-    # what readings may be off by, and their derivatives (readings, 4) by the touch
-    unknowns: Unknowns
-    slope: Array
+    misfit: float  # squared residual over what noise, material and the simulator's error explain, a degree of freedom
+    residual_V: Array  # (readings,) what is left of the signal, V
+    signal_V: Array  # (readings,) the simulator's signal there, V
+    unknowns: Unknowns  # what readings may be off by
+    slope: Array  # (readings, 4) their derivatives by the touch
     # relative error of the simulator's signal, with the bounds of what its plan leaves out, which no interval counts
     error_estimate: float
-    # scenes solved (derivatives once beside them), CPU time, s
-    simulations: int
-    cpu_s: float
-    # whether it ended within CLOSE of the minimum
-    converged: bool
+    simulations: int  # scenes solved (and derivatives once)
+    cpu_s: float  # CPU time, s
+    converged: bool  # whether it ended within CLOSE of the minimum
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,5 +126,24 @@ def _covariance(jacobian: Array, to_mm: Array) -> Array:
 
 
 def _within(forward: ForwardMap, state: Array) -> Array:
-    """The state held to the training touches and a margin about them."""
     return (on_range(forward, (forward.mean + forward.sd * state)[None])[0] - forward.mean) / forward.sd
+
+
+def relative_curvature(forward: ForwardMap, touch: Array, covariance: Array, whiten: Array) -> float:
+    """How far from straight readings are over a touch's own interval; where they bend, one covariance is too narrow:
+    departure of the map's readings from their tangent at the ends of the 90 % interval along the longest axis of the
+    covariance, the larger of both, over the normal factor: 1 where readings bend by what one standard deviation of the
+    touch changes them by, 0 where they are linear (Bates, Watts, J. R. Statist. Soc. B 42 (1980) 1).
+
+    touch (4,) and covariance (4, 4) in mm and N; whiten (readings, readings) makes residuals standard normal.
+    """
+    here = to_unknown(touch[None], forward.p0)
+    to_unknowns = np.linalg.inv(touch_slope(here, forward.p0)[0])
+    spread = to_unknowns @ covariance @ to_unknowns.T
+    size, axes = np.linalg.eigh(spread / np.outer(forward.sd, forward.sd))
+    step = normal(COVERAGE) * np.sqrt(size[-1]) * axes[:, -1] * forward.sd
+    found = linearise(forward, np.vstack([here, here + step, here - step]))
+    tangent = whiten @ found.jacobian[0] @ step
+    moved = (found.signal_V[1:] - found.signal_V[0]) @ whiten.T
+    left = moved - np.array([[1.0], [-1.0]]) * tangent
+    return float(np.linalg.norm(left, axis=1).max() / normal(COVERAGE))

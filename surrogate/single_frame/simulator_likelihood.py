@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
@@ -18,10 +17,9 @@ from surrogate.bounds.dataset_bound import example_of
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.bounds.material_spread import MaterialSpread, known_material, spread_of
 from surrogate.bounds.reading_derivatives import derivatives_of, slopes_of
-from surrogate.data.sensor_ring import Ring, ring_of
+from surrogate.data.sensor_ring import Ring, ring_of, same_ring
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +35,8 @@ class Simulator:
 class Solved:
     """Readings of one solved scene."""
 
-    # (readings,) change by the touches, and untouched, V
-    signal_V: Array
-    baseline_V: Array
+    signal_V: Array  # (readings,) change by the touches, V
+    baseline_V: Array  # (readings,) untouched, V
     # relative error of the signal, 2-norm, that solving left, and with the bounds of what the plan left out
     numerical: float
     error_estimate: float
@@ -49,10 +46,8 @@ class Solved:
 class Unknowns:
     """What readings differ by from a forward map's: C = white_V^2 I + M M'."""
 
-    # standard deviation of one reading, V
-    white_V: float
-    # (readings, m) M, V
-    columns: Array
+    white_V: float  # standard deviation of one reading, V
+    columns: Array  # (readings, m) M, V
 
     @property
     def whitening(self) -> Array:
@@ -79,11 +74,8 @@ def simulator_of(card_path: Path, *, data: Path | None = None, scene: Path | Non
 
 def check_sensor(simulator: Simulator, ring: Ring) -> None:
     """ValueError where the scene's readings are not those of a model."""
-    own = ring_of(simulator.scene)
-    same = (own.radius_mm == ring.radius_mm and np.array_equal(own.angle_rad, ring.angle_rad)
-            and all(np.array_equal(getattr(own, name), getattr(ring, name))
-                    for name in ("source", "sink", "read", "ground")))
-    if not same:
+    # the foreseen modes aside
+    if not same_ring(replace(ring_of(simulator.scene), modes=ring.modes), ring):
         raise ValueError("the scene's disc, electrodes or drive are not those that the model was trained on. Give the "
                          "model's own data set with --data, or a --scene with its [body], [electrodes] and [drive].")
 

@@ -9,32 +9,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor
 from surrogate.forward_map.inversion.diameter_force_posterior import make_table
 from surrogate.forward_map.inversion.multipole_location import candidates, on_range
 from surrogate.forward_map.load_coordinates import to_touch, touch_slope
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Places that pairs are sought among, pairs that are tried further, and steps of each.
 PLACES, PAIRS, STEPS = 150, 12, 40
 # Gap between the edges, mm, and the part of the signal, 2-norm, that superposition misses there.
 GAPS_MM = np.array([5.0, 10.0, 20.0, 30.0, 45.0, 60.0])
 MISSED = np.array([0.094, 0.050, 0.021, 0.0114, 0.0059, 0.0034])
-# Twice the log evidence (BIC) by which two must beat one: "very strong" (Kass, Raftery 1995).
-STRONG = 10.0
+STRONG = 10.0  # twice the log evidence (BIC) by which two must beat one: "very strong" (Kass, Raftery 1995)
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
     """One frame read as two touches, in the order of x."""
 
-    # (2, 4) x, y, d in mm, F in N; (8, 8) covariance of both
-    touch: Array
-    covariance: Array
+    touch: Array  # (2, 4) x, y, d in mm, F in N
+    covariance: Array  # (8, 8) covariance of both
     # BIC of one touch minus that of two; squared residual a degree of freedom, of two and of one
     gain: float
     misfit: float
@@ -87,7 +83,7 @@ def _pair(forward: ForwardMap, end: Minimum, k: int, gain: float, misfit_of_one:
 
 
 def _minimised(forward: ForwardMap, signal_V: Array, sd: Array, start: Array) -> Minimum:
-    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(state: Array, which: Index) -> tuple[Array, Array]:
         n, unknowns = state.shape
         here = linearise(forward, _unknown(forward, state))
         whole = here.signal_V.reshape(n, unknowns // 4, -1).sum(axis=1)

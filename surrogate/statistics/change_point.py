@@ -7,18 +7,15 @@ among rows about it, if that is WORTH more than without (Rasmussen and Williams 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.statistics import matern_process
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Step, in lengths of the process, and the gain of log evidence, a quantity, that makes it worth while.
 SIZE, WORTH = 0.25, 15.0
 # Rows between places that are tried at first; rows on either side that are asked, and fewest.
-APART, ROWS, FEWEST = 16, 200, 60
-# Place of no step.
-NONE = -np.inf
+SPACING, ROWS, FEWEST = 16, 200, 60
+NONE = -np.inf  # place of no step
 
 
 def locate(x: Array, y: Array, along: Array, noise: float) -> float:
@@ -31,8 +28,8 @@ def locate(x: Array, y: Array, along: Array, noise: float) -> float:
     tried = tried[along[order[tried - 1]] < along[order[tried]]]
     if not len(tried):
         return NONE
-    best, _ = _best(x, y, order, tried[::APART], noise)
-    best, gain = _best(x, y, order, tried[np.abs(tried - best) < APART], noise)
+    best, _ = _best(x, y, order, tried[::SPACING], noise)
+    best, gain = _best(x, y, order, tried[np.abs(tried - best) < SPACING], noise)
     return float(along[order[best - 1:best + 1]].mean()) if gain > WORTH * y.shape[1] else NONE
 
 
@@ -41,16 +38,15 @@ def side(along: Array, place: float) -> Array:
     return (along < place).astype(float)
 
 
-def _best(x: Array, y: Array, order: NDArray[np.intp], tried: NDArray[np.intp], noise: float) -> tuple[int, float]:
+def _best(x: Array, y: Array, order: Index, tried: Index, noise: float) -> tuple[int, float]:
     """After how many rows a step gains most, and that gain."""
     gains = [_gain(x, y, order, int(k), noise) for k in tried]
     return int(tried[int(np.argmax(gains))]), max(gains)
 
 
-def _gain(x: Array, y: Array, order: NDArray[np.intp], before: int, noise: float) -> float:
-    """Gain of log evidence by a step after so many rows."""
+def _gain(x: Array, y: Array, order: Index, before: int, noise: float) -> float:
     first = max(before - ROWS, 0)
     rows = order[first:before + ROWS]
-    beyond = np.where(np.arange(len(rows)) >= before - first, SIZE, 0.0)
-    return (matern_process.log_evidence(np.column_stack([x[rows], beyond]), y[rows], noise)
+    step = np.where(np.arange(len(rows)) >= before - first, SIZE, 0.0)
+    return (matern_process.log_evidence(np.column_stack([x[rows], step]), y[rows], noise)
             - matern_process.log_evidence(x[rows], y[rows], noise))

@@ -10,17 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from surrogate.statistics.gaussian_process import squared_exponential
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Nodes of the coefficients, and those that amplitudes and noise are estimated with, in so many rounds.
 NODES, FEW, ROUNDS = 300, 80, 4
-# Spread of the trend over the amplitude, and what is added to the kernel's diagonal.
-TREND, JITTER = 10.0, 1e-8
+TREND, JITTER = 10.0, 1e-8  # spread of the trend over the amplitude, and what is added to the kernel's diagonal
 # Amplitude and relative noise to begin with, bins of the noise, and the least noise of a row.
 AMPLITUDE, NOISE, BINS, LEAST = 0.3, 3e-3, 8, 1e-6
 
@@ -29,18 +26,11 @@ AMPLITUDE, NOISE, BINS, LEAST = 0.3, 3e-3, 8, 1e-6
 class SharedProcess:
     """c(x) = [1, u, exp(-|u - node|^2 / 2)] weights, u = (x - centre) / lengths."""
 
-    # (k, q) in u
-    nodes: Array
+    nodes: Array  # (k, q) in u
     # (q,) unit of each input
     centre: Array
     lengths: Array
-    # (1 + q + k, coefficients)
-    weights: Array
-
-
-def zero(inputs: int, coefficients: int) -> SharedProcess:
-    """Coefficients that are 0 everywhere; without nodes."""
-    return SharedProcess(np.zeros((0, inputs)), np.zeros(inputs), np.ones(inputs), np.zeros((1 + inputs, coefficients)))
+    weights: Array  # (1 + q + k, coefficients)
 
 
 def fit(x: Array, design: Array, y: Array, lengths: Array, order: Array) -> SharedProcess:
@@ -103,7 +93,7 @@ def _smoothed(error: Array, order: Array) -> Array:
 
 
 def _spread(u: Array, most: int) -> Array:
-    """Rows of u (n, q) that lie far apart: each the farthest from those before."""
+    """Rows of u (n, q), each the farthest from those before."""
     chosen = [0]
     distance = np.sum((u - u[0]) ** 2, axis=1)
     while len(chosen) < min(most, len(u)) and distance.max() > 0:

@@ -6,13 +6,12 @@ import math
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betaincinv, ndtri
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Mask
 
 COVERAGE = 0.90
-# Chance that the calibration rows drawn leave a lower coverage than is told, and the least that is not cautioned.
+# Chance that the calibration rows drawn leave a lower coverage than is said, and the least that is not cautioned.
 UNLUCKY, LEAST = 0.05, 0.85
 
 
@@ -57,7 +56,7 @@ def enough() -> int:
 
 
 def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE,
-                    discrete: NDArray[np.bool_] | None = None) -> Array:
+                    discrete: Mask | None = None) -> Array:
     """(k,) factor of sd (n, k) whose intervals hold this part of errors (n, k) made on `rows` different rows.
 
     The order statistic is that of `rows` exchangeable errors. Few rows have none (fewer than 9 at 90 %, 19 at 95 %):
@@ -67,8 +66,8 @@ def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERA
     in doubt, so the factor of these outputs is never below the normal one.
     """
     ratio = np.abs(error) / np.maximum(sd, np.finfo(float).tiny)
-    beyond = math.ceil((rows + 1) * coverage) > rows
-    floored = beyond if discrete is None else discrete | beyond
+    too_few = math.ceil((rows + 1) * coverage) > rows
+    floored = too_few if discrete is None else discrete | too_few
     least = np.where(floored, normal(coverage), 0.0)
     place = -(-_order(rows, coverage) * len(ratio) // rows) - 1
     return np.maximum(np.partition(ratio, place, axis=0)[place], least)

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Most rows that a process keeps, and most that its hyperparameters are searched on; spread evenly over the rows.
 MAX_NODES = 800
@@ -27,17 +26,12 @@ LENGTH_BOUNDS = (0.2, 100.0)
 class GaussianProcess:
     """y(x) = b0 + b.(x - centre) + f(x), f a zero-mean process of kernel a^2 exp(-|x/l - x'/l|^2 / 2)."""
 
-    # (k, q) training inputs minus the centre, over the lengths
-    nodes: Array
-    # (q,) mean training input, and lengths l, unit of each input
-    centre: Array
-    lengths: Array
-    # standard deviation a of the process, unit of y
-    amplitude: float
-    # (k,) variance of the noise of each node, unit of y squared
-    noise: Array
-    # (k,) y at the nodes
-    values: Array
+    nodes: Array  # (k, q) training inputs minus the centre, over the lengths
+    centre: Array  # (q,) mean training input
+    lengths: Array  # (q,) lengths l, unit of each input
+    amplitude: float  # standard deviation a of the process, unit of y
+    noise: Array  # (k,) variance of the noise of each node, unit of y squared
+    values: Array  # (k,) y at the nodes
 
     @cached_property
     def factor(self) -> Array:
@@ -78,12 +72,13 @@ def fit(x: Array, y: Array, variance: Array | None = None) -> GaussianProcess:
     if len(x) < x.shape[1] + 2:
         raise ValueError(f"{len(x)} rows are too few to learn from {x.shape[1]} inputs; at least {x.shape[1] + 2}.")
     shape = np.ones(len(x)) if variance is None else variance / np.median(variance)
-    kept = _spread(len(x), MAX_NODES)
+    kept = spread_evenly(len(x), MAX_NODES)
     centre = x[kept].mean(axis=0)
     x, y, shape = x[kept] - centre, y[kept], shape[kept]
-    search = _spread(len(x), MAX_SEARCH)
-    residual = _detrended(x[search], y[search], shape[search])
-    lengths, amplitude, ratio = _hyperparameters(x[search], residual, shape[search])
+    search = spread_evenly(len(x), MAX_SEARCH)
+    regressors, root = _regressors(x[search]), np.sqrt(shape[search])
+    trend = np.linalg.lstsq(regressors / root[:, None], y[search] / root, rcond=None)[0]
+    lengths, amplitude, ratio = _hyperparameters(x[search], y[search] - regressors @ trend, shape[search])
     return GaussianProcess(x / lengths, centre, lengths, amplitude, (amplitude * ratio) ** 2 * shape, y)
 
 
@@ -117,7 +112,8 @@ def _mean(process: GaussianProcess, x: Array, cross: Array) -> tuple[Array, Arra
     return process.trend[0] + x @ process.trend[1:] + weighted.sum(1), gradient + process.trend[1:]
 
 
-def _spread(n: int, most: int) -> NDArray[np.intp]:
+def spread_evenly(n: int, most: int) -> Index:
+    """At most so many of n rows, spread evenly over them."""
     return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
 
 
@@ -141,12 +137,6 @@ def _regressors(x: Array) -> Array:
     return np.column_stack([np.ones(len(x)), x])
 
 
-def _detrended(x: Array, y: Array, variance: Array) -> Array:
-    root = np.sqrt(variance)[:, None]
-    trend = np.linalg.lstsq(_regressors(x) / root, y / root[:, 0], rcond=None)[0]
-    return y - _regressors(x) @ trend
-
-
 def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, float]:
     """Most probable lengths, amplitude and noise ratio; the amplitude in closed form."""
     span = np.std(x, axis=0)
@@ -165,7 +155,6 @@ def _hyperparameters(x: Array, y: Array, shape: Array) -> tuple[Array, float, fl
 
 
 def _negative_log_posterior(log: Array, squared: Array, y: Array, shape: Array) -> tuple[float, Array]:
-    """The negative log likelihood and the prior of the lengths, with the gradient."""
     value, gradient = _likelihood_and_gradient(log, squared, y, shape)
     off = (log[:-1] - np.log(LENGTH_MEDIAN)) / LENGTH_SPREAD
     return value + 0.5 * float(off @ off), gradient + np.r_[off / LENGTH_SPREAD, 0.0]

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
+
 # (states (m, p), which problem each is of (m,)) -> residuals (m, r) and Jacobians (m, r, p)
-Residuals = Callable[[Array, NDArray[np.intp]], tuple[Array, Array]]
+Residuals = Callable[[Array, Index], tuple[Array, Array]]
 
 # Damping: start, and the value that ends a problem; gain over the cost that ends one.
 START, END, ENOUGH = 1e-3, 1e8, 1e-5
@@ -20,14 +20,10 @@ START, END, ENOUGH = 1e-3, 1e8, 1e-5
 class Minimum:
     """Where every problem ended."""
 
-    # (n, p) states
-    state: Array
-    # (n,) half the squared residuals
-    cost: Array
-    # (n, p, p) J'J
-    normal: Array
-    # (n, r) residuals
-    residual: Array
+    state: Array  # (n, p) states
+    cost: Array  # (n,) half the squared residuals
+    normal: Array  # (n, p, p) J'J
+    residual: Array  # (n, r) residuals
 
 
 def minimise(residuals: Residuals, start: Array, iterations: int,

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import minimize
 
 from surrogate.statistics.gaussian_process import negative_log_likelihood, squared_distance
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# Most rows and quantities that the lengths are searched on.
-MAX_SEARCH, MAX_QUANTITIES = 600, 8
+MAX_SEARCH, MAX_QUANTITIES = 600, 8  # most rows and quantities that the lengths are searched on
 # Bounds of the lengths over the spread of their input, of the noise over the amplitude, and the most iterations.
 LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
 
@@ -24,12 +21,9 @@ LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
 class Matern:
     """y(x) = k(x, nodes) weights, k = (1 + t + t^2/3) exp(-t), t = sqrt(5) |x/l - x'/l|."""
 
-    # (k, q) training inputs over the lengths
-    nodes: Array
-    # (q,) lengths, unit of each input
-    lengths: Array
-    # (k, outputs)
-    weights: Array
+    nodes: Array  # (k, q) training inputs over the lengths
+    lengths: Array  # (q,) lengths, unit of each input
+    weights: Array  # (k, outputs)
 
     @cached_property
     def moments(self) -> Array:
@@ -66,7 +60,7 @@ def predict(process: Matern, x: Array) -> tuple[Array, Array]:
 
 
 def _root(a: Array, b: Array) -> Array:
-    """sqrt(5) |a - b|, from the first of b, so that inputs that are alike lose no digits."""
+    """sqrt(5) |a - b|, from the first of b, so that inputs close to one another lose no digits."""
     a, b = a - b[0], b - b[0]
     return np.sqrt(5 * squared_distance(a, b))
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 NOISE_REFERENCES = ("baseline", "signal")
-# Parts of the rows that scored intervals are to hold.
-COVERAGES = (0.50, 0.90, 0.95)
+COVERAGES = (0.50, 0.90, 0.95)  # parts of the rows that scored intervals are to hold
 
 
 @dataclass(frozen=True)
@@ -20,19 +18,15 @@ class Score:
 
     mse: float
     rmse: float
-    # coefficient of determination; None where the targets do not vary
-    r2: float | None
+    r2: float | None  # coefficient of determination; None where the targets do not vary
     mae: float
-    # rows
-    n: int
+    n: int  # rows
     # fraction of rows whose 50, 90 and 95 % interval holds the target
     coverage_50: float
     coverage_90: float
     coverage_95: float
-    # unit of rmse, mae and half_width_90
-    unit: str
-    # median half width of the 90 % intervals
-    half_width_90: float
+    unit: str  # unit of rmse, mae and half_width_90
+    half_width_90: float  # median half width of the 90 % intervals
 
 
 def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:

@@ -11,31 +11,25 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from surrogate.forward_map.forward_map import ForwardMap, by_material, log_strengths
 from surrogate.forward_map.inversion.multipole_location import Located
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Mask
 
 DIAMETERS, LOADS = 48, 96
-# Spacings of the table that a standard deviation must exceed for the table to resolve it.
-RESOLVED = 1.5
+RESOLVED = 1.5  # spacings of the table that a standard deviation must exceed for the table to resolve it
 
 
 @dataclass(frozen=True)
 class Table:
     """Strengths of punches at the mean radius of the training touches."""
 
-    # (D,) diameters, mm, and (G,) loads g
-    d_mm: Array
-    load: Array
-    # pressure of the load, N/mm^2
-    p0: float
-    # (D, G, orders) log |p_1 / V|, p_2 / p_1 ...
-    strengths: Array
+    d_mm: Array  # (D,) diameters, mm
+    load: Array  # (G,) loads g
+    p0: float  # pressure of the load, N/mm^2
+    strengths: Array  # (D, G, orders) log |p_1 / V|, p_2 / p_1 ...
 
     @property
     def touch(self) -> Array:
@@ -50,10 +44,8 @@ class Posterior:
     """Posterior of the punch of each frame."""
 
     table: Table
-    # (n, D, G - 1) log probability of each interval
-    log_weight: Array
-    # (n, D, G - 1) most probable load in each interval
-    load: Array
+    log_weight: Array  # (n, D, G - 1) log probability of each interval
+    load: Array  # (n, D, G - 1) most probable load in each interval
 
     @property
     def weight(self) -> Array:
@@ -126,7 +118,7 @@ def moments(found: Posterior, values: Array) -> tuple[Array, Array]:
     return middle + mean, covariance
 
 
-def resolved(found: Posterior) -> NDArray[np.bool_]:
+def resolved(found: Posterior) -> Mask:
     """(n,) whether the posterior is broad enough for the table, in diameter or in load."""
     table = found.table
     by_d, by_load = np.exp(found.log_weight).sum(axis=2), np.exp(found.log_weight).sum(axis=1)

@@ -11,19 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map import electrode_correction
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise, noise_floor, strength_discrepancy
-from surrogate.forward_map.inversion import known_diameters, reading_covariance
-from surrogate.forward_map.inversion.diameter_force_posterior import (
-    Posterior,
-    make_table,
-    moments,
-    posterior,
-    resolved,
-    starts,
-)
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, extent, linearise, noise_floor, strength_discrepancy
+from surrogate.forward_map.inversion import diameter_force_posterior, known_diameters, reading_covariance
+from surrogate.forward_map.inversion.diameter_force_posterior import Posterior
 from surrogate.forward_map.inversion.known_diameters import Selected
 from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
 from surrogate.forward_map.inversion.reading_covariance import Uncertainty, of, whitened
@@ -31,19 +23,15 @@ from surrogate.forward_map.inversion.rim_starts import rim_starts
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
 from surrogate.forward_map.multipole_series import combined
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
+from touchcal.arrays import Array, Index, Mask
 
-Array = NDArray[np.float64]
-
-# Bands of loads that each give one start.
-BANDS = 5
+BANDS = 5  # bands of loads that each give one start
 # Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
 SHORT, MIDDLE, LONG = 6, 12, 100
-# Branches of each frame that known punches are tried from, and the steps of each.
-BRANCHES, HELD = 2, 20
+BRANCHES, HELD = 2, 20  # branches of each frame that known punches are tried from, and the steps of each
 # Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
 NOISY = 2.0
-# Column of F in a touch, and that of g among the unknowns.
-FORCE, LOAD = 3, 3
+FORCE, LOAD = 3, 3  # column of F in a touch, and that of g among the unknowns
 # Standard deviation of g from which known punches are tried aside of an end, too, and how many of these aside.
 WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
 # Least diameter and force that a regression may leave before it is held to the training touches, mm and N.
@@ -54,41 +42,30 @@ TINY = 1e-6
 class Peak:
     """Laplace's covariance of a touch (x, y, d, F), and what remains of it when less is left unknown."""
 
-    # (n, 4 + k, 4 + k) of the touch and the states of the material
-    joint: Array
-    # (n, 4, 4) were the material known
-    known: Array
-    # (n, 4, 4) were the map exact too, so that noise alone is left
-    noise: Array
+    joint: Array  # (n, 4 + k, 4 + k) of the touch and the states of the material
+    known: Array  # (n, 4, 4) were the material known
+    noise: Array  # (n, 4, 4) were the map exact too, so that noise alone is left
 
 
 @dataclass(frozen=True)
 class Inversion:
     """Most probable touches."""
 
-    # (n, 4) x, y, d in mm, F in N
-    touch: Array
-    # (n, 4, 4) covariance of the touch, widened by the misfit where that exceeds 1
-    covariance: Array
-    # (n, k) most probable states of the material
-    material: Array
-    # the covariance about the peak, as it is where d and F are not broad, and what makes it up
-    peak: Peak
-    # (n,) squared residual over what noise and the map's error explain, a degree of freedom
-    misfit: Array
-    # (n,) whether the solution's radius, d and F lie among those of the training touches
-    inside: NDArray[np.bool_]
-    # (n,) whether d and F are the mean over a broad posterior rather than its peak
-    broad: NDArray[np.bool_]
-    # that posterior
-    punches: Posterior
+    touch: Array  # (n, 4) x, y, d in mm, F in N
+    covariance: Array  # (n, 4, 4) covariance of the touch, widened by the misfit where that exceeds 1
+    material: Array  # (n, k) most probable states of the material
+    peak: Peak  # the covariance about the peak, as it is where d and F are not broad, and what makes it up
+    misfit: Array  # (n,) squared residual over what noise and the map's error explain, a degree of freedom
+    inside: Mask  # (n,) whether the solution's radius, d and F lie among those of the training touches
+    broad: Mask  # (n,) whether d and F are the mean over a broad posterior rather than its peak
+    punches: Posterior  # that posterior
 
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
     size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
-    punches = posterior(forward, make_table(forward), located)
+    punches = diameter_force_posterior.posterior(forward, diameter_force_posterior.make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
     usual = noise_floor(forward, near) * size
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
@@ -104,27 +81,21 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
 
 
 def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
-    """Minima from states (m, p), the same number of each frame."""
-    frames, discrepancy = np.repeat(np.arange(len(signal)), len(state) // len(signal)), _discrepancy(forward, state)
+    """Minima from states (m, p), the same number of each frame, whose discrepancies of the strengths are held."""
+    frames = np.repeat(np.arange(len(signal)), len(state) // len(signal))
+    discrepancy = strength_discrepancy(forward, _unknown(forward, state))
     return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]),
                                                 discrepancy[which], s), state, steps, lambda s: _within(forward, s))
 
 
-def _discrepancy(forward: ForwardMap, state: Array) -> Array:
-    """(m, orders) discrepancies of the strengths at states (m, p), which are held in a descent from these."""
-    return strength_discrepancy(forward, _unknown(forward, state))
-
-
 def _best(ends: Minimum, frames: int, most: int) -> Minimum:
-    """The best ends of each frame, in order of their cost."""
     cost = ends.cost.reshape(frames, -1)
     rows = (np.argsort(cost, axis=1)[:, :most] + cost.shape[1] * np.arange(frames)[:, None]).ravel()
     return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
 
 
 def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum, branches: Minimum) -> Selected:
-    """Known punches tried from the end of the free fit and from the next best branch; the free fit alone where none
-    is known."""
+    """Known punches tried from the ends of the free fit and of the next best branch; the free fit where none is."""
     if not len(forward.known_mm):
         return Selected(free, free.state[:, None], np.ones((len(signal), 1)))
     log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]
@@ -132,21 +103,20 @@ def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum
     worth = known_diameters.worth_trying(free, branches, log_d).ravel()
     frames = np.repeat(np.arange(len(signal)), len(branches.cost) // len(signal) * len(log_d))[worth]
 
-    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(state: Array, which: Index) -> tuple[Array, Array]:
         frame = frames[which]
         free = _residuals(forward, signal[frame], of(sd, frame), discrepancy[which], state)
         return known_diameters.held(free, signal.shape[1])
 
     start = _within(forward, known_diameters.starts(branches, log_d).reshape(len(worth), -1))
-    discrepancy = _discrepancy(forward, start[worth])
+    discrepancy = strength_discrepancy(forward, _unknown(forward, start[worth]))
     tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
-    return known_diameters.select(free, known_diameters.filled(tried, worth, start), len(log_d),
-                                1 / (forward.rows + 2))
+    ends = known_diameters.filled(tried, worth, start)
+    return known_diameters.select(free, ends, len(log_d), 1 / (forward.rows + 2))
 
 
 def _spread(ends: Minimum, wide: float) -> Minimum:
-    """Each end, and others on either side along its regression on g at the same diameter, of no promise where g is not
-    wide."""
+    """Each end, and others along its regression on g at the same diameter, of no promise where g is not wide."""
     sd = np.sqrt(inverse(ends.normal)[:, LOAD, LOAD])
     along = known_diameters.by_load(ends.normal, LOAD) * sd[:, None]
     state = ends.state[:, None] + ASIDE[:, None] * along[:, None]
@@ -167,25 +137,22 @@ def _mixed(forward: ForwardMap, found: Inversion, selected: Selected) -> Inversi
 
 
 def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
-    """With forces that may be among those of the training touches held to these, a uniform prior; the covariance is
-    left as wide as it was."""
-    mean = reading_covariance.truncated_normal_mean(
-        np.column_stack([found.touch, found.material]), found.peak.joint, FORCE, *forward.bounds[:, 2]
-    )
+    """With forces that may be in the training range held to it, a uniform prior; the covariance stays as wide."""
+    both = np.column_stack([found.touch, found.material])
+    mean = reading_covariance.truncated_normal_mean(both, found.peak.joint, FORCE, *forward.bounds[:, 2])
     unknown = on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
     touch = to_touch(unknown, forward.p0)
     return replace(found, touch=touch, material=mean[:, 4:], inside=_inside(forward, touch))
 
 
-def _inside(forward: ForwardMap, touch: Array) -> NDArray[np.bool_]:
-    """(n,) whether radius, d and F of touches (n, 4) lie among those of the training touches."""
-    extent = np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
-    return np.all((extent >= np.r_[0.0, forward.bounds[0, 1:]]) & (extent <= forward.bounds[1]), axis=1)
+def _inside(forward: ForwardMap, touch: Array) -> Mask:
+    reached = extent(touch)
+    return np.all((reached >= np.r_[0.0, forward.bounds[0, 1:]]) & (reached <= forward.bounds[1]), axis=1)
 
 
 def _broadened(found: Inversion) -> Inversion:
     """With mean and covariance of (d, F) over the table where their posterior is broad."""
-    mean, covariance = moments(found.punches, found.punches.table.touch[:, 2:])
+    mean, covariance = diameter_force_posterior.moments(found.punches, found.punches.table.touch[:, 2:])
     touch, spread = found.touch.copy(), found.covariance.copy()
     touch[found.broad, 2:] = mean[found.broad]
     spread[found.broad, :2, 2:], spread[found.broad, 2:, :2] = 0.0, 0.0
@@ -193,7 +160,7 @@ def _broadened(found: Inversion) -> Inversion:
     return replace(found, touch=touch, covariance=spread)
 
 
-def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDArray[np.bool_],
+def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: Mask,
                noise_V: float) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
@@ -204,7 +171,7 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: NDA
     peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
     in_table = noisy & (np.hypot(touch[:, 0], touch[:, 1]) <= INTERIOR * forward.ring.radius_mm)
     return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit,
-                     _inside(forward, touch), resolved(punches) & in_table, punches)
+                     _inside(forward, touch), diameter_force_posterior.resolved(punches) & in_table, punches)
 
 
 def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
@@ -233,8 +200,8 @@ def _carried(slope: Array, covariance: Array) -> Array:
 
 def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
     """(n BANDS, 4 + discrepancies) states with the most probable punch of each band of loads at the located places; of
-    each band the touch that the map foresees most alike where that place is near the rim."""
-    chosen = starts(punches, BANDS)
+    each band the touch whose foreseen signal is closest where that place is near the rim."""
+    chosen = diameter_force_posterior.starts(punches, BANDS)
     unknown = np.empty((len(chosen), BANDS, 4))
     unknown[..., :2] = located.place_mm[:, None]
     unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
@@ -245,8 +212,8 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     return np.column_stack([scaled, np.zeros((len(scaled), forward.discrepancies))])
 
 
-def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, discrepancy: Array, state: Array
-               ) -> tuple[Array, Array]:
+def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, discrepancy: Array,
+               state: Array) -> tuple[Array, Array]:
     """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + discrepancies: whitened readings, then
     prior and discrepancies."""
     here = linearise(forward, _unknown(forward, state), discrepancy)
@@ -262,5 +229,4 @@ def _unknown(forward: ForwardMap, state: Array) -> Array:
 
 
 def _within(forward: ForwardMap, state: Array) -> Array:
-    """States held to the training touches and a margin about them."""
     return np.column_stack([(on_range(forward, _unknown(forward, state)) - forward.mean) / forward.sd, state[:, 4:]])

@@ -11,14 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse
+from touchcal.arrays import Array, Mask
 
-Array = NDArray[np.float64]
-
-# Cost above the free fit's from which a punch is not tried, were the signal linear.
-RULED_OUT = 30.0
+RULED_OUT = 30.0  # cost above the free fit's from which a punch is not tried, were the signal linear
 # Place of log d among the unknowns, and the information by which it is held, in the scale of its prior.
 LOG_D, HELD = 2, 1e12
 
@@ -27,15 +24,14 @@ LOG_D, HELD = 2, 1e12
 class Selected:
     """The most probable punch of each frame."""
 
-    # where its fit ended, the information of a held diameter included
-    end: Minimum
+    end: Minimum  # where its fit ended, the information of a held diameter included
     # (n, k) states (x, y, log d, g, discrepancies) of every candidate, the free one first, and their probabilities
     states: Array
     probability: Array
 
 
 def held(residuals: tuple[Array, Array], readings: int) -> tuple[Array, Array]:
-    """Residuals and Jacobian of states whose log d is held, beside its prior."""
+    """Residuals and Jacobian of states whose log d is held in place of its prior."""
     residual, jacobian = residuals[0].copy(), residuals[1].copy()
     residual[:, readings + LOG_D] = 0.0
     jacobian[..., LOG_D] = 0.0
@@ -44,8 +40,7 @@ def held(residuals: tuple[Array, Array], readings: int) -> tuple[Array, Array]:
 
 
 def starts(ends: Minimum, log_d: Array) -> Array:
-    """(n, punches, p) states of the scaled log d (punches,), the other unknowns moved with it as the normal matrices of
-    the ends tell."""
+    """(n, punches, p) states of the scaled log d (punches,), the others moved with it by the ends' normal matrices."""
     rest = np.delete(np.arange(ends.state.shape[1]), LOG_D)
     normal = ends.normal
     moves = -np.linalg.solve(normal[:, rest[:, None], rest], normal[:, rest, LOG_D][..., None])[..., 0]
@@ -57,8 +52,7 @@ def starts(ends: Minimum, log_d: Array) -> Array:
 
 
 def by_load(normal: Array, load: int) -> Array:
-    """(n, p) change of the most probable state with the unknown `load`, at the same diameter, of normal matrices
-    (n, p, p)."""
+    """(n, p) change of the most probable state with the unknown `load` at the same diameter, of normals (n, p, p)."""
     rest = np.delete(np.arange(normal.shape[1]), (LOG_D, load))
     out = np.zeros(normal.shape[:2])
     out[:, load] = 1.0
@@ -66,7 +60,7 @@ def by_load(normal: Array, load: int) -> Array:
     return out
 
 
-def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> NDArray[np.bool_]:
+def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> Mask:
     """(n branches, punches) which of `starts` the normal matrices do not rule out; of each frame's first branch always
     the nearest."""
     count = len(ends.cost) // len(free.cost)
@@ -79,7 +73,7 @@ def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> NDArray[np.bool_
     return worth
 
 
-def filled(tried: Minimum, worth: NDArray[np.bool_], start: Array) -> Minimum:
+def filled(tried: Minimum, worth: Mask, start: Array) -> Minimum:
     """The ends of all starts (m, p): those tried, and of no evidence the others."""
     m, p = start.shape
     out = Minimum(start.copy(), np.full(m, np.inf), np.broadcast_to(np.eye(p), (m, p, p)).copy(),
@@ -105,12 +99,12 @@ def select(free: Minimum, candidates: Minimum, punches: int, other: float) -> Se
     normal[:, LOG_D, LOG_D] = HELD
     parts = ((free.state, candidates.state), (free.cost, candidates.cost), (free.normal, normal),
              (free.residual, candidates.residual))
-    end = Minimum(*(_picked(chosen > 0, one, held[known]) for one, held in parts))
+    end = Minimum(*(np.where((chosen > 0).reshape(-1, *[1] * (one.ndim - 1)), held[known], one) for one, held in parts))
     states = candidates.state.reshape(n, -1, candidates.state.shape[1])
     return Selected(end, np.concatenate([free.state[:, None], states], axis=1), probability)
 
 
-def _again(candidates: Minimum, n: int, punches: int) -> NDArray[np.bool_]:
+def _again(candidates: Minimum, n: int, punches: int) -> Mask:
     """(n, branches, punches) whether a branch ends where one before it does, to within its standard deviation."""
     count = candidates.state.shape[1]
     state = candidates.state.reshape(n, -1, punches, count)
@@ -134,7 +128,3 @@ def between(selected: Selected, touch: Callable[[Array], Array]) -> tuple[Array,
 
 def _evidence(end: Minimum) -> Array:
     return -end.cost - 0.5 * np.linalg.slogdet(end.normal)[1]
-
-
-def _picked(known: NDArray[np.bool_], free: Array, held: Array) -> Array:
-    return np.where(known.reshape(-1, *[1] * (free.ndim - 1)), held, free)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map.load_coordinates import light_pressure, to_unknown, touch_slope
 from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# Distances to the rim are felt as log(SOFT - radius), over the disc's radius.
-SOFT = 1.06
+SOFT = 1.06  # distances to the rim are felt as log(SOFT - radius), over the disc's radius
 
 
 @dataclass(frozen=True)
@@ -23,22 +20,17 @@ class Response:
     the states of the material."""
 
     processes: tuple[GaussianProcess, ...]
-    # pressure p0 of the load, N/mm^2
-    p0: float
-    # radius of the disc, mm
-    radius_mm: float
+    p0: float  # pressure p0 of the load, N/mm^2
+    radius_mm: float  # radius of the disc, mm
 
 
 @dataclass(frozen=True)
 class Answer:
     """Outputs at some touches."""
 
-    # (n, outputs)
-    value: Array
-    # (n, outputs, 2 + k) derivatives by d, F and the states of the material
-    slope: Array
-    # (n, outputs) standard deviation of the response itself
-    sd: Array
+    value: Array  # (n, outputs)
+    slope: Array  # (n, outputs, 2 + k) derivatives by d, F and the states of the material
+    sd: Array  # (n, outputs) standard deviation of the response itself
 
 
 def fit(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...], material: Array) -> Response:

@@ -6,32 +6,26 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.forward_map import multipole_series
 from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.forward_map import place as scaled_place
 from surrogate.statistics.levenberg_marquardt import inverse, minimise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array, Index
 
 # Candidate places, how many of the best go on, and the steps that each is given.
 CANDIDATES, PLACES, STEPS = 400, 2, 15
-# How far beyond the training touches a touch may lie: its place, mm, and log d and log F.
-MARGIN_MM, MARGIN = 10.0, 0.1
-# Part of the disc's radius beyond which no place is sought.
-RIM = 0.97
+MARGIN_MM, MARGIN = 10.0, 0.1  # how far outside the training touches one may lie: its place, mm, and log d and log F
+RIM = 0.97  # part of the disc's radius outside which no place is sought
 
 
 @dataclass(frozen=True)
 class Located:
     """Touches by place and strengths."""
 
-    # (n, 2) x, y, mm
-    place_mm: Array
-    # (n, orders) log |p_1 / V|, p_2 / p_1 ...
-    strengths: Array
-    # (n, orders, orders) their covariance
-    covariance: Array
+    place_mm: Array  # (n, 2) x, y, mm
+    strengths: Array  # (n, orders) log |p_1 / V|, p_2 / p_1 ...
+    covariance: Array  # (n, orders, orders) their covariance
 
 
 def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
@@ -43,10 +37,11 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
     frames = np.repeat(np.arange(len(signal)), PLACES)
     size = np.abs(starts[:, 2])
 
-    def residuals(state: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+    def residuals(state: Array, which: Index) -> tuple[Array, Array]:
         return _residuals(forward, signal[frames[which]], sd[frames[which]], size[which], state)
 
-    found = minimise(residuals, starts, STEPS, lambda state: _on_disc(forward, state))
+    found = minimise(residuals, starts, STEPS,
+                     lambda state: np.column_stack([on_disc(forward, state[:, :2]), state[:, 2:]]))
     best = np.argmin(found.cost.reshape(-1, PLACES), axis=1) + PLACES * np.arange(len(signal))
     return _as_ratios(forward, found.state[best], inverse(found.normal[best])[:, 2:, 2:])
 
@@ -64,15 +59,12 @@ def _starts(forward: ForwardMap, signal: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def candidates(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
-    """Places (count, 2) of a sunflower spiral, mm, directions (count, readings) of their dipoles' signals and the norms
-    of these."""
+    """Places (count, 2) of a sunflower spiral, mm, directions (count, readings) of dipoles' signals there, norms."""
     i = np.arange(count) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * i
     place = (forward.bounds[1, 0] * np.sqrt(i / count) * np.array([np.cos(angle), np.sin(angle)])).T
-    z = (place[:, 0] + 1j * place[:, 1]) / forward.ring.radius_mm
-    pattern = (
-        multipole_series.basis(*multipole_series.patterns(forward.ring, forward.field, z, 1))[..., 0] * forward.sign
-    )
+    drive, read = multipole_series.patterns(forward.ring, forward.field, scaled_place(forward.ring, place), 1)
+    pattern = multipole_series.basis(drive, read)[..., 0] * forward.sign
     size = np.linalg.norm(pattern, axis=1)
     return place, pattern / size[:, None], size
 
@@ -84,7 +76,7 @@ def _ratios(forward: ForwardMap) -> tuple[Array, Array]:
 
 
 def _residuals(forward: ForwardMap, signal: Array, sd: Array, size: Array, state: Array) -> tuple[Array, Array]:
-    z = (state[:, 0] + 1j * state[:, 1]) / forward.ring.radius_mm
+    z = scaled_place(forward.ring, state)
     fields = multipole_series.electrode_fields(forward.ring, forward.field, z, multipole_series.ORDERS + 1)
     base, by_x, by_y = multipole_series.basis_and_slopes(forward.ring, fields)
     strength = state[:, 2:]
@@ -97,12 +89,6 @@ def _residuals(forward: ForwardMap, signal: Array, sd: Array, size: Array, state
     holds[:, :, 2] = -mean / (spread * size[:, None])
     holds[:, np.arange(len(mean)), np.arange(3, state.shape[1])] = 1 / (spread * size[:, None])
     return np.concatenate([residual, held], axis=1), np.concatenate([jacobian, holds], axis=1)
-
-
-def _on_disc(forward: ForwardMap, state: Array) -> Array:
-    held = state.copy()
-    held[:, :2] = on_disc(forward, state[:, :2])
-    return held
 
 
 def on_disc(forward: ForwardMap, place_mm: Array) -> Array:

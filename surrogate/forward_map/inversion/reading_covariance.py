@@ -1,4 +1,4 @@
-"""What readings are uncertain by: white noise, and the map's own error, which is alike among readings near the rim.
+"""What readings are uncertain by: white noise, and the map's own error, which readings near the rim share.
 
 The covariance white^2 I + U diag(sd^2) U' of each frame has orthonormal U of few columns, so that residuals are
 whitened by one product with them.
@@ -9,14 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from surrogate.forward_map import electrode_correction, rim_covariance
 from surrogate.forward_map.forward_map import ForwardMap, gap, place
+from touchcal.arrays import Array, Index
 
-Array = NDArray[np.float64]
-# Standard deviations beyond a bound from which it is not believed, as far as errors of the map make one in a hundred
+# Standard deviations outside a bound from which it is not believed, as far as errors of the map make one in a hundred
 # touches err; and that count as far within.
 DOUBTED, FAR = 5.0, 30.0
 
@@ -25,8 +24,7 @@ DOUBTED, FAR = 5.0, 30.0
 class Uncertainty:
     """Covariance of the readings of some frames."""
 
-    # (n,) standard deviation of what is white, V
-    white: Array
+    white: Array  # (n,) standard deviation of what is white, V
     # (n, readings, k) orthonormal directions of the rest, and (n, k) the part of a component that whitening takes off
     axes: Array
     shrink: Array
@@ -40,31 +38,31 @@ def white(sd: Array, readings: int) -> Uncertainty:
 def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Uncertainty:
     """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of norms size
     (n,), V, as far as known of all readings of the ring."""
-    ring, beside = forward.ring, forward.beside
+    ring, fitted = forward.ring, forward.beside
     floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
-    near = electrode_correction.reaches(beside.rim, z)
-    directions = min(beside.error.alike.shape[2:])
+    near = electrode_correction.reaches(fitted.rim, z)
+    directions = min(fitted.error.alike.shape[2:])
     axes, sd = np.zeros((len(z), len(ring.read), directions)), np.zeros((len(z), directions))
     if np.any(near):
         gaps = gap(ring, unknown[near])
-        norm = rim_covariance.size_at(beside.error, gaps, unknown[near, 3]) * size[near]
-        axes[near], along, rest = rim_covariance.spread(beside.error, z[near], gaps)
+        norm = rim_covariance.size_at(fitted.error, gaps, unknown[near, 3]) * size[near]
+        axes[near], along, rest = rim_covariance.spread(fitted.error, z[near], gaps)
         sd[near] = along * norm[:, None]
-        left = norm * np.sqrt(rest / len(beside.rim.fill))
+        left = norm * np.sqrt(rest / len(fitted.rim.fill))
         floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
     whole = np.hypot(noise_V, floor)
     return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
 
 
-def whitened(told: Uncertainty, values: Array) -> Array:
+def whitened(sd: Uncertainty, values: Array) -> Array:
     """Values (n, readings, q) in V times the inverse root of the covariance."""
-    off = told.axes @ (told.shrink[..., None] * (told.axes.transpose(0, 2, 1) @ values))
-    return (values - off) / told.white[:, None, None]
+    off = sd.axes @ (sd.shrink[..., None] * (sd.axes.transpose(0, 2, 1) @ values))
+    return (values - off) / sd.white[:, None, None]
 
 
-def of(told: Uncertainty, frames: NDArray[np.intp]) -> Uncertainty:
+def of(sd: Uncertainty, frames: Index) -> Uncertainty:
     """Those of some frames."""
-    return Uncertainty(told.white[frames], told.axes[frames], told.shrink[frames])
+    return Uncertainty(sd.white[frames], sd.axes[frames], sd.shrink[frames])
 
 
 def truncated_normal_mean(mean: Array, covariance: Array, column: int, lowest: float, highest: float) -> Array:

@@ -8,44 +8,38 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise, place
 from surrogate.forward_map.ring_symmetry import fold
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Radii, diameters and loads of the foreseen touches; radii are even in log(SOFT - radius), over the disc's.
 RADII, DIAMETERS, LOADS, SOFT = 14, 5, 20, 1.06
-# Spacing of their angles, rad, most of them in a sector, and those beyond each of its borders.
-ANGLE, MOST_ANGLES, BEYOND = np.pi / 64, 16, 2
+# Spacing of their angles, rad, most of them in a sector, and those across each of its borders.
+ANGLE, MOST_ANGLES, ACROSS = np.pi / 64, 16, 2
 # Step of the place, mm, and of log d that the map is nearly linear over, that of g being the spacing of the loads; part
 # of a signal's norm that it bends by over one, and the longest step.
 PLACE_MM, LOG_D, BENT, LONGEST = 3.0, 0.1, 0.05, 1.5
-# Touches foreseen and frames compared at once, to bound the memory.
-FORESEEN, FRAMES = 256, 32
+FORESEEN, FRAMES = 256, 32  # touches foreseen and frames compared at once, to bound the memory
 
 
 @dataclass(frozen=True, eq=False)
 class Foreseen:
     """Touches near the rim in one sector, in order of their loads, and what the map foresees of them."""
 
-    # (m, 4) as (x, y, log d, g), and (4,) the unit of steps from them
-    unknown: Array
-    unit: Array
-    # (m, readings) signal over its norm, and (m,) that norm, V
-    direction: NDArray[np.float32]
-    norm: Array
-    # (m 4, readings) its slopes by the units over that norm, and (m, 4) along the direction
-    slope: NDArray[np.float32]
-    along: Array
-    # (m, 4, 4) inverse of the slopes' products, damped
-    damped: Array
+    unknown: Array  # (m, 4) as (x, y, log d, g)
+    unit: Array  # (4,) unit of steps from them
+    direction: NDArray[np.float32]  # (m, readings) signal over its norm
+    norm: Array  # (m,) that norm, V
+    slope: NDArray[np.float32]  # (m 4, readings) its slopes by the units over that norm
+    along: Array  # (m, 4) these along the direction
+    damped: Array  # (m, 4, 4) inverse of the slopes' products, damped
 
 
 def rim_starts(forward: ForwardMap, signal: Array, place_mm: Array, bands: int) -> Array:
     """(n, bands, 4) touches (x, y, log d, g), in each band of loads the one whose signal comes closest to (n, readings)
     by one step, for frames located at places (n, 2)."""
     known, symmetry = _foreseen(forward), forward.beside.rim.symmetry
-    _, chosen = fold(symmetry, (place_mm[:, 0] + 1j * place_mm[:, 1]) / forward.ring.radius_mm)
+    _, chosen = fold(symmetry, place(forward.ring, place_mm))
     folded = (symmetry.readings[chosen] @ (signal @ forward.beside.rim.fill.T)[..., None])[..., 0].astype(np.float32)
     touch = np.concatenate([_closest(known, folded[i:i + FRAMES], bands) for i in range(0, len(folded), FRAMES)])
     z = (touch[..., 0] + 1j * touch[..., 1]) / symmetry.turn[chosen, None]
@@ -54,7 +48,6 @@ def rim_starts(forward: ForwardMap, signal: Array, place_mm: Array, bands: int) 
 
 
 def _closest(known: Foreseen, signal: NDArray[np.float32], bands: int) -> Array:
-    """(n, bands, 4) the closest of each band, with its step."""
     n, m = len(signal), len(known.norm)
     over = signal @ known.direction.T / known.norm
     toward = (signal @ known.slope.T).reshape(n, m, 4) / known.norm[:, None] - known.along
@@ -97,7 +90,7 @@ def _touches(forward: ForwardMap) -> tuple[Array, float]:
     load = np.linspace(lightest, heaviest, LOADS + 2)[1:-1]
     sector = 2 * np.pi / len(forward.beside.rim.symmetry.turn)
     count = min(max(round(sector / ANGLE), 1), MOST_ANGLES)
-    angle = (np.arange(-BEYOND, count + BEYOND) + 0.5) * sector / count
+    angle = (np.arange(-ACROSS, count + ACROSS) + 0.5) * sector / count
     inner, outer = np.log(SOFT - INTERIOR), np.log(SOFT - reach / forward.ring.radius_mm)
     radius = forward.ring.radius_mm * (SOFT - np.exp(np.linspace(inner, outer, RADII)))
     log_d = np.log(np.linspace(d_lo, d_hi, DIAMETERS))

@@ -17,32 +17,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from surrogate.learners.bayesian_network import layer
-from surrogate.learners.bayesian_network.laplace import (
-    ROUNDING,
-    Curvature,
-    curvature,
-    effective_parameters,
-    factor,
-    log_evidence,
-    solve,
-)
+from surrogate.learners.bayesian_network import laplace, layer
+from surrogate.learners.bayesian_network.laplace import Curvature, curvature, factor, solve
+from touchcal.arrays import Array
 
 # A network that leaves more than this part of the targets' variance unexplained has collapsed onto their mean.
 COLLAPSED = 0.9
-# alpha of a warm-up, with beta = 1
-WARM_ALPHA = 0.01
+WARM_ALPHA = 0.01  # alpha of a warm-up, with beta = 1
 
 
 @dataclass(frozen=True)
 class Options:
     """How to train; the defaults are those of trainbr, to the letter but for the epochs."""
 
-    # hidden units
-    units: int = 20
+    units: int = 20  # hidden units
     # most accepted steps, where trainbr has 1,000; eight networks of 208 inputs on 2,800 rows then take some 14 minutes
     # on two cores, reckoned from 140 steps of two of them (0.7 CPU s each on a loaded machine)
     epochs: int = 300
@@ -51,8 +41,7 @@ class Options:
     mu_decrease: float = 0.1
     mu_increase: float = 10.0
     mu_max: float = 1e10
-    # gradient norm that ends the training
-    min_gradient: float = 1e-7
+    min_gradient: float = 1e-7  # gradient norm that ends the training
     # new starts that may follow a collapse, and the first steps of these in which alpha and beta are held
     restarts: int = 0
     warm_up: int = 0
@@ -64,20 +53,13 @@ class Training:
 
     alpha: float
     beta: float
-    # effective number of parameters
-    gamma: float
-    # accepted steps
-    epochs: int
-    # why the training ended: "epochs", "mu_max", "min_gradient" or "collapsed" (gamma below 0.001)
-    stop: str
-    # log evidence up to the same constant for every network of one size on one data set
-    log_evidence: float
-    # starts that collapsed, the last one included
-    collapses: int
-    # whether the last one did: the network then says little more than the mean of the targets
-    collapsed: bool
-    # (epochs, 5) of E_D, E_W, gamma (NaN while alpha and beta are held), alpha and beta after each step
-    history: NDArray[np.float64]
+    gamma: float  # effective number of parameters
+    epochs: int  # accepted steps
+    stop: str  # why the training ended: "epochs", "mu_max", "min_gradient" or "collapsed" (gamma below 0.001)
+    log_evidence: float  # log evidence up to the same constant for every network of one size on one data set
+    collapses: int  # starts that collapsed, the last one included
+    collapsed: bool  # whether the last one did: the network then says little more than the mean of the targets
+    history: Array  # (epochs, 5) of E_D, E_W, gamma (NaN while alpha and beta are held), alpha and beta after each step
 
 
 @dataclass(frozen=True)
@@ -85,8 +67,7 @@ class _State:
     weights: Tensor
     alpha: float
     beta: float
-    # (n,) outputs minus targets
-    error: Tensor
+    error: Tensor  # (n,) outputs minus targets
 
     @property
     def squared_error(self) -> float:
@@ -127,22 +108,21 @@ def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None,
 def _directions(x: Tensor) -> Tensor:
     """(q, r) orthonormal axes that span the rows of x, but for what rounding takes from J J'."""
     _, singular, axes = torch.linalg.svd(x, full_matrices=False)
-    kept = singular > ROUNDING**0.5 * singular[0]
+    kept = singular > laplace.ROUNDING**0.5 * singular[0]
     return axes[kept].T.contiguous()
 
 
 def _train_once(x: Tensor, y: Tensor, first: _State, options: Options, collapses: int,
                 show: Callable[[Tensor], None] | None) -> tuple[Tensor, Training]:
-    """One start, after so many that collapsed."""
     state, gamma, stop, history = _descend(x, y, first, options, show)
     collapsed = state.squared_error >= COLLAPSED * float(((y - y.mean()) ** 2).sum())
-    evidence = log_evidence(curvature(state.weights, x), state.alpha, state.beta, state.cost)
+    evidence = laplace.log_evidence(curvature(state.weights, x), state.alpha, state.beta, state.cost)
     return state.weights, Training(state.alpha, state.beta, gamma, len(history), stop, evidence, collapses + collapsed,
                                    collapsed, np.array(history).reshape(-1, 5))
 
 
-def _descend(x: Tensor, y: Tensor, state: _State, options: Options, show: Callable[[Tensor], None] | None
-             ) -> tuple[_State, float, str, list[list[float]]]:
+def _descend(x: Tensor, y: Tensor, state: _State, options: Options,
+             show: Callable[[Tensor], None] | None) -> tuple[_State, float, str, list[list[float]]]:
     """Steps until one of the stopping rules holds; returns the state, gamma, the rule and the history."""
     mu, history, gamma = options.mu, [], float(len(state.weights))
     curved = curvature(state.weights, x)
@@ -155,10 +135,10 @@ def _descend(x: Tensor, y: Tensor, state: _State, options: Options, show: Callab
             return state, gamma, "mu_max", history
         state, curved = trial, curvature(trial.weights, x)
         if len(history) >= options.warm_up:
-            gamma, left = effective_parameters(curved, trial.alpha, trial.beta)
+            gamma, left = laplace.effective_parameters(curved, trial.alpha, trial.beta)
             state = replace(trial, alpha=gamma / (2 * trial.squared_weights), beta=left / (2 * trial.squared_error))
-        told = gamma if len(history) >= options.warm_up else math.nan
-        history.append([state.squared_error, state.squared_weights, told, state.alpha, state.beta])
+        known = gamma if len(history) >= options.warm_up else math.nan
+        history.append([state.squared_error, state.squared_weights, known, state.alpha, state.beta])
         if show is not None:
             show(state.weights)
         if gamma < 1e-3:
@@ -179,7 +159,7 @@ def _first_state(x: Tensor, y: Tensor, start: Tensor, turned: Tensor, warm: bool
 
 def _accepted(x: Tensor, y: Tensor, state: _State, step_at: Callable[[float], Tensor], mu: float,
               options: Options) -> tuple[_State | None, float]:
-    """The first step of growing damping that lowers the cost, and the next damping; None beyond mu_max."""
+    """The first step of growing damping that lowers the cost, and the next damping; None above mu_max."""
     while mu <= options.mu_max:
         weights = state.weights + step_at(mu)
         trial = _State(weights, state.alpha, state.beta, layer.output(weights, x) - y)

@@ -17,28 +17,22 @@ from threadpoolctl import threadpool_limits
 from surrogate.learners.bayesian_network import bayesian_regularisation, laplace
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options, Training
 from surrogate.learners.bayesian_network.min_max import MinMax, min_max, scaled, unscaled
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Draws of the weights that tell the spread of an output; its standard deviation is then known within 1 / sqrt(2 DRAWS),
 # an eighth, before calibration.
 DRAWS = 32
-# Rows predicted together, to bound the memory.
-BATCH = 256
+BATCH = 256  # rows predicted together, to bound the memory
 
 
 @dataclass(frozen=True)
 class Networks:
     """Trained networks, all of one size."""
 
-    # inputs q of each network
-    inputs: int
-    # scaling of the outputs
-    targets: MinMax
-    # (outputs, p) weights as network.layers cuts them
-    weights: Array
-    # (outputs, DRAWS, p) departures from them, normal with the Laplace covariance, float32
-    draws: NDArray[np.float32]
+    inputs: int  # inputs q of each network
+    targets: MinMax  # scaling of the outputs
+    weights: Array  # (outputs, p) weights as layer.layers cuts them
+    draws: NDArray[np.float32]  # (outputs, DRAWS, p) departures from them, normal with the Laplace covariance, float32
     trainings: tuple[Training, ...]
 
     @property
@@ -51,12 +45,9 @@ class Networks:
 class Prediction:
     """Outputs of some inputs in their own units."""
 
-    # (n, outputs)
-    value: Array
-    # (n, outputs) variance of model and target noise
-    variance: Array
-    # (n, outputs, q) derivative by the inputs
-    slope: Array
+    value: Array  # (n, outputs)
+    variance: Array  # (n, outputs) variance of model and target noise
+    slope: Array  # (n, outputs, q) derivative by the inputs
 
 
 def fit(x: Array, target: Array, seed: int, options: Options, workers: int = 1,
@@ -91,7 +82,6 @@ def record(networks: Networks, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _train(x: Array, seed: int, options: Options, y: Array) -> tuple[Array, NDArray[np.float32], Training]:
-    """Weights, their draws and the record of one network."""
     with threadpool_limits(1):
         inputs = torch.from_numpy(x)
         weights, training = bayesian_regularisation.train(inputs, torch.from_numpy(y), seed, options)
@@ -123,7 +113,7 @@ def _predict(networks: Networks, x: Array) -> tuple[Array, Array, Array]:
 
 
 def _cut(weights: NDArray[np.floating], inputs: int) -> tuple[NDArray[np.floating], ...]:
-    """Views of weight vectors (..., p): W (..., h, q), b (..., h), v (..., h), c (...), as network.layers cuts one."""
+    """Views of weight vectors (..., p): W (..., h, q), b (..., h), v (..., h), c (...), as layer.layers cuts one."""
     units = (weights.shape[-1] - 1) // (inputs + 2)
     inner, bias, outer, offset = np.split(weights, np.cumsum([units * inputs, units, units]), axis=-1)
     return inner.reshape(*weights.shape[:-1], units, inputs), bias, outer, offset[..., 0]

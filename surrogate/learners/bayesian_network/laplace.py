@@ -11,27 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, lapack, solve_triangular
 from torch import Tensor
 
 from surrogate.learners.bayesian_network import layer
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
-
-# Part of its mean diagonal that a matrix may lose to rounding.
-ROUNDING = 1e-14
+ROUNDING = 1e-14  # part of its mean diagonal that a matrix may lose to rounding
 
 
 @dataclass(frozen=True)
 class Curvature:
     """The smaller of J J' and J'J at some weights."""
 
-    # (m, m) its lower triangle
-    gram: Array
-    # numbers of rows n and of weights p; J J' is held where n < p
-    rows: int
-    count: int
+    gram: Array  # (m, m) its lower triangle
+    rows: int  # number of rows n
+    count: int  # number of weights p; J J' is held where n < p
 
     @property
     def dual(self) -> bool:
@@ -41,7 +36,7 @@ class Curvature:
 def curvature(w: Tensor, x: Tensor) -> Curvature:
     """J J' or J'J of weights (p,) on inputs (n, q)."""
     if len(x) < len(w):
-        return Curvature(np.asfortranarray(layer.kernel(w, x, x).numpy()), len(x), len(w))
+        return Curvature(np.asfortranarray(layer.kernel(w, x).numpy()), len(x), len(w))
     return Curvature(layer.normal(w, x), len(x), len(w))
 
 
@@ -89,5 +84,5 @@ def draws(w: Tensor, x: Tensor, alpha: float, beta: float, count: int, generator
     prior = normal / math.sqrt(alpha)
     noise = torch.randn(count, of.rows, generator=generator, dtype=torch.float64) / math.sqrt(2 * beta)
     seen = torch.stack([layer.times_jacobian(w, x, one) for one in prior]) + noise
-    told = beta * solve(lower, seen.T.contiguous()).T
-    return prior - torch.stack([layer.times_transpose(w, x, one) for one in told])
+    known = beta * solve(lower, seen.T.contiguous()).T
+    return prior - torch.stack([layer.times_transpose(w, x, one) for one in known])

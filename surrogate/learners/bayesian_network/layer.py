@@ -10,31 +10,23 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from surrogate.learners.bayesian_network.normal_equations import normal_matrix
+from touchcal.arrays import Array, Index
 
 torch.set_num_threads(1)
+
+ROWS = 256  # rows whose products are formed together, to stay within the cache
 
 
 @dataclass(frozen=True)
 class Layers:
     """The weight vector cut into its layers (views)."""
 
-    # (h, q) input weights W
-    inner: Tensor
-    # (h,) biases b
-    bias: Tensor
-    # (h,) output weights v
-    outer: Tensor
-    # () output bias c
-    offset: Tensor
-
-
-def count_weights(inputs: int, units: int) -> int:
-    """p = h (q + 2) + 1."""
-    return units * (inputs + 2) + 1
+    inner: Tensor  # (h, q) input weights W
+    bias: Tensor  # (h,) biases b
+    outer: Tensor  # (h,) output weights v
+    offset: Tensor  # () output bias c
 
 
 def layers(w: Tensor, inputs: int) -> Layers:
@@ -74,28 +66,16 @@ def jacobian(w: Tensor, x: Tensor) -> Tensor:
     return torch.cat([inner, slope, hidden, x.new_ones(len(x), 1)], dim=1)
 
 
-def by_input(w: Tensor, x: Tensor) -> Tensor:
-    """(n, q) derivative of the outputs by the inputs."""
-    return _hidden(w, x)[1] @ layers(w, x.shape[1]).inner
-
-
-def kernel(w: Tensor, x: Tensor, z: Tensor) -> Tensor:
-    """(n, m) J(x) J(z)', without forming either Jacobian."""
-    hidden_x, slope_x = _hidden(w, x)
-    hidden_z, slope_z = _hidden(w, z)
-    return (slope_x @ slope_z.T) * (1 + x @ z.T) + hidden_x @ hidden_z.T + 1
-
-
-def self_kernel(w: Tensor, x: Tensor) -> Tensor:
-    """(n,) squared norm of each row of J(x)."""
+def kernel(w: Tensor, x: Tensor) -> Tensor:
+    """(n, n) J J', without forming J."""
     hidden, slope = _hidden(w, x)
-    return (slope**2).sum(1) * (1 + (x**2).sum(1)) + (hidden**2).sum(1) + 1
+    return (slope @ slope.T) * (1 + x @ x.T) + hidden @ hidden.T + 1
 
 
-def normal(w: Tensor, x: Tensor) -> NDArray[np.float64]:
+def normal(w: Tensor, x: Tensor) -> Array:
     """(p, p) lower triangle of J'J, without forming J."""
     hidden, slope = _hidden(w, x)
-    return normal_matrix(x.numpy(), hidden.numpy(), slope.numpy())
+    return _normal_matrix(x.numpy(), hidden.numpy(), slope.numpy())
 
 
 def times_jacobian(w: Tensor, x: Tensor, direction: Tensor) -> Tensor:
@@ -117,3 +97,56 @@ def _hidden(w: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
     net = layers(w, x.shape[1])
     hidden = torch.tanh(x @ net.inner.T + net.bias)
     return hidden, net.outer * (1 - hidden**2)
+
+
+def _normal_matrix(x: Array, hidden: Array, slope: Array) -> Array:
+    """J'J of inputs x (n, q), hidden outputs (n, h) and their slopes v (1 - tanh^2) (n, h); above the diagonal stands
+    anything.
+
+    The block of units i and j is X'DX, with X the inputs and a column of ones and D the products of the units' slopes.
+    It is symmetric, and so is the array of blocks: a quarter of all products is summed over the rows, in one matrix
+    product.
+    """
+    ones = np.ones((len(x), 1))
+    x, hidden = np.hstack([x, ones]), np.hstack([hidden, ones])
+    units, inputs = slope.shape[1], x.shape[1] - 1
+    inner, bias = units * inputs, units * (inputs + 1)
+    whole = np.zeros((bias + units + 1, bias + units + 1), order="F")
+    places = _places(inputs + 1)
+    sums = _pair_sums(slope, x)
+    for (i, j), pair in zip(np.argwhere(np.tri(units, dtype=bool)), sums, strict=True):
+        block = pair[places]
+        whole[i * inputs:(i + 1) * inputs, j * inputs:(j + 1) * inputs] = block[:-1, :-1]
+        whole[inner + i, j * inputs:(j + 1) * inputs] = whole[inner + j, i * inputs:(i + 1) * inputs] = block[-1, :-1]
+        whole[inner + i, inner + j] = block[-1, -1]
+    outer = (hidden[:, :, None] * slope[:, None, :]).reshape(len(x), -1).T @ x
+    outer = outer.reshape(units + 1, units, inputs + 1)
+    whole[bias:, :inner] = outer[:, :, :-1].reshape(units + 1, inner)
+    whole[bias:, inner:bias] = outer[:, :, -1]
+    whole[bias:, bias:] = hidden.T @ hidden
+    return whole
+
+
+def _pair_sums(slope: Array, x: Array) -> Array:
+    """(h (h + 1) / 2, q (q + 1) / 2) sums over the rows of products of pairs of columns of both."""
+    sums = _pairs(slope[:ROWS]).T @ _pairs(x[:ROWS])
+    for i in range(ROWS, len(x), ROWS):
+        sums += _pairs(slope[i:i + ROWS]).T @ _pairs(x[i:i + ROWS])
+    return sums
+
+
+def _pairs(columns: Array) -> Array:
+    """(n, m (m + 1) / 2) products of columns (n, m) with those up to themselves."""
+    count = columns.shape[1]
+    products = np.empty((len(columns), count * (count + 1) // 2))
+    for i in range(count):
+        first = i * (i + 1) // 2
+        np.multiply(columns[:, i:i + 1], columns[:, :i + 1], out=products[:, first:first + i + 1])
+    return products
+
+
+def _places(count: int) -> Index:
+    """(m, m) where _pairs puts the product of each two of m columns."""
+    i, j = np.indices((count, count))
+    high, low = np.maximum(i, j), np.minimum(i, j)
+    return high * (high + 1) // 2 + low

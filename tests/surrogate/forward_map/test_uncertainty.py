@@ -13,10 +13,10 @@ def test_whitened_covariances_are_the_identity() -> None:
     rng = np.random.default_rng(0)
     axes = np.linalg.qr(rng.normal(size=(3, 20, 4)))[0]
     white, sd = np.array([0.1, 1.0, 3.0]), rng.random((3, 4)) * 5
-    told = reading_covariance.Uncertainty(white, axes, 1 - white[:, None] / np.hypot(white[:, None], sd))
+    found = reading_covariance.Uncertainty(white, axes, 1 - white[:, None] / np.hypot(white[:, None], sd))
     covariance = (white**2)[:, None, None] * np.eye(20) + (axes * sd[:, None] ** 2) @ axes.transpose(0, 2, 1)
-    half = reading_covariance.whitened(told, covariance)
-    assert np.allclose(reading_covariance.whitened(told, half.transpose(0, 2, 1)), np.eye(20), atol=1e-10)
+    half = reading_covariance.whitened(found, covariance)
+    assert np.allclose(reading_covariance.whitened(found, half.transpose(0, 2, 1)), np.eye(20), atol=1e-10)
     plain = reading_covariance.white(white, 20)
     assert np.allclose(reading_covariance.whitened(plain, covariance), covariance / white[:, None, None])
 
@@ -33,15 +33,15 @@ def test_alike_errors_are_told_at_every_touch_by_those_of_one_half_sector(ring: 
     folded = np.linalg.pinv(symmetry.readings, rcond=1e-9) @ (dipole / np.linalg.norm(dipole))
     pattern = folded[fold(symmetry, z)[1]]
     error = (0.01 * (1 - gap) * load * rng.normal(size=900))[:, None] * pattern
-    told = rim_covariance.told_by(symmetry, z, gap, load, error)
+    found = rim_covariance.told_by(symmetry, z, gap, load, error)
     asked = np.asarray(np.exp(1j * np.array([0.3, 2.0, -1.2])) * 0.7, np.complex128)
-    axes, sd, rest = rim_covariance.spread(told, asked, np.full(3, 0.25))
+    axes, sd, rest = rim_covariance.spread(found, asked, np.full(3, 0.25))
     expected = folded[fold(symmetry, asked)[1]]
     assert np.allclose(np.abs(np.einsum("nr,nr->n", axes[..., 0], expected)),
                        np.linalg.norm(expected, axis=1))
     assert np.allclose(sd[:, 0], np.linalg.norm(expected, axis=1), rtol=5e-3)
     assert np.allclose(sd[:, 1:], 0, atol=1e-9)
     assert np.all(rest == rim_covariance.REST)
-    size = rim_covariance.size_at(told, np.array([0.15, 0.35]), np.array([2.0, 1.0]))
+    size = rim_covariance.size_at(found, np.array([0.15, 0.35]), np.array([2.0, 1.0]))
     median = 0.674 * 0.01 * np.array([0.85 * 2.0, 0.65 * 1.0])
     assert size == pytest.approx(median, rel=0.35)

@@ -91,7 +91,7 @@ def test_a_linear_gaussian_model_has_its_exact_evidence(rows: int) -> None:
     """With every weight but the offset at 0 the network is y = c + noise, whose evidence is a normal density."""
     x, y = curve(rows, 0.3)
     alpha, beta = 0.4, 5.0
-    w = torch.zeros(layer.count_weights(2, 3), dtype=torch.float64)
+    w = torch.zeros(3 * (2 + 2) + 1, dtype=torch.float64)
     w[-1] = beta * y.sum() / (beta * rows + alpha)
     covariance = torch.ones(rows, rows, dtype=torch.float64) / (2 * alpha) + torch.eye(rows).double() / (2 * beta)
     exact = torch.distributions.MultivariateNormal(torch.zeros(rows).double(), covariance).log_prob(y)

@@ -23,7 +23,8 @@ def test_whitened_features_have_unit_covariance(synthetic: Synthetic) -> None:
 def test_feature_slopes_equal_finite_differences(synthetic: Synthetic) -> None:
     _, signal = synthetic(30, 0)
     directions = signal_features.fit_directions(signal, 6)
-    slopes, h = signal_features.feature_slopes(directions, signal[:2]), 1e-7 * np.linalg.norm(signal[0])
+    slopes = signal_features.by_signal(directions, signal[:2], np.broadcast_to(np.eye(7), (2, 7, 7)))
+    h = 1e-7 * np.linalg.norm(signal[0])
     for k in (0, 50, 207):
         move = h * np.eye(208)[k]
         change = signal_features.features(directions, signal[:2] + move) - signal_features.features(

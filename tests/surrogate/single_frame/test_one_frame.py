@@ -14,7 +14,6 @@ from surrogate.bounds.fisher_information import Slopes
 from surrogate.cli.predict_command import predict
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import ForwardMap, fit, linearise
-from surrogate.forward_map.inversion.nonlinearity import relative_curvature
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.single_frame import diameter_profile, likelihood_emulator
 from surrogate.single_frame import posterior as posterior_module
@@ -22,7 +21,7 @@ from surrogate.single_frame import simulated_posterior as simulated_posterior_mo
 from surrogate.single_frame import simulator_inversion as direct_module
 from surrogate.single_frame.posterior import posterior_of, prior_of, weighed_draws
 from surrogate.single_frame.simulated_posterior import Correction, simulated_posterior
-from surrogate.single_frame.simulator_inversion import direct
+from surrogate.single_frame.simulator_inversion import direct, relative_curvature
 from surrogate.single_frame.simulator_likelihood import Simulator, Solved, Unknowns, unknowns_of
 from touchcal.errors import NotConverged
 
