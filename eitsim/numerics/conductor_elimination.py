@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.numerics.nested_dissection import Dissection
+from touchcal.arrays import Array
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 
 class Detached(ArithmeticError):

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from eitsim.numerics.work_budget import PRODUCT, charge
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 

@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from touchcal.arrays import Array
 from touchcal.jit import compiled
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 # Unknowns of the elements of a part that is not halved, each counted once an element, at most.

@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.numerics.linear_solvers import Indefinite, Solve
 from eitsim.numerics.work_budget import used_up
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 # gradient (n,) at x and a function that factorises the Hessian there; Indefinite is raised by the latter
 System = tuple[Array, Callable[[], Solve]]
 

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
 
 PATTERNS = ("adjacent", "opposite", "skip-N")

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.drive import Drive, as_tuples, read_out
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 # One number for all electrodes, or one for each.
 PerElectrode = float | tuple[float, ...]
 

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.results import Readings
+from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers, write_numbers
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.indentation import (
     Equilibrium,
@@ -19,8 +18,6 @@ from eitsim.mechanics.axisymmetric.indentation import (
 )
 from eitsim.numerics.work_budget import used_up
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Where the force cannot be reached at once: part of it at which the steps start, and how often that is divided again.
 _FIRST, _STARTS = 1 / 8, 4

@@ -30,9 +30,8 @@ from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.friction import FrictionState, Nearest
 from eitsim.numerics.work_budget import bounded, used_up
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Increments of the coarse mesh from rest to a force; another force is reached in as large ones.
 INCREMENTS = 32

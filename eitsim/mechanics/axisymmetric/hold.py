@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.continuation import cold_start, warm_start
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
@@ -35,8 +34,6 @@ from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Steps per decade of time; a loading that takes time has twice as many.
 PER_DECADE = 4

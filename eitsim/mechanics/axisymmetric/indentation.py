@@ -23,9 +23,8 @@ from eitsim.numerics.newton import System, minimise
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Reference radius, thicknesses beyond the punch's edge, out to which the surface may touch it.
 _REACH = 1.0

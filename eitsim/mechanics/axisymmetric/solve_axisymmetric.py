@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.sheet.sheet_conductance import driving_strain
 from eitsim.mechanics.axisymmetric import friction_increments, surface
@@ -41,8 +40,6 @@ from eitsim.scene.results import Section, Touch
 from eitsim.scene.scene import FRICTIONS, Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Floors of the relative errors of depth and signal at the default element size h_0, and their powers of h/h_0.
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets
 from eitsim.mechanics.solid.grid import lagrange
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Gauss points a facet at which stretches are sampled, and at which areas and the dipole response are summed.
 _SAMPLES, _FINE = 3, 8

@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.solid import axisymmetric_assembly
 from matcal.laws.prony import Prony, decaying, relaxation
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # First step, in shortest relaxation times, times the number of steps per decade.
 _FIRST = 0.5

@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets, RigidPunch
 from eitsim.scene.scene import Punch
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Stiffness of the springs over that of the contact: ten times as much moves depths by less than 1e-4.
 _STIFFNESS = 0.1

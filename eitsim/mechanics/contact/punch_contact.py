@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid, lagrange
 from eitsim.scene.profiles.profile import Profile
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Gauss points a facet.

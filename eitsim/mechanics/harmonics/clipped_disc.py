@@ -22,8 +22,8 @@ from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, circl
 from eitsim.mechanics.harmonics.fourier_fields import Points
 from eitsim.mechanics.solid.axisymmetric_assembly import nodal
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Stiffness beyond the rim, over mu_0. It lowers what the rim adds to the depth by 0.5 %.

@@ -17,8 +17,7 @@ from eitsim.numerics.linear_solvers import Solve, conjugate_gradients
 from eitsim.numerics.newton import Minimum, System, minimise
 from matcal.laws import hyperfoam
 from matcal.laws.ellipticity import strongly_elliptic
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Norm of the gradient over the force at which a solution is accepted.
 _TOLERANCE = 1e-9

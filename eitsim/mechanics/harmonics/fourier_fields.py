@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.harmonics.arcs import AngularQuadrature
+from touchcal.arrays import Array
 from touchcal.jit import compiled
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Part of the gradient, part of u and which shape of (N_,r, N_,z, N/r): what does not, and what does, grow with m; the

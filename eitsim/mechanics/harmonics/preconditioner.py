@@ -16,8 +16,8 @@ from eitsim.mechanics.harmonics.clipped_disc import TIE, ClippedDisc, turned
 from eitsim.mechanics.harmonics.fourier_fields import operators
 from eitsim.mechanics.solid.hyperfoam_3d import UPPER
 from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # The tie beside G over the disc's own, by trial: fewest iterations at gaps of 0.5 to 8 mm.

@@ -11,7 +11,6 @@ from functools import partial, reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
@@ -24,9 +23,8 @@ from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, stat
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.mechanics.rim.solve_near_rim import corrected
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Touches by which each law tells the error, at each of the diameters.
 _CHECKS = 6

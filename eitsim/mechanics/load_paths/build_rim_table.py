@@ -37,9 +37,9 @@ from eitsim.mechanics.rim.correction import RimCorrection
 from eitsim.mechanics.rim.solve_near_rim import COARSE, LEAST_GAP, corrected, rim_change
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 # (diameters, gaps, depths) of Solved, None where nothing was found
 Found = NDArray[np.object_]
 # diameter, gap, depth, over the thickness

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from eitsim.mechanics.load_paths.load_path import (
@@ -24,9 +23,9 @@ from eitsim.mechanics.load_paths.load_path import (
 )
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, state
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 # map a function over arguments, in this process or in others
 Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 

@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.table import of_law
 from eitsim.mechanics.load_paths.types import Table
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Most diameters at which the changes are solved, and every which depth of the table they are.
 _DIAMETERS, _EVERY = 3, 2

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
@@ -19,9 +18,8 @@ from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationPr
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, touch_of, under_force
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # What a node keeps: fields of the surface, and numbers. Area and wall are over those of the punch, its face's and its
 # shank's one thickness high; the contact's end is beyond the punch's edge; the force is the mean pressure on the face.

@@ -11,11 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Directions of logarithmic strain, and how far along them laws are compared: compression with and without free sides,
 # shear, and tension.

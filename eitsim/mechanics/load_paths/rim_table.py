@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.table import carried_over
@@ -19,9 +18,8 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Ta
 from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Most diameters at which changes are solved.
 _DIAMETERS = 3

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
@@ -21,8 +20,7 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Distances from the fillet's start inwards and from the edge outwards over which radii are spaced evenly, then in
 # proportion to the distance; over the thickness.

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.load_path import Deviation
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)

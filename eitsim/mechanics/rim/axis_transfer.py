@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.harmonics.arcs import AngularQuadrature, harmonics_at
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _CUBIC = 4

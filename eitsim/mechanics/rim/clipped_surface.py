@@ -15,9 +15,8 @@ from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.scene.results import RimField
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, _ANGLES = 3, 25

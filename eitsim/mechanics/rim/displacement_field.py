@@ -18,8 +18,8 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.scene.results import Volume
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Angles at which the contact pressure is kept.

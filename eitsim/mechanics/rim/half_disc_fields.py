@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from eitsim.mechanics.rim.displacement_field import Places, contact_pressure, displacement, gradient
 from eitsim.mechanics.solid.kinematics import tensors
 from eitsim.scene.results import Touch, Volume
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Cells an element under the punch and through the thickness, cells from there to the rim, and cells over half a turn.

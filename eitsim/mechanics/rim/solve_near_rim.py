@@ -14,7 +14,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
 from eitsim.mechanics.axisymmetric import friction_increments
@@ -39,9 +38,8 @@ from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # How far from the punch's edge the change ends, thicknesses.
 _BEYOND = 5.0

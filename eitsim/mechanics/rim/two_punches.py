@@ -31,9 +31,8 @@ from eitsim.numerics.newton import Minimum
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Least gap between the edges, thicknesses, at which pairs were solved.
 LEAST_GAP = 0.3

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from eitsim.mechanics.solid.grid import Grid
 from eitsim.mechanics.solid.hyperfoam_axisymmetric import energy_density, first_piola_and_tangent
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
 
 from eitsim.scene.scene import Body, Punch, profile_of
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Elements by their order; each has order + 1 Gauss points per direction.

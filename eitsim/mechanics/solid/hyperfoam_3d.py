@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.principal_stretches import diagonalise, differentiate
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 # Number of distinct entries of a symmetric 9 x 9 matrix, and where each stands in it, row after row of the upper half.
 ENTRIES = 45

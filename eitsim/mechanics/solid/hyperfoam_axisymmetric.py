@@ -9,13 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.principal_stretches import differentiate
 from matcal.laws.hyperfoam import Hyperfoam, energy_term
+from touchcal.arrays import Array
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 
 def first_piola_and_tangent(law: Hyperfoam, grad_u: Array, negative_curvature_scale: float = 1.0

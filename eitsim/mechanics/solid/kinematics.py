@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def tensors(law: Hyperfoam, gradient: Array) -> dict[str, Array]:

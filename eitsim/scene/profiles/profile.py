@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 class SignedDistance(NamedTuple):
