@@ -2,9 +2,9 @@
 
 The slip q of a point is the arc of the profile nearest to it less its anchor, the arc at which it touched first or came
 to rest. While an energy is minimised the direction of the profile and the largest shear T are kept, so that each point
-adds a convex potential: k q^2/2 up to the slip T/k, T |q| - T^2/(2 k) beyond. T is infinite where the punch sticks, by
-Coulomb's law the coefficient times the nominal pressure. Source: Wriggers, Computational Contact Mechanics, 2nd ed.
-(2006), chapters 5 and 10, DOI 10.1007/978-3-540-32609-0.
+adds a convex potential: k q^2/2 up to the slip T/k, T |q| - T^2/(2 k) from there on. T is infinite where the punch
+sticks, by Coulomb's law the coefficient times the nominal pressure. Source: Wriggers, Computational Contact Mechanics,
+2nd ed. (2006), chapters 5 and 10, DOI 10.1007/978-3-540-32609-0.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class FrictionState:
-    """StickSprings along the punch's profile at the Gauss points (facets, points) during one minimisation."""
+    """Springs along the punch's profile at the Gauss points (facets, points) during one minimisation."""
 
     # nominal shear over slip, while it sticks
     stiffness: float
@@ -60,7 +60,7 @@ class Shear:
     size: Array
     # its derivative by the slip: the spring's stiffness, 0 where it slips
     slope: Array
-    # size of the slip beyond what the spring takes up
+    # size of the slip that the spring does not take up
     slipped: Array
 
 

@@ -1,4 +1,4 @@
-"""StickSprings that hold the surface of a clipped disc where it sticks to the punch.
+"""Springs that hold the surface of a clipped disc where it sticks to the punch.
 
 Each point of contact that is held in the axisymmetric touch of the same mesh keeps its anchor there. A spring of the
 stiffness of `eitsim.mechanics.contact.friction` resists slip along the punch's profile, and another one slip around its
@@ -17,7 +17,7 @@ from touchcal.arrays import Array
 
 @dataclass(frozen=True)
 class StickSprings:
-    """StickSprings at the points of the surface that the punch may touch."""
+    """Springs at the points of the surface that the punch may touch."""
 
     # (facets points, 1) nominal shear over slip; 0 where nothing holds
     stiffness: Array

@@ -2,7 +2,7 @@
 
 Unknowns are the amplitudes of what the rim adds to an axisymmetric state on one mesh of the meridian, and to its depth.
 The mesh knows no rim: energies are summed over the parts of its circles that lie inside the disc, so that all offsets
-share one mesh and the state is exact where no circle is cut. Beyond the rim the series goes on at will, held by a weak
+share one mesh and the state is exact where no circle is cut. Outside the rim the series goes on at will, held by a weak
 tie: TIE/2 times the squared gradient of what is added, on cut circles, over mu_0 (a finite cell method: Parvizian,
 Duster, Rank, Comput. Mech. 41 (2007) 121, DOI 10.1007/s00466-007-0173-y). Units as in
 eitsim.mechanics.axisymmetric.indentation.
@@ -26,7 +26,7 @@ from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
 
-# Stiffness beyond the rim, over mu_0. It lowers what the rim adds to the depth by 0.5 %.
+# Stiffness outside the rim, over mu_0. It lowers what the rim adds to the depth by 0.5 %.
 TIE = 1e-3
 
 
@@ -90,17 +90,14 @@ class ClippedDisc:
 
     @property
     def unknowns(self) -> int:
-        """Number of amplitudes that are free."""
         return int(self.fixed.size - self.fixed.sum())
 
 
 def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: OffsetDisc, harmonics: int, angles: int,
                  reach: float, *, held: bool = False) -> ClippedDisc:
     """Discretise what the rim adds to an axisymmetric state: harmonics 0 to harmonics - 1, as many angles on half a
-    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force.
-
-    The punch sticks where the model has a springs.
-    """
+    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force. The punch sticks
+    where the model has springs."""
     grid, facets = model.grid, model.facets
     near = grid.nodes[grid.elements, 0].max(axis=1) <= reach
     elements, volume = grid.elements[near], grid.weight[near].ravel()
@@ -115,10 +112,9 @@ def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: OffsetD
     facing = SurfaceQuadrature(facets.nodes[kept], facets.shape, facets.radius[kept].reshape(-1, 1),
                                facets.weight[kept].reshape(-1, 1) * under.weight, under)
     foam = Points(shape, np.repeat(elements, grid.weight.shape[1], axis=0), circle, around)
-    held_by = stick_springs(model.springs, facets.radius[kept].shape)
     return ClippedDisc(
-        model.law, model.punch, outline, foam,
-        volume[:, None] * around.weight[circle], TIE * volume * around.cut[circle], facing, held_by,
+        model.law, model.punch, outline, foam, volume[:, None] * around.weight[circle],
+        TIE * volume * around.cut[circle], facing, stick_springs(model.springs, facets.radius[kept].shape),
         grid.lines[0][:count // len(grid.lines[1])], grid.order, base, float(state.x[-1]), state.force, held,
         _fixed(grid.nodes[:count], harmonics, count < len(grid.nodes)))
 

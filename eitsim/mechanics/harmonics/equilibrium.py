@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,6 @@ def displacement_gradient(disc: ClippedDisc, added: Array) -> Array:
 
 
 def contact_state(disc: ClippedDisc, x: Array) -> Contact:
-    """Contact state at x."""
     u = seen(disc, x)
     across, around = disc.facing.radius + u[:, 0], u[:, 1]
     radius = np.hypot(across, around)
@@ -120,14 +120,12 @@ def linearised(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.
     """Gradient (unknowns + 1,) of the energy at x and the tangents there, their negative parts scaled."""
     added = amplitudes(disc, x[:-1])
     at = hyperfoam_3d.principal(displacement_gradient(disc, added))
-    by_stretch = hyperfoam_3d.derivatives(disc.law, at.log, negative_curvature_scale)
-    stress, tangent = hyperfoam_3d.stress_and_tangent(at, by_stretch, disc.weight)
+    stress, tangent = hyperfoam_3d.stress_and_tangent(disc.law, at, disc.weight, negative_curvature_scale)
     stress = stress if disc.outside is None else stress - disc.outside.stress
     touch = contact_state(disc, x)
     push = disc.facing.weight * contact.pressure(disc.punch, touch.penetration)
-    pulled = (
-        disc.facing.weight[:, None] * stick_springs.pull(disc.springs, seen(disc, x)) + push[:, None] * touch.normal
-    )
+    held = disc.facing.weight[:, None] * stick_springs.pull(disc.springs, seen(disc, x))
+    pulled = held + push[:, None] * touch.normal
     on = forces(disc.foam, stress, added) + apply_isotropic_stiffness(disc.foam, disc.tie, added)
     on = on + from_surface(disc.facing, pulled, added)
     bearing = (disc.facing.weight * contact.pressure_slope(disc.punch, touch.penetration))[:, None, None]
@@ -150,18 +148,14 @@ def product(disc: ClippedDisc, tangents: Tangents, y: Array) -> Array:
 
 
 def system(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.0) -> System:
-    """Gradient of the energy at x and a function that solves with its Hessian, negative parts scaled.
-
-    The solve is by conjugate gradients, as exact as Newton's method needs.
-    """
+    """Gradient of the energy at x and a function that solves with its Hessian, negative parts scaled. The solve is by
+    conjugate gradients, as exact as Newton's method needs."""
     gradient, tangents = linearised(disc, x, negative_curvature_scale)
     size = float(np.linalg.norm(gradient)) / disc.force
     tolerance = _SIGN if size <= _TOLERANCE else min(max(size, _LEAST), _MOST)
 
-    def times(y: Array) -> Array:
-        return product(disc, tangents, y)
-
     def factorise() -> Solve:
+        times = partial(product, disc, tangents)
         condition = preconditioner(disc, tangents.foam.sum(axis=2), tangents.bearing.sum(axis=3))
         step = conjugate_gradients(times, condition, gradient, tolerance)
         return lambda b: step if b is gradient else conjugate_gradients(times, condition, b, _LEAST)

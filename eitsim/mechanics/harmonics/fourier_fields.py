@@ -36,7 +36,6 @@ class Points:
     nodes: Indices
     # (points,) number of its circle
     circle: Indices
-    # the circles
     circles: AngularQuadrature
 
 

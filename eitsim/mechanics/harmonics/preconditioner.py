@@ -20,7 +20,7 @@ from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
 
-# The tie beside G over the disc's own, by trial: fewest iterations at gaps of 0.5 to 8 mm.
+# The tie that is added to G, over the disc's own, by trial: fewest iterations at gaps of 0.5 to 8 mm.
 _STIFFER = 30.0
 # (u_r + u_theta)/sqrt(2), (u_r - u_theta)/sqrt(2), u_z
 _TURN = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, np.sqrt(2)]]) / np.sqrt(2)

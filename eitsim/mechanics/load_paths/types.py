@@ -21,7 +21,7 @@ class DimensionlessProblem:
     # radius of the disc
     disc: float
     fillet: float
-    # the skin's driving strain, for which errors of signals are told
+    # the skin's driving strain, for which errors of signals are estimated
     strain: str
     # increasing diameters: the ends of a range, or all there are
     diameters: tuple[float, ...]
@@ -57,7 +57,7 @@ class DimensionlessProblem:
 class RimTable:
     """Changes of the axisymmetric touch by the rim."""
 
-    # increasing, over the thickness
+    # all increasing, over the thickness
     diameters: Array
     gaps: Array
     depths: Array
@@ -70,7 +70,7 @@ class RimTable:
     # elliptic, and the errors of depth and signal that the rim's own mesh makes
     numbers: Array
     # (gaps - 1, depths, 2) in a cell between neighbouring gaps and between a depth and that before it, the first one
-    # from 0 on: how far depth and signal are off changes solved afresh; infinite where touches are to be solved afresh
+    # from 0 on: how far depth and signal are off changes solved anew; infinite where touches are to be solved anew
     error_estimate: Array
     cpu_s: float
 
@@ -96,7 +96,7 @@ class Table:
     slopes: Array
     # (diameters, k, 6) ERRORS
     error_estimate: Array
-    # largest deviation from touches solved afresh at held-out depths and diameters
+    # largest deviation from touches solved anew at held-out depths and diameters
     error: Deviation
     # how many those were
     checks: int
@@ -104,7 +104,7 @@ class Table:
     cpu_s: float
     # laws of which the paths are weighted means, the central one included; 0 where they are solved
     laws: int = 0
-    # what the rim changes of these touches; None where that is solved afresh
+    # what the rim changes of these touches; None where that is solved anew
     rim: RimTable | None = None
 
     @property

@@ -54,7 +54,6 @@ class Grid:
 
     @property
     def order(self) -> int:
-        """Order of the elements."""
         return self.top.shape[1] - 1
 
     @property
@@ -70,7 +69,6 @@ class Grid:
 
     @property
     def unknowns(self) -> int:
-        """Number of displacement unknowns."""
         return int(self.unknown.max()) + 1
 
     @property
@@ -91,12 +89,10 @@ def default_element_m(body: Body, punch: Punch) -> float:
 
 
 def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Grid:
-    """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0.
-
-    Lines lie at the edge of the punch and its edge radius inwards from there. element_m is the element size there, m;
-    elements widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m <
-    thickness, the punch is smaller than the disc and the elements' order is one of ELEMENTS.
-    """
+    """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0. Lines lie at
+    the edge of the punch and its edge radius inwards from there. element_m is the element size there, m; elements widen
+    with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness, the punch
+    is smaller than the disc and the elements' order is one of ELEMENTS."""
     unit = body.thickness_m
     if not 0 < element_m < unit:
         raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
@@ -130,9 +126,7 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Gri
 
 def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, order: int = 2) -> Grid:
     """Grid on lines r and z: bottom fixed and u_r = 0 at r = 0, or everything free; axisymmetric or plane strain.
-
-    ValueError unless the elements' order is one of ELEMENTS.
-    """
+    ValueError unless the elements' order is one of ELEMENTS."""
     if order not in ELEMENTS:
         raise ValueError(f"elements of order {order} are not built; known: {', '.join(map(str, ELEMENTS))}.")
     basis = Basis(MeshQuad.init_tensor(r, z), ELEMENTS[order](), intorder=2 * order + 1)
