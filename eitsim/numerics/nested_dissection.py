@@ -54,12 +54,10 @@ class Dissection:
 
 
 def dissect(points: Array, blocks: list[Indices], last: int) -> Dissection:
-    """Dissection of the unknowns of elements, the last unknowns being shared by all and eliminated last.
-
-    A block (elements, k) holds numbers of unknowns; points (cells, 2) are where the elements of the first block are,
-    which hold none of the last unknowns.
-    ValueError where an unknown before the last ones belongs to no element of the first block.
-    """
+    """Dissection of the unknowns of elements, the last unknowns being shared by all and eliminated last. A block
+    (elements, k) holds numbers of unknowns; points (cells, 2) are where the elements of the first block are, which hold
+    none of the last unknowns. ValueError where an unknown before the last ones belongs to no element of the first
+    block."""
     cells, size = blocks[0], 1 + max(int(block.max()) for block in blocks)
     depth = int(np.ceil(np.log2(max(1.0, cells.size / _LEAF))))
     cell = np.arange(len(cells))

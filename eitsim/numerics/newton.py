@@ -25,7 +25,7 @@ _LEAST, _INDEFINITE, _AFTER_LONG, _AFTER_SHORT, _LONG = 0.02, 1 / 3, 2.0, 1 / 4,
 # Most doublings of a full step where the Hessian is damped, since steps along negative curvature come out short, and
 # the further descent, over that so far, for which one is made.
 _DOUBLINGS, _PAYS = 10, 0.5
-# Ratio of two residuals below which iterations go on beyond their limit.
+# Ratio of two residuals below which iterations go on past their limit.
 _CLOSING = 0.1
 # Relative residual below which an indefinite Hessian means a saddle of the energy.
 _SADDLE = 1e-3

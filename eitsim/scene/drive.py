@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError
 

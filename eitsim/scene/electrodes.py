@@ -23,7 +23,7 @@ TOUCHING = 1e-8
 
 @dataclass(frozen=True)
 class Electrodes:
-    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface beside it."""
+    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface at it."""
 
     # one of IMPEDANCES
     kind: str = "line"
@@ -76,7 +76,7 @@ def arcs(radius_m: float, electrodes: Electrodes) -> Array:
     if gaps.min() >= -TOUCHING:
         return ends
     k = int(np.argmin(gaps))
-    fix = "place them further apart or make them narrower"
+    fix = "place them further from each other or make them narrower"
     if not electrodes.angles_rad and np.ndim(electrodes.width_m) == 0:
         widest = math.floor(2e6 * math.pi * radius_m / electrodes.count) / 1e3
         fix = f"{electrodes.count} of them at radius_mm = {radius_m * 1e3:g} may be {widest:.3f} wide at most"

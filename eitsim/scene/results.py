@@ -50,11 +50,9 @@ class Plan:
 @dataclass(frozen=True, eq=False)
 class RimField:
     """What the rim changes at the surface about a punch; symmetric about the line to the nearest point of the rim.
-
     Samples lie on circles about the punch's axis, as far as these lie inside the disc. Axes: towards the nearest point
-    of the rim, across, and upwards. Nothing is changed beyond the last circle. Or what a neighbour changes beside its
-    own touch alone, in this punch's half: the plane between both stands for the rim.
-    """
+    of the rim, across, and upwards. Nothing is changed outside the last circle. Or what a neighbour changes but for its
+    own touch, in this punch's half: the plane between both stands for the rim."""
 
     # (n,) reference radii of the circles, m, increasing
     radius_m: Array
@@ -70,9 +68,9 @@ class RimField:
     # radius of the disc, and distance of the punch's axis from its centre, m
     disc_m: float
     offset_m: float
-    # (2,) direction to the neighbour, beyond whose plane nothing is changed; None for the rim
+    # (2,) direction to the neighbour, on whose side of the plane nothing is changed; None for the rim
     towards: Array | None = None
-    # how far depth and signal may be off those solved afresh, relative; None where they are
+    # how far depth and signal may be off those solved anew, relative; None where they are
     error_estimate: tuple[float, float] | None = None
 
 
@@ -91,12 +89,9 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """The foam's displacement about a punch near the rim, by harmonics of the angle on the mesh of a meridian.
-
-    Angles count from the direction to the nearest point of the rim; harmonics are those of
-    `eitsim.mechanics.harmonics.arcs`. It is the solution on the mesh by which the rim's change was found, coarser than
-    the axisymmetric section's.
-    """
+    """The foam's displacement about a punch near the rim, by harmonics of the angle on the mesh of a meridian. Angles
+    count from the direction to the nearest point of the rim; harmonics are those of `eitsim.mechanics.harmonics.arcs`.
+    It is the solution on the mesh by which the rim's change was found, coarser than the axisymmetric section's."""
 
     # (columns,) and (rows,) reference radii and heights of the nodes, m, increasing; 0 at the axis and at the top
     radius_m: Array
@@ -168,7 +163,7 @@ class Touch:
     sigma_max_error: float | None = None
     # estimated relative error of contact_area_m2; None where it is not estimated
     contact_area_error: float | None = None
-    # estimated relative error of the strain that drives the skin, L2 over the surface; None where it is not told
+    # estimated relative error of the strain that drives the skin, L2 over the surface; None where it is not estimated
     strain_error: float | None = None
     # (2, 2) least and largest reference radius, and depth below the untouched surface, m, where strong ellipticity is
     # lost; None where it is kept
@@ -232,15 +227,15 @@ class Result:
     readings: Readings | None = None
     # a hold from the end of loading on, increasing in time, the last as in touches and readings; empty without one
     moments: tuple[Moment, ...] = ()
-    # in words, where the outcome is not "ok" or the wanted error is missed
+    # in words, where the outcome is not "ok" or the requested error is missed
     message: str = ""
     # relative residuals of a solver that did not converge; empty otherwise
     residuals: tuple[float, ...] = ()
-    # part of the force or depth that such a solver reached; None otherwise, or where it is not told
+    # part of the force or depth that such a solver reached; None otherwise, or where it is not known
     load_fraction: float | None = None
     # bounds of what neighbours change of a touch, relative: "signal" and "depth"; empty for one touch
     interaction: Mapping[str, float] = field(default_factory=dict)
-    # relative errors: "signal" (dV, everything) and "depth", and others that every touch tells
+    # relative errors: "signal" (dV, everything) and "depth", and others that every touch gives
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # the part of them that solving left, without what the plan left out
     numerical_error: Mapping[str, float] = field(default_factory=dict)

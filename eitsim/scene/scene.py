@@ -19,7 +19,7 @@ FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
 CONTROLS = ("force", "depth")
 MODULI = ("card", "instantaneous", "longterm")
-# Currents that any instrument drives, with room; beyond them a value is a slip of the unit.
+# Currents that any instrument drives, with room; outside them a value is a slip of the unit.
 LEAST_CURRENT_A, LARGEST_CURRENT_A = 1e-12, 1e3
 
 
@@ -27,9 +27,7 @@ LEAST_CURRENT_A, LARGEST_CURRENT_A = 1e-12, 1e3
 class Body:
     """Foam disc, bottom fixed."""
 
-    # radius, m
     radius_m: float = 0.1
-    # thickness, m
     thickness_m: float = 0.01
 
 
@@ -70,7 +68,6 @@ class Punch:
 class Skin:
     """Conductive coating of the top surface."""
 
-    # coating thickness, m
     thickness_m: float = 20e-6
     # the strain that drives its conductivity, one of STRAINS
     strain: str = "normal"
@@ -99,13 +96,13 @@ class Hold:
 class Accuracy:
     """What is asked of the numbers."""
 
-    # wanted relative error of the touch signal dV, mechanics and electrics together
+    # requested relative error of the touch signal dV, mechanics and electrics together
     signal: float = 0.01
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that one simulation needs beside the card."""
+    """Everything that one simulation needs but the card."""
 
     body: Body = field(default_factory=Body)
     # one a touch
@@ -275,7 +272,6 @@ def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
 
 
 def _rows(where: str, value: Any) -> tuple[Any, ...]:
-    """Nested lists of numbers as tuples."""
     if not (isinstance(value, list | tuple) and value and all(isinstance(row, list | tuple) and row for row in value)):
         raise ValueError(f"{where} must hold rows of numbers or, in a file, the name of a CSV file of them, got "
                          f"{value!r:.80}.")

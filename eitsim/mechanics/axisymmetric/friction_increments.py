@@ -17,15 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.mechanics.axisymmetric import indentation
 from eitsim.mechanics.axisymmetric.continuation import cold_start, load_continuation
-from eitsim.mechanics.axisymmetric.indentation import (
-    Equilibrium,
-    IndentationProblem,
-    equilibrium,
-    nearest,
-    seen,
-    transferred,
-)
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium, nearest, seen
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.friction import FrictionState, Nearest
@@ -118,10 +112,7 @@ def at_depth_of(model: IndentationProblem, coefficient: float, depth: float, gue
 def loaded(model: IndentationProblem, coefficient: float, before: Loaded, force: float,
            count: int = INCREMENTS) -> tuple[Loaded, Loaded]:
     """The foam before the last increment and under a force, in increments of 1/count of it or of the force before,
-    whichever is larger.
-
-    NotConverged carries the part of the force that was reached.
-    """
+    whichever is larger. NotConverged carries the part of the force that was reached."""
     start, last = before.state.force, before
     steps = max(math.ceil(count * abs(force - start) / max(force, start) - 1e-9), 1)
     for k in range(1, steps + 1):
@@ -140,14 +131,14 @@ def _carried_over(coarse: IndentationProblem, last: Loaded, now: Loaded, fine: I
     """The foam of a coarse mesh on a finer one, the last increment made again; loaded from rest where that fails."""
     try:
         return increment(fine, coefficient, _on(coarse, last, fine), now.state.force,
-                         transferred(now.state.x, coarse.grid, fine.grid), settle=True)
+                         indentation.transferred(now.state.x, coarse.grid, fine.grid), settle=True)
     except NotConverged:
         return loaded(fine, coefficient, at_rest(fine), now.state.force)[1]
 
 
 def _on(coarse: IndentationProblem, loaded: Loaded, fine: IndentationProblem) -> Loaded:
     """A coarse mesh's state and anchors on a finer one."""
-    x, by_force = (transferred(v, coarse.grid, fine.grid) for v in (loaded.state.x, loaded.state.by_force))
+    x, by_force = (indentation.transferred(v, coarse.grid, fine.grid) for v in (loaded.state.x, loaded.state.by_force))
     held = ~np.isnan(loaded.anchor)
     anchor = np.full(fine.facets.weight.shape, np.nan)
     if np.any(held):
@@ -237,15 +228,14 @@ def _let_go(model: IndentationProblem, before: Loaded, state: Equilibrium, sprin
 
 def _reached(model: IndentationProblem, coefficient: float, before: Loaded, near: Loaded, depth: float) -> Loaded:
     """The foam at a corrected depth, one increment from `before`: Newton's method in the force's logarithm from `near`,
-    kept between two forces that miss the depth on either side.
-    """
-    last, short, beyond = np.inf, None, None
+    kept between two forces that miss the depth on either side."""
+    last, short, over = np.inf, None, None
     for _ in range(_DEPTH_STEPS):
         missing, state = depth - near.state.depth, near.state
         if abs(missing) <= _DEPTH_TOLERANCE * depth:
             return near
-        short, beyond = (state, beyond) if missing > 0 else (short, state)
-        force, last = load_continuation(depth, state, short, beyond, last), abs(missing)
+        short, over = (state, over) if missing > 0 else (short, state)
+        force, last = load_continuation(depth, state, short, over, last), abs(missing)
         near = _in_halves(model, coefficient, before, force, settle=True)
     raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest was "
                        f"{near.state.depth:.4f}.", estimate=near.state.x, residuals=near.state.residuals)

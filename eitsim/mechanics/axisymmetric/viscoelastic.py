@@ -63,10 +63,8 @@ def remembered(model: IndentationProblem, series: Prony, memory: Memory, step_s:
 
 
 def steps_s(series: Prony, times_s: Array, per_decade: int) -> Array:
-    """Ends of the steps (n,) of a hold, s, increasing: `times_s`, and between them as many per decade as asked for.
-
-    The first is a part of the shortest relaxation time; where nothing relaxes, steps are left out.
-    """
+    """Ends of the steps (n,) of a hold, s, increasing: `times_s`, and between them as many per decade as asked for. The
+    first is a part of the shortest relaxation time; where nothing relaxes, steps are left out."""
     times = np.unique(times_s)
     first = min(_FIRST / per_decade * float(series.tau_s[0]), float(times[0]))
     count = int(np.ceil(per_decade * np.log10(times[-1] / first)))

@@ -21,9 +21,9 @@ class Flat:
     # 10 MPa/mm for mu_0 = 9.53 kPa, a thickness of 10 mm and a fillet of 0.5 mm
     default_penalty: ClassVar[float] = 525.0
 
-    # radius, that of the edge included
+    # that of the edge included
     radius: float
-    # radius of the rounded edge and tip
+    # of the rounded edge and tip
     edge_radius: float
     # angle between the face and the horizontal, rad
     slope: float = 0.0
@@ -60,10 +60,8 @@ class Flat:
         return SignedDistance(depth, n_r, n_y, np.where(rounded, 1 / length, 0.0), wall)
 
     def arc_length(self, r: Array, y: Array) -> Array:
-        """Length (...) of the outline from the axis to the point nearest to (r, y), outside or near the outline.
-
-        Tip and edge count their radius times the angle from the vertical.
-        """
+        """Length (...) of the outline from the axis to the point nearest to (r, y), outside or near the outline. Tip
+        and edge count their radius times the angle from the vertical."""
         sine, cosine, fillet = np.sin(self.slope), np.cos(self.slope), self.edge_radius
         inner = self.radius - fillet
         dx, dy = r - inner, fillet + inner * sine / cosine - y

@@ -72,7 +72,7 @@ def test_each_electrode_keeps_what_it_is_given_and_comes_back():
     ({"count": 3}, "count in .* must be 4 to 64, got 3"), ({"count": 65}, "4 to 64"),
     ({"kind": "ring"}, "'ring' is unknown; known: line, patch"), ({"width_mm": [10] * 15}, "width_mm.*16 numbers"),
     ({"width_mm": 39.28}, "electrodes 15 and 0|may be 39.269 wide at most"),
-    ({"width_mm": [39.0] * 15 + [60.0]}, "overlap by .* mm; place them further apart"),
+    ({"width_mm": [39.0] * 15 + [60.0]}, "overlap by .* mm; place them further from each other"),
     ({"contact_impedance_Ohm_m": 0}, "contact_impedance_Ohm_m .*positive"),
     ({"contact_impedance_Ohm_m": [1.0] * 15 + [-1.0]}, "positive, got -1"),
     ({"contact_impedance_Ohm_m": float("nan")}, "finite"), ({"contact_impedance_Ohm_m2": 1}, "no effect with kind"),
