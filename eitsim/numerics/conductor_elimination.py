@@ -32,12 +32,10 @@ class Elimination:
     """A network with all unknowns but the last eliminated."""
 
     dissection: Dissection
-    # (pairs,) weights of the pairs of unknowns, 1/Ohm
-    weights: Array
+    weights: Array  # (pairs,) weights of the pairs of unknowns, 1/Ohm
     # weights of each front's eliminated unknowns to its members, (eliminated, members) row by row, front after front
     rows: Array
-    # (size - 1,) reciprocals of the pivots
-    inverse: Array
+    inverse: Array  # (size - 1,) reciprocals of the pivots
 
 
 def eliminate(dissection: Dissection, weights: Array) -> Elimination:

@@ -26,25 +26,18 @@ _DIRECTIONS = np.column_stack([np.cos(np.arange(8) * np.pi / 8), np.sin(np.arang
 class Dissection:
     """A complete binary tree of fronts, children before parents: what each eliminates and what it passes on."""
 
-    # (size,) unknowns in the order of their elimination; the last one stays
-    order: Indices
-    # (fronts,) height of each front in the tree; the children of front t are t - 2**height and t - 1
-    height: Indices
-    # (fronts + 1,) place in `order` of the first unknown that each front eliminates
-    first: Indices
+    order: Indices  # (size,) unknowns in the order of their elimination; the last one stays
+    height: Indices  # (fronts,) height of each front in the tree; the children of front t are t - 2**height and t - 1
+    first: Indices  # (fronts + 1,) place in `order` of the first unknown that each front eliminates
     # (members,) places in `order` of each front's unknowns, ascending: those eliminated, then those passed on
     member: Indices
-    # (fronts + 1,) where each front begins in `member`
-    begin: Indices
-    # (members,) where unknowns that are passed on are in the parent's front
-    into: Indices
-    # (elements, k) unknowns of the elements, block by block
-    blocks: tuple[Indices, ...]
+    begin: Indices  # (fronts + 1,) where each front begins in `member`
+    into: Indices  # (members,) where unknowns that are passed on are in the parent's front
+    blocks: tuple[Indices, ...]  # (elements, k) unknowns of the elements, block by block
     # (pairs,) pairs sorted by the leaf that takes them, and their places in its front, a square array row by row
     source: Indices
     target: Indices
-    # (leaves + 1,) where each leaf begins in `source`
-    leaf: Indices
+    leaf: Indices  # (leaves + 1,) where each leaf begins in `source`
 
     @cached_property
     def pairs(self) -> Indices:

@@ -35,12 +35,9 @@ _SADDLE = 1e-3
 class Minimum:
     """A converged minimum."""
 
-    # (n,) where it is
-    x: Array
-    # solves with the exact Hessian there
-    solve: Solve
-    # norm of the gradient over its scale after each iteration
-    residuals: tuple[float, ...]
+    x: Array  # (n,) where it is
+    solve: Solve  # solves with the exact Hessian there
+    residuals: tuple[float, ...]  # norm of the gradient over its scale after each iteration
 
 
 def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], System], start: Array, *,

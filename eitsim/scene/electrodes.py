@@ -25,24 +25,16 @@ TOUCHING = 1e-8
 class Electrodes:
     """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface at it."""
 
-    # one of IMPEDANCES
-    kind: str = "line"
-    # how many, missing ones too
-    count: int = 16
-    # width along the rim, m
-    width_m: PerElectrode = 0.01
-    # length of patches from the rim inwards, m
-    length_m: float = 0.01
-    # angle of the middle of the first one from +x, rad; the others follow at even steps
-    first_angle_rad: float = 0.0
+    kind: str = "line"  # one of IMPEDANCES
+    count: int = 16  # how many, missing ones too
+    width_m: PerElectrode = 0.01  # width along the rim, m
+    length_m: float = 0.01  # length of patches from the rim inwards, m
+    first_angle_rad: float = 0.0  # angle of the middle of the first one from +x, rad; the others follow at even steps
     # (count,) angles of the middles from +x, rad, where they are not even; empty: they are
     angles_rad: tuple[float, ...] = ()
-    # contact impedance of lines, Ohm m; infinite: no contact
-    contact_impedance_Ohm_m: PerElectrode = 1.0
-    # contact impedance of patches, Ohm m^2; infinite: no contact
-    contact_impedance_Ohm_m2: PerElectrode = 1e-2
-    # numbers, from 0, of electrodes without contact
-    missing: tuple[int, ...] = ()
+    contact_impedance_Ohm_m: PerElectrode = 1.0  # contact impedance of lines, Ohm m; infinite: no contact
+    contact_impedance_Ohm_m2: PerElectrode = 1e-2  # contact impedance of patches, Ohm m^2; infinite: no contact
+    missing: tuple[int, ...] = ()  # numbers, from 0, of electrodes without contact
 
     def __post_init__(self) -> None:
         for name in ("width_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2", "missing"):

@@ -20,10 +20,8 @@ from touchcal.errors import InputFileError
 class Frames:
     """Frames and where they stand in their file."""
 
-    # (n, readings) V
-    volts: Array
-    # (n,) line numbers from 1
-    line: NDArray[np.int64]
+    volts: Array  # (n, readings) V
+    line: NDArray[np.int64]  # (n,) line numbers from 1
 
 
 def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:

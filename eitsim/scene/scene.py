@@ -38,26 +38,18 @@ class Punch:
     # axis in the plane of the disc, m
     x_m: float = 0.0
     y_m: float = 0.0
-    # diameter, fillet included, m
-    diameter_m: float = 0.014
-    # applied force, N; 1 N unless it or the depth is given, None where the depth is given
-    force_N: float | None = None
-    # prescribed depth, m; None where the force is given
-    depth_m: float | None = None
-    # one of PROFILES
-    profile: str = "flat"
+    diameter_m: float = 0.014  # diameter, fillet included, m
+    force_N: float | None = None  # applied force, N; 1 N unless it or the depth is given, None where the depth is given
+    depth_m: float | None = None  # prescribed depth, m; None where the force is given
+    profile: str = "flat"  # one of PROFILES
     # radius that rounds the edge, and a cone's tip; of an ellipse, its radius of curvature at the edge; m
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
     half_angle_rad: float = math.radians(60)
-    # one of FRICTIONS
-    friction: str = "none"
-    # shear over pressure that it slips at; 0 unless by Coulomb's law
-    friction_coefficient: float = 0.0
-    # whether the punch conducts and floats
-    conductor: bool = False
-    # contact impedance of a conducting punch, Ohm m^2
-    contact_impedance_Ohm_m2: float = 1e-4
+    friction: str = "none"  # one of FRICTIONS
+    friction_coefficient: float = 0.0  # shear over pressure that it slips at; 0 unless by Coulomb's law
+    conductor: bool = False  # whether the punch conducts and floats
+    contact_impedance_Ohm_m2: float = 1e-4  # contact impedance of a conducting punch, Ohm m^2
 
     def __post_init__(self) -> None:
         if self.force_N is None and self.depth_m is None:
@@ -69,20 +61,16 @@ class Skin:
     """Conductive coating of the top surface."""
 
     thickness_m: float = 20e-6
-    # the strain that drives its conductivity, one of STRAINS
-    strain: str = "normal"
+    strain: str = "normal"  # the strain that drives its conductivity, one of STRAINS
 
 
 @dataclass(frozen=True)
 class Hold:
     """How long the touch lasts."""
 
-    # times after loading at which it is read, s; empty: none
-    time_s: tuple[float, ...] = ()
-    # one of CONTROLS
-    control: str = "force"
-    # time that loading takes at a constant rate of force or depth, s; 0: loaded at once
-    loading_s: float = 0.0
+    time_s: tuple[float, ...] = ()  # times after loading at which it is read, s; empty: none
+    control: str = "force"  # one of CONTROLS
+    loading_s: float = 0.0  # time that loading takes at a constant rate of force or depth, s; 0: loaded at once
     # one of MODULI: as the card labels them, or scaled by its Prony series; a hold begins with instantaneous ones
     moduli: str = "card"
 
@@ -96,8 +84,7 @@ class Hold:
 class Accuracy:
     """What is asked of the numbers."""
 
-    # requested relative error of the touch signal dV, mechanics and electrics together
-    signal: float = 0.01
+    signal: float = 0.01  # requested relative error of the touch signal dV, mechanics and electrics together
 
 
 @dataclass(frozen=True)
@@ -112,8 +99,7 @@ class Scene:
     drive: Drive = field(default_factory=Drive)
     hold: Hold = field(default_factory=Hold)
     accuracy: Accuracy = field(default_factory=Accuracy)
-    # path of the card that the scene file names; None where it names none
-    card: str | None = None
+    card: str | None = None  # path of the card that the scene file names; None where it names none
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))

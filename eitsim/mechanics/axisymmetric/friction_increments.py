@@ -48,28 +48,20 @@ class Loaded:
     """Foam at the end of an increment, and what its contact remembers."""
 
     state: Equilibrium
-    # (facets, points) arc of the punch at which a point is held; not a number where none is
-    anchor: Array
-    # the springs of the last minimisation, which hold nothing at rest
-    springs: FrictionState
-    # relative change of the depth in the last pass; infinite after one pass
-    unsettled: float
-    # part of the reference area in contact that slips
-    slipping: float
-    # energy lost to slip since rest, over mu_0 H^3
-    dissipated: float
+    anchor: Array  # (facets, points) arc of the punch at which a point is held; not a number where none is
+    springs: FrictionState  # the springs of the last minimisation, which hold nothing at rest
+    unsettled: float  # relative change of the depth in the last pass; infinite after one pass
+    slipping: float  # part of the reference area in contact that slips
+    dissipated: float  # energy lost to slip since rest, over mu_0 H^3
 
 
 @dataclass(frozen=True)
 class FrictionHistory:
     """One end of a way of loading."""
 
-    # on the coarse mesh in half as many increments
-    rough: Loaded
-    # on the coarse mesh
-    coarse: Loaded
-    # on the fine mesh: the last increment, with the anchors of the coarse one
-    fine: Loaded
+    rough: Loaded  # on the coarse mesh in half as many increments
+    coarse: Loaded  # on the coarse mesh
+    fine: Loaded  # on the fine mesh: the last increment, with the anchors of the coarse one
 
 
 def at_rest(model: IndentationProblem) -> Loaded:

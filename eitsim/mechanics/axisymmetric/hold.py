@@ -37,26 +37,19 @@ _SAME, _KEPT, _KEPT_STEPS, _LARGEST_STEP, _LEAST_SLOPE = 1e-6, 1e-9, 40, 0.5, 0.
 class HoldHistory:
     """What is asked of a touch over time; forces over mu_0 H^2, depths over H."""
 
-    # Prony series of the foam
-    series: Prony
-    # force at the end of loading; None where the depth is given
-    force: float | None
-    # depth at the end of loading; None where the force is given
-    depth: float | None
-    # control, loading time and times of the hold
-    hold: Hold
+    series: Prony  # Prony series of the foam
+    force: float | None  # force at the end of loading; None where the depth is given
+    depth: float | None  # depth at the end of loading; None where the force is given
+    hold: Hold  # control, loading time and times of the hold
 
 
 @dataclass(frozen=True)
 class Step:
     """One step in time and what holds at its end."""
 
-    # its length, s
-    length_s: float
-    # force over mu_0 H^2; None where the depth is given
-    force: float | None
-    # depth over H; None where the force is given
-    depth: float | None
+    length_s: float  # its length, s
+    force: float | None  # force over mu_0 H^2; None where the depth is given
+    depth: float | None  # depth over H; None where the force is given
 
 
 def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Hold, *, element_m: float | None = None,

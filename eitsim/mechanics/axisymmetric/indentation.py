@@ -48,28 +48,21 @@ class IndentationProblem:
     grid: Grid
     punch: RigidPunch
     facets: Facets
-    # element size over the default element size
-    relative_size: float
+    relative_size: float  # element size over the default element size
     # (elements, points, 4) second Piola-Kirchhoff stress added to the law's, rr, rz, zz and hoop, over mu_0; None: none
     prestress: Array | None = None
-    # friction between foam and punch; None: none
-    springs: FrictionState | None = None
+    springs: FrictionState | None = None  # friction between foam and punch; None: none
 
 
 @dataclass(frozen=True)
 class Equilibrium:
     """A stable equilibrium of an indentation problem."""
 
-    # (unknowns + 1,) displacements and depth
-    x: Array
-    # (unknowns + 1,) derivative of x by the force
-    by_force: Array
-    # force on the punch
-    force: float
-    # depth, corrected to first order for the penalty's penetration
-    depth: float
-    # relative residual after each iteration
-    residuals: tuple[float, ...]
+    x: Array  # (unknowns + 1,) displacements and depth
+    by_force: Array  # (unknowns + 1,) derivative of x by the force
+    force: float  # force on the punch
+    depth: float  # depth, corrected to first order for the penalty's penetration
+    residuals: tuple[float, ...]  # relative residual after each iteration
 
 
 def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float,

@@ -27,8 +27,7 @@ class Stretch:
     position: Array
     meridian: Array
     hoop: Array
-    # through the thickness: J over the areal stretch
-    normal: Array
+    normal: Array  # through the thickness: J over the areal stretch
     # current radius over the reference radius, derivative of the current radius by the reference radius
     widening: Array
 
@@ -37,16 +36,11 @@ class Stretch:
 class Contact:
     """Integrals of the contact."""
 
-    # (facets,) contact pressure on the deformed surface, facet averages
-    pressure: Array
-    # (facets,) reference radius of the facets' middles
-    middle: Array
-    # reference radius of the outermost point that touches
-    radius: float
-    # current area projected on the punch's face where the face or the fillet is touched
-    area: float
-    # current area of the side wall that is touched
-    wall: float
+    pressure: Array  # (facets,) contact pressure on the deformed surface, facet averages
+    middle: Array  # (facets,) reference radius of the facets' middles
+    radius: float  # reference radius of the outermost point that touches
+    area: float  # current area projected on the punch's face where the face or the fillet is touched
+    wall: float  # current area of the side wall that is touched
 
 
 def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:

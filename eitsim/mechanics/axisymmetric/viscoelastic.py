@@ -28,10 +28,8 @@ _IDLE = 1e-5
 class Memory:
     """What the foam remembers; second Piola-Kirchhoff parts rr, rz, zz and hoop, over mu_0."""
 
-    # (elements, points, 4) stress of the instantaneous law
-    instantaneous: Array
-    # (M, elements, points, 4) int exp(-(t-s)/tau_i) dS_0(s) of each term of the series
-    decaying: Array
+    instantaneous: Array  # (elements, points, 4) stress of the instantaneous law
+    decaying: Array  # (M, elements, points, 4) int exp(-(t-s)/tau_i) dS_0(s) of each term of the series
 
 
 def unloaded(model: IndentationProblem, series: Prony) -> Memory:

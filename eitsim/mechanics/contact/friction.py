@@ -26,42 +26,30 @@ _STIFFNESS = 0.1
 class Nearest:
     """Points of the punch's profile that are nearest to the Gauss points (facets, points) of the foam's top."""
 
-    # depth inside the punch, negative outside
-    penetration: Array
-    # arc of the profile from the axis
-    arc: Array
-    # (facets, points, 2) direction (r, z) of the profile, outwards and up
-    along: Array
+    penetration: Array  # depth inside the punch, negative outside
+    arc: Array  # arc of the profile from the axis
+    along: Array  # (facets, points, 2) direction (r, z) of the profile, outwards and up
 
 
 @dataclass(frozen=True)
 class FrictionState:
     """Springs along the punch's profile at the Gauss points (facets, points) during one minimisation."""
 
-    # nominal shear over slip, while it sticks
-    stiffness: float
-    # (facets, points) largest nominal shear; infinite where the punch sticks, 0 where nothing holds
-    limit: Array
-    # (facets, points) slip from the anchor where the displacement is `moved`
-    slip: Array
-    # (facets, points, 2) displacement as seen from the punch
-    moved: Array
-    # (facets, points, 2) direction (r, z) of the profile, outwards and up
-    along: Array
+    stiffness: float  # nominal shear over slip, while it sticks
+    limit: Array  # (facets, points) largest nominal shear; infinite where the punch sticks, 0 where nothing holds
+    slip: Array  # (facets, points) slip from the anchor where the displacement is `moved`
+    moved: Array  # (facets, points, 2) displacement as seen from the punch
+    along: Array  # (facets, points, 2) direction (r, z) of the profile, outwards and up
 
 
 @dataclass(frozen=True)
 class Shear:
     """State of the springs, each (facets, points)."""
 
-    # potential per reference area
-    potential: Array
-    # nominal shear; positive pulls the foam inwards
-    size: Array
-    # its derivative by the slip: the spring's stiffness, 0 where it slips
-    slope: Array
-    # size of the slip that the spring does not take up
-    slipped: Array
+    potential: Array  # potential per reference area
+    size: Array  # nominal shear; positive pulls the foam inwards
+    slope: Array  # its derivative by the slip: the spring's stiffness, 0 where it slips
+    slipped: Array  # size of the slip that the spring does not take up
 
 
 def coefficient(punch: Punch) -> float:

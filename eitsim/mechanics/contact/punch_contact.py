@@ -22,8 +22,7 @@ class RigidPunch:
     """A punch and how hard it resists penetration."""
 
     profile: Profile
-    # penalty: nominal pressure over a small penetration
-    stiffness: float
+    stiffness: float  # penalty: nominal pressure over a small penetration
     # penetration at which the pressure is twice what the penalty alone gives; from there on it grows with the third
     # power
     stiffening_penetration: float = np.inf
@@ -33,30 +32,21 @@ class RigidPunch:
 class Facets:
     """Top facets of order p with Gauss points."""
 
-    # (facets, p + 1) nodes from the inner to the outer end
-    nodes: Indices
-    # (points, p + 1) shape functions
-    shape: Array
-    # (facets, points, p + 1) their derivatives by the reference radius
-    slope: Array
-    # (facets, points) reference radius
-    radius: Array
-    # (facets, points) quadrature weight, 2 pi r included
-    weight: Array
+    nodes: Indices  # (facets, p + 1) nodes from the inner to the outer end
+    shape: Array  # (points, p + 1) shape functions
+    slope: Array  # (facets, points, p + 1) their derivatives by the reference radius
+    radius: Array  # (facets, points) reference radius
+    weight: Array  # (facets, points) quadrature weight, 2 pi r included
 
 
 @dataclass(frozen=True)
 class ContactState:
     """State of the Gauss points under a punch."""
 
-    # (facets, points) penetration, 0 where there is none
-    penetration: Array
-    # (facets, points, 2) derivative of the penetration by the position (r, z)
-    normal: Array
-    # (facets, points, 2, 2) second derivative
-    curvature: Array
-    # (facets, points) whether the nearest point of the punch lies on its side wall
-    wall: NDArray[np.bool_]
+    penetration: Array  # (facets, points) penetration, 0 where there is none
+    normal: Array  # (facets, points, 2) derivative of the penetration by the position (r, z)
+    curvature: Array  # (facets, points, 2, 2) second derivative
+    wall: NDArray[np.bool_]  # (facets, points) whether the nearest point of the punch lies on its side wall
 
 
 def top_facets(grid: Grid, reach: float = np.inf, points: int = POINTS) -> Facets:

@@ -19,12 +19,10 @@ from touchcal.arrays import Array
 class StickSprings:
     """Springs at the points of the surface that the punch may touch."""
 
-    # (facets points, 1) nominal shear over slip; 0 where nothing holds
-    stiffness: Array
+    stiffness: Array  # (facets points, 1) nominal shear over slip; 0 where nothing holds
     # (facets points, 2, 3) directions in the local frame: along the profile, outwards and up, and around the axis
     direction: Array
-    # (facets points, 2, 1) slip along them where nothing has moved
-    offset: Array
+    offset: Array  # (facets points, 2, 1) slip along them where nothing has moved
 
 
 def stick_springs(held: FrictionState | None, shape: tuple[int, ...]) -> StickSprings:

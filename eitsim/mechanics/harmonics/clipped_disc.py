@@ -34,12 +34,9 @@ TIE = 1e-3
 class SurfaceQuadrature:
     """The surface that the punch may touch, at points that stand for circles."""
 
-    # (facets, p + 1) nodes
-    nodes: Indices
-    # (points, p + 1) shape functions at a facet's points
-    shape: Array
-    # (facets points, 1) reference radius
-    radius: Array
+    nodes: Indices  # (facets, p + 1) nodes
+    shape: Array  # (points, p + 1) shape functions at a facet's points
+    radius: Array  # (facets points, 1) reference radius
     # (facets points, angles) quadrature weight
     weight: Array
     circles: AngularQuadrature
@@ -49,12 +46,9 @@ class SurfaceQuadrature:
 class CutVolumeQuadrature:
     """A given field that is added to the disc's own, and its own equilibrium with another punch."""
 
-    # (points, 9, angles) displacement gradient at the foam's points
-    displacement_gradient: Array
-    # (points, 9, angles) first Piola stress of that field alone, with the foam's weights
-    stress: Array
-    # (facets points, 3, angles) displacement of the surface that the punch may touch
-    shift: Array
+    displacement_gradient: Array  # (points, 9, angles) displacement gradient at the foam's points
+    stress: Array  # (points, 9, angles) first Piola stress of that field alone, with the foam's weights
+    shift: Array  # (facets points, 3, angles) displacement of the surface that the punch may touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,23 +64,16 @@ class ClippedDisc:
     weight: Array
     tie: Array
     facing: SurfaceQuadrature
-    # what holds the surface where the punch sticks
-    springs: StickSprings
-    # (columns,) radii of the nodes' columns
-    columns: Array
-    # order of the elements
-    order: int
-    # (nodes, 3, harmonics) amplitudes of the axisymmetric state
-    base: Array
+    springs: StickSprings  # what holds the surface where the punch sticks
+    columns: Array  # (columns,) radii of the nodes' columns
+    order: int  # order of the elements
+    base: Array  # (nodes, 3, harmonics) amplitudes of the axisymmetric state
     # its depth, and the force on the punch
     depth: float
     force: float
-    # whether the depth is kept instead of the force
-    held: bool
-    # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
-    fixed: NDArray[np.bool_]
-    # what a neighbour adds; None: nothing
-    outside: CutVolumeQuadrature | None = None
+    held: bool  # whether the depth is kept instead of the force
+    fixed: NDArray[np.bool_]  # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
+    outside: CutVolumeQuadrature | None = None  # what a neighbour adds; None: nothing
 
     @property
     def unknowns(self) -> int:

@@ -30,23 +30,19 @@ _LEAST, _MOST, _SIGN = 1e-3, 0.03, 0.3
 class Contact:
     """Points of the surface under a punch, all (facets points, ..., angles)."""
 
-    # penetration, 0 where there is none
-    penetration: Array
+    penetration: Array  # penetration, 0 where there is none
     # (., 3, .) and (., 3, 3, .): its derivatives by the position in the local frame
     normal: Array
     curvature: Array
-    # whether the side wall is nearest
-    wall: NDArray[np.bool_]
+    wall: NDArray[np.bool_]  # whether the side wall is nearest
 
 
 @dataclass(frozen=True)
 class Tangents:
     """Second derivatives of the energy at points, with their weights."""
 
-    # (points, 45, angles) of the foam, as in `eitsim.mechanics.solid.hyperfoam_3d`
-    foam: Array
-    # (facets points, 3, 3, angles) of the contact
-    bearing: Array
+    foam: Array  # (points, 45, angles) of the foam, as in `eitsim.mechanics.solid.hyperfoam_3d`
+    bearing: Array  # (facets points, 3, 3, angles) of the contact
 
 
 def energy(disc: ClippedDisc, x: Array) -> float:

@@ -30,10 +30,8 @@ _TURNING = ((1, 0, 2, -1), (4, 1, 2, 1), (7, 2, 2, -1))
 class Points:
     """Points of the meridian, each standing for a circle."""
 
-    # (points, nodes, 3) N_,r, N_,z and N/r of the shape functions of its element
-    shape: Array
-    # (points, nodes) node numbers
-    nodes: Indices
+    shape: Array  # (points, nodes, 3) N_,r, N_,z and N/r of the shape functions of its element
+    nodes: Indices  # (points, nodes) node numbers
     # (points,) number of its circle
     circle: Indices
     circles: AngularQuadrature

@@ -28,10 +28,8 @@ _HELD = 4
 class Family:
     """Touches of a shape over force, diameter and law."""
 
-    # of the central law, as deep as the paths of all; error, checks and CPU time are those of all
-    table: Table
-    # which laws are weighted how
-    span: ReducedBasis
+    table: Table  # of the central law, as deep as the paths of all; error, checks and CPU time are those of all
+    span: ReducedBasis  # which laws are weighted how
     # (K, D, k, 6 r + 6) changes of a table's values and slopes at the diameters and depths of `places`
     values: Array
     slopes: Array

@@ -49,10 +49,8 @@ class LoadPath:
     law: Hyperfoam
     body: Body
     levels: tuple[IndentationProblem, ...]
-    # the skin's driving strain, for which errors of signals are estimated
-    strain: str
-    # (r,) reference radii
-    radius: Array
+    strain: str  # the skin's driving strain, for which errors of signals are estimated
+    radius: Array  # (r,) reference radii
 
     @property
     def face(self) -> float:
@@ -64,19 +62,14 @@ class LoadPath:
 class Node:
     """One equilibrium of a path."""
 
-    # depth of the punch as solved, before the correction for penetration
-    depth: float
+    depth: float  # depth of the punch as solved, before the correction for penetration
     # (6, r) FIELDS at the path's radii, and their derivatives by the depth
     fields: Array
     slopes: Array
-    # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
-    numbers: Array
-    # (6,) ERRORS
-    error_estimate: Array
-    # derivative of the mean pressure by the depth
-    stiffness: float
-    # equilibria on all levels; empty where they are no longer needed
-    states: tuple[Equilibrium, ...]
+    numbers: Array  # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
+    error_estimate: Array  # (6,) ERRORS
+    stiffness: float  # derivative of the mean pressure by the depth
+    states: tuple[Equilibrium, ...]  # equilibria on all levels; empty where they are no longer needed
 
     @property
     def mean_pressure(self) -> float:
@@ -92,10 +85,8 @@ class Deviation:
     """How far an interpolated touch is from one solved anew at the same force, relative."""
 
     depth: float
-    # dipole response of a nominal skin; at least a tenth of what its parts add up to is the scale
-    signal: float
-    # all three stretches of the surface, L2 over the reference area
-    strain: float
+    signal: float  # dipole response of a nominal skin; at least a tenth of what its parts add up to is the scale
+    strain: float  # all three stretches of the surface, L2 over the reference area
 
     def at_least(self, other: Deviation) -> Deviation:
         """The larger of both, each by itself."""

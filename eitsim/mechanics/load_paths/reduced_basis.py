@@ -32,8 +32,7 @@ class ReducedBasis:
     """A few laws, and what their weighted means are good for."""
 
     central: Hyperfoam
-    # those whose differences to the central one are weighted
-    chosen: tuple[Hyperfoam, ...]
+    chosen: tuple[Hyperfoam, ...]  # those whose differences to the central one are weighted
     # laws that give the error of a mean, the farthest from the central one first; empty where one law is all there is
     held_out: tuple[Hyperfoam, ...]
     # largest relative stress, r.m.s., that a mean misses of the laws it was made for, and their largest weight

@@ -91,12 +91,9 @@ def _stretched(distance: Array, old: float, new: float, scale: float) -> Array:
 class State:
     """A touch without units, from a table."""
 
-    # depth, corrected for penetration
-    depth: float
-    # (6, r) FIELDS at the table's radii, carried over to the diameter
-    fields: Array
-    # NUMBERS and ERRORS by name
-    number: Mapping[str, float]
+    depth: float  # depth, corrected for penetration
+    fields: Array  # (6, r) FIELDS at the table's radii, carried over to the diameter
+    number: Mapping[str, float]  # NUMBERS and ERRORS by name
 
 
 def state(table: Table, diameter: float, *, mean_pressure: float | None = None,

@@ -25,10 +25,8 @@ _CUBIC = 4
 class AxisTransfer:
     """Points about one axis, as points about the other."""
 
-    # the same places in the other's meridian, each with a circle of its own of one angle
-    points: Points
-    # (points, 3, 3) takes vectors of the other's local frame (r, theta, z) to this one's
-    turn: Array
+    points: Points  # the same places in the other's meridian, each with a circle of its own of one angle
+    turn: Array  # (points, 3, 3) takes vectors of the other's local frame (r, theta, z) to this one's
 
     def gradient(self, amplitude: Array) -> Array:
         """Displacement gradients (points, 9) in this local frame of the other's amplitudes (nodes, 3, harmonics)."""

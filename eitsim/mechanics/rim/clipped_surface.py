@@ -33,8 +33,7 @@ class Samples:
     radius: Array
     share: Array
     angle: Array
-    # what ends the circles: the rim, or a plane that stands for one
-    outline: OffsetDisc
+    outline: OffsetDisc  # what ends the circles: the rim, or a plane that stands for one
 
 
 def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc) -> Samples:

@@ -24,18 +24,14 @@ class RimCorrection:
     """What the rim, or a neighbour, changes of an axisymmetric touch."""
 
     field: RimField
-    # depth added to the axisymmetric one, m
-    depth_m: float
+    depth_m: float  # depth added to the axisymmetric one, m
     # ratios of the largest pressure and of the contact areas, face and wall, to the axisymmetric ones
     pressure: float
     area: float
     wall: float
-    # fraction of the quadrature points where strong ellipticity is lost
-    fraction_non_elliptic: float
-    # relative residual after each iteration
-    residuals: tuple[float, ...]
-    # ratio of the force to the axisymmetric one: 1 but where the depth is given
-    force: float = 1.0
+    fraction_non_elliptic: float  # fraction of the quadrature points where strong ellipticity is lost
+    residuals: tuple[float, ...]  # relative residual after each iteration
+    force: float = 1.0  # ratio of the force to the axisymmetric one: 1 but where the depth is given
 
 
 def apply_correction(touch: Touch, change: RimCorrection) -> Touch:

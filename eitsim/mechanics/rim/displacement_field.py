@@ -33,12 +33,9 @@ class Places:
     # (n,) radius and height, m
     radius_m: Array
     height_m: Array
-    # (n,) number of its half-plane
-    plane: Indices
-    # (planes,) angles of these from the direction to the nearest point of the rim, rad
-    angle_rad: Array
-    # (n, 2) radius and height, m, of a place inside the element that each belongs to
-    within_m: Array
+    plane: Indices  # (n,) number of its half-plane
+    angle_rad: Array  # (planes,) angles of these from the direction to the nearest point of the rim, rad
+    within_m: Array  # (n, 2) radius and height, m, of a place inside the element that each belongs to
 
 
 def volume_of(disc: ClippedDisc, model: IndentationProblem, state: Equilibrium, x: Array, law: Hyperfoam, unit: float,

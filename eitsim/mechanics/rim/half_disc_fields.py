@@ -35,12 +35,9 @@ _CORNERS = {"wedge": np.array([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 0, 1), (1, 1
 class Lattice:
     """Corners of the cells."""
 
-    # (radii, angles) reference radius, m
-    radius_m: Array
-    # (angles,) from the direction to the nearest point of the rim, rad
-    angle_rad: Array
-    # (heights,) m
-    height_m: Array
+    radius_m: Array  # (radii, angles) reference radius, m
+    angle_rad: Array  # (angles,) from the direction to the nearest point of the rim, rad
+    height_m: Array  # (heights,) m
 
 
 def volume_fields(touch: Touch) -> tuple[Array, list[tuple[str, Indices]], dict[str, Array]]:

@@ -60,16 +60,11 @@ FACTORISATIONS = 2000
 class Resolution:
     """How finely the change is resolved."""
 
-    # element size at the punch's edge over the default one of the axisymmetric touch
-    element: float
-    # harmonics of the angle, the constant included
-    harmonics: int
-    # angles on half a circle
-    angles: int
-    # reference radius, thicknesses outside the punch's edge, at which the change ends
-    out_to: float = _OUT_TO
-    # widest element up to there, thicknesses
-    widest: float = _WIDEST
+    element: float  # element size at the punch's edge over the default one of the axisymmetric touch
+    harmonics: int  # harmonics of the angle, the constant included
+    angles: int  # angles on half a circle
+    out_to: float = _OUT_TO  # reference radius, thicknesses outside the punch's edge, at which the change ends
+    widest: float = _WIDEST  # widest element up to there, thicknesses
 
 
 COARSE, FINE = Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)

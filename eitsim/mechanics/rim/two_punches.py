@@ -53,13 +53,11 @@ FINEST = Resolution(3.0, 9, 18)
 class _Frame:
     """One punch of two, and how the other's field is seen from it; lengths in thicknesses."""
 
-    # the touch alone on the frame's mesh, nothing added
-    alone: Solution
+    alone: Solution  # the touch alone on the frame's mesh, nothing added
     # distance of the plane in the middle from the punch's axis, and of the other axis
     half: float
     separation: float
-    # (points, angles) whether a point of the foam lies in this punch's half
-    near: NDArray[np.bool_]
+    near: NDArray[np.bool_]  # (points, angles) whether a point of the foam lies in this punch's half
     # those points, and all (facets points x angles) of the surface that the punch may touch, seen from the other
     foam: AxisTransfer
     surface: AxisTransfer
@@ -78,10 +76,8 @@ class _Pair:
     """Two frames and what is added in each."""
 
     frames: tuple[_Frame, ...]
-    # the frames' discs with the other's field
-    discs: tuple[ClippedDisc, ...]
-    # (unknowns + 1,) each
-    x: tuple[Array, ...]
+    discs: tuple[ClippedDisc, ...]  # the frames' discs with the other's field
+    x: tuple[Array, ...]  # (unknowns + 1,) each
     # largest relative change of depths and forces by the last pass
     moved: float
     residuals: tuple[float, ...]

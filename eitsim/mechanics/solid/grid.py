@@ -39,16 +39,12 @@ _WIDEST, _WIDEST_UNDER_TIP = 0.08, 0.03
 class Grid:
     """A mesh of the (r, z) half-plane with its quadrature, p the elements' order; lengths in any one unit."""
 
-    # (nodes, 2) reference position (r, z), column after column, upwards in each
-    nodes: Array
-    # (elements, (p + 1)^2) node numbers
-    elements: Indices
-    # (nodes, 2) number of the unknown of (u_r, u_z); -1 where the displacement is zero
-    unknown: Indices
+    nodes: Array  # (nodes, 2) reference position (r, z), column after column, upwards in each
+    elements: Indices  # (elements, (p + 1)^2) node numbers
+    unknown: Indices  # (nodes, 2) number of the unknown of (u_r, u_z); -1 where the displacement is zero
     # (elements, points, (p + 1)^2, 3) N_,r, N_,z and N/r of each shape function; the last is 0 in plane strain
     gradient: Array
-    # (elements, points) quadrature weight, 2 pi r included unless plane strain
-    weight: Array
+    weight: Array  # (elements, points) quadrature weight, 2 pi r included unless plane strain
     # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, from the axis outwards
     top: Indices
 

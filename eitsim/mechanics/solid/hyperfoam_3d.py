@@ -23,8 +23,7 @@ UPPER = np.triu_indices(9)
 class Stretches:
     """Principal stretches of a field of deformation gradients and the axes that they act on."""
 
-    # (rings, angles, 3) logarithmic stretches
-    log: Array
+    log: Array  # (rings, angles, 3) logarithmic stretches
     # (rings, angles, 3, 3) axes u_k and v_k in the rows
     left: Array
     right: Array

@@ -21,12 +21,9 @@ class Flat:
     # 10 MPa/mm for mu_0 = 9.53 kPa, a thickness of 10 mm and a fillet of 0.5 mm
     default_penalty: ClassVar[float] = 525.0
 
-    # that of the edge included
-    radius: float
-    # of the rounded edge and tip
-    edge_radius: float
-    # angle between the face and the horizontal, rad
-    slope: float = 0.0
+    radius: float  # that of the edge included
+    edge_radius: float  # of the rounded edge and tip
+    slope: float = 0.0  # angle between the face and the horizontal, rad
 
     @classmethod
     def of(cls, radius: float, fillet: float, half_angle_rad: float) -> Self:
