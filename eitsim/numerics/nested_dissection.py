@@ -202,7 +202,6 @@ def _collect(height, first, starts, element, offset, unknown, mark, member, into
 
 @compiled
 def _place(height, begin, member, starts, element, offset, unknown, position, source, target, leaves):
-    """Places of the pairs of each leaf's elements in its front."""
     first_pair = np.zeros(len(offset), np.int64)
     for e in range(len(offset) - 1):
         first_pair[e + 1] = first_pair[e] + (offset[e + 1] - offset[e]) * (offset[e + 1] - offset[e] - 1) // 2

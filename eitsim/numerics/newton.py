@@ -93,8 +93,7 @@ def _descend(energy: Callable[[Array], float], x: Array, value: float, gradient:
     slope, length = float(gradient @ step), 1.0
     for _ in range(_HALVINGS):
         reached = energy(x + length * step)
-        if reached <= value + _ARMIJO * length * slope or (
-                -slope < _ROUNDING * abs(value) and np.isfinite(reached)):
+        if reached <= value + _ARMIJO * length * slope or (-slope < _ROUNDING * abs(value) and np.isfinite(reached)):
             return length, reached
         length /= 2
     raise NotConverged("no step along the Newton direction lowers the energy.", estimate=x, residuals=tuple(residuals))

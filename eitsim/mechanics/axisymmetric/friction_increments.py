@@ -129,7 +129,6 @@ def _carried_over(coarse: IndentationProblem, last: Loaded, now: Loaded, fine: I
 
 
 def _on(coarse: IndentationProblem, loaded: Loaded, fine: IndentationProblem) -> Loaded:
-    """A coarse mesh's state and anchors on a finer one."""
     x, by_force = (indentation.transferred(v, coarse.grid, fine.grid) for v in (loaded.state.x, loaded.state.by_force))
     held = ~np.isnan(loaded.anchor)
     anchor = np.full(fine.facets.weight.shape, np.nan)

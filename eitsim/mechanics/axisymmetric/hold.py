@@ -126,7 +126,6 @@ def states_over(model: IndentationProblem, course: HoldHistory, per_decade: int,
 
 
 def _ramped(model: IndentationProblem, course: HoldHistory, steps: int) -> tuple[Memory, Equilibrium]:
-    """Memory and equilibrium after a loading at constant rate of force or depth."""
     def share(end: float | None, k: int) -> float | None:
         return None if end is None else end * k / steps
 

@@ -114,7 +114,6 @@ def _roots(disc: ClippedDisc) -> tuple[Array, Array]:
 
 
 def _scaled(disc: ClippedDisc, even: Array, odd: Array, amplitude: Array) -> Array:
-    """Turned amplitudes (harmonics, nodes, 3) scaled column by column."""
     count, columns = len(amplitude), len(even)
     at = turned(np.where(disc.fixed, 0.0, amplitude)).reshape(count, columns, -1, 3)
     at = np.moveaxis(at, 0, 1)

@@ -54,7 +54,6 @@ def build_family(table: Table, span: ReducedBasis, run: Run = map) -> Family:
 
 def _path(depths: Array, pressures: Mapping[float, Array],
           which: tuple[DimensionlessProblem, float]) -> tuple[Array, Array]:
-    """Values and slopes of one law's path at depths, as far as it goes."""
     shape, diameter = which
     nodes = list(alongside(course_at(shape, diameter), depths.tolist(), pressures[diameter].tolist()))
     return tabulated(nodes, depths[:len(nodes)])[:2]
@@ -74,7 +73,6 @@ def _changes(table: Table, values: Array, slopes: Array) -> tuple[Array, Array]:
 
 
 def _checked(family: Family, run: Run) -> Family:
-    """The family with the largest deviation of means from touches of other laws solved anew."""
     table, laws = family.table, family.span.held_out
     depths = (table.depths[1:] + table.depths[:-1]) / 2
     depths = depths[np.unique(np.linspace(0, len(depths) - 1, _CHECKS).round().astype(int))]

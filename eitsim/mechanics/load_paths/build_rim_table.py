@@ -30,11 +30,9 @@ from eitsim.scene.scene import Punch
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-# (diameters, gaps, depths) of Solved, None where nothing was found
-Found = NDArray[np.object_]
 # diameter, gap, depth, over the thickness
 Place = tuple[float, float, float]
-Solve = Callable[[Table, Place], Solved]
+Solve = Callable[[Table, Place], Any]
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class _Nodes:
 
     gaps: Array
     depths: Array
-    solved: Found
+    solved: NDArray[np.object_]  # (diameters, gaps, depths) of Solved, None where nothing was found
     cpu_s: float
 
     @property
@@ -131,12 +129,12 @@ def _no_errors(nodes: _Nodes) -> Array:
     return error_estimate
 
 
-def timed_change(solve: Callable[[Table, Place], Any], table: Table, place: Place) -> tuple[Any, float]:
+def timed_change(solve: Solve, table: Table, place: Place) -> tuple[Any, float]:
     """What `solve` finds at a place, None where it finds nothing, and the CPU time."""
     return timed(_found, solve, table, place)
 
 
-def _found(solve: Callable[[Table, Place], Any], table: Table, place: Place) -> Any:
+def _found(solve: Solve, table: Table, place: Place) -> Any:
     try:
         return solve(table, place)
     except NotConverged:

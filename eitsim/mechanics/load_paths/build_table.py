@@ -73,7 +73,6 @@ def course_at(shape: DimensionlessProblem, diameter: float) -> LoadPath:
 
 
 def _path(shape: DimensionlessProblem, depths: Array, diameter: float) -> tuple[Array, Array, Array]:
-    """What `tabulated` makes of a path at these depths, as far as it goes."""
     nodes = list(traced(course_at(shape, diameter), depths.tolist()))
     return tabulated(nodes, depths[:len(nodes)])
 

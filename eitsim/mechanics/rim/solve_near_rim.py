@@ -35,10 +35,6 @@ from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-# How far from the punch's edge the change ends, thicknesses.
-_OUT_TO = 5.0
-# Widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7.
-_WIDEST = 0.5
 # Elements are halved along the radius from so far inside the punch's edge to so far outside it, thicknesses: there the
 # strain falls off steeply where the foam leaves the fillet, and the rim moves that place.
 _INSIDE, _OUTSIDE = 0.05, 0.2
@@ -63,8 +59,9 @@ class Resolution:
     element: float  # element size at the punch's edge over the default one of the axisymmetric touch
     harmonics: int  # harmonics of the angle, the constant included
     angles: int  # angles on half a circle
-    out_to: float = _OUT_TO  # reference radius, thicknesses outside the punch's edge, at which the change ends
-    widest: float = _WIDEST  # widest element up to there, thicknesses
+    out_to: float = 5.0  # reference radius, thicknesses outside the punch's edge, at which the change ends
+    # widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7
+    widest: float = 0.5
 
 
 COARSE, FINE = Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)

@@ -210,7 +210,6 @@ def _met(disc: ClippedDisc, before: CutVolumeQuadrature | None, after: CutVolume
 
 
 def _change(pair: _Pair, i: int, body: Body, punches: Sequence[Punch]) -> RimCorrection:
-    """What its neighbour changes of one of two touches."""
     there = np.array([punches[1 - i].x_m - punches[i].x_m, punches[1 - i].y_m - punches[i].y_m])
     found = replace(pair.frames[i].alone, disc=pair.discs[i], x=pair.x[i], residuals=pair.residuals)
     towards = there / np.linalg.norm(there)
