@@ -29,7 +29,7 @@ class Dissection:
     order: Indices  # (size,) unknowns in the order of their elimination; the last one stays
     height: Indices  # (fronts,) height of each front in the tree; the children of front t are t - 2**height and t - 1
     first: Indices  # (fronts + 1,) place in `order` of the first unknown that each front eliminates
-    # (members,) places in `order` of each front's unknowns, ascending: those eliminated, then those passed on
+    # (members,) places in `order` of each front's unknowns, ascending: eliminated ones, then passed on ones
     member: Indices
     begin: Indices  # (fronts + 1,) where each front begins in `member`
     into: Indices  # (members,) where unknowns that are passed on are in the parent's front

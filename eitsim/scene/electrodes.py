@@ -30,8 +30,7 @@ class Electrodes:
     width_m: PerElectrode = 0.01  # width along the rim, m
     length_m: float = 0.01  # length of patches from the rim inwards, m
     first_angle_rad: float = 0.0  # angle of the middle of the first one from +x, rad; the others follow at even steps
-    # (count,) angles of the middles from +x, rad, where they are not even; empty: they are
-    angles_rad: tuple[float, ...] = ()
+    angles_rad: tuple[float, ...] = ()  # (count,) angles of the middles from +x, rad; empty: at even steps
     contact_impedance_Ohm_m: PerElectrode = 1.0  # contact impedance of lines, Ohm m; infinite: no contact
     contact_impedance_Ohm_m2: PerElectrode = 1e-2  # contact impedance of patches, Ohm m^2; infinite: no contact
     missing: tuple[int, ...] = ()  # numbers, from 0, of electrodes without contact

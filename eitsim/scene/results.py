@@ -71,7 +71,7 @@ class Section:
     """The foam's displacement on the half-plane through the punch's axis, on its elements."""
 
     nodes_m: Array  # (nodes, 2) reference position (r, z), m, z = 0 at the top
-    # (elements, 4 or 9) nodes: corners counter-clockwise, and for order 2 middles of edges, centre
+    # (elements, 4 or 9) nodes: corners counter-clockwise; of order 2 middles of edges, centre
     elements: NDArray[np.int64]
     # (nodes, 2) displacement (u_r, u_z), m
     displacement_m: Array
@@ -110,8 +110,7 @@ class Touch:
     u_z_m: Array  # (n,) vertical displacement of the surface, m, down negative
     stretch_meridian: Array  # (n,) stretch of the surface along the meridian
     stretch_hoop: Array  # (n,) stretch of the surface around the axis
-    # (n,) stretch through the thickness, normal to the deformed surface, J over the areal stretch
-    stretch_normal: Array
+    stretch_normal: Array  # (n,) stretch through the thickness, normal to the deformed surface: J over the areal one
     pressure_Pa: Array  # (n,) contact pressure on the deformed surface, Pa
     contact_radius_m: float  # reference radius outside which no surface sample touches the punch (wall included), m
     force_N: float  # reaction on the punch, N
@@ -127,21 +126,18 @@ class Touch:
     residuals: tuple[float, ...]  # relative residual after each iteration
     cpu_s: float  # CPU time spent, s
     sigma_max_error: float | None = None  # estimated relative error of sigma_max_Pa; None where it is not estimated
-    # estimated relative error of contact_area_m2; None where it is not estimated
-    contact_area_error: float | None = None
+    contact_area_error: float | None = None  # estimated relative error of contact_area_m2; None where not estimated
     # estimated relative error of the strain that drives the skin, L2 over the surface; None where it is not estimated
     strain_error: float | None = None
     # (2, 2) least and largest reference radius, and depth below the untouched surface, m, where strong ellipticity is
     # lost; None where it is kept
     non_elliptic_m: Array | None = None
     section: Section | None = None  # displacement inside the foam; None where it is not kept
-    # part of the reference area in contact that slips at last; None without friction
-    slip_fraction: float | None = None
+    slip_fraction: float | None = None  # part of the reference area in contact that slips; None without friction
     # what the rim or a neighbour changes at the surface; None where they are far. Depth and contact hold it, the arrays
     # above do not
     rim: RimField | None = None
-    # displacement inside the foam with the rim's effect; None without one, or where it is not kept
-    volume: Volume | None = None
+    volume: Volume | None = None  # displacement inside the foam with the rim's effect; None without one, or not kept
 
 
 @dataclass(frozen=True)
@@ -154,8 +150,7 @@ class Readings:
     signal_V: Array  # (patterns, readings) signal dV, V; where a mesh is used, both terms on the touch's own
     impedance_Ohm: Array  # (electrodes, electrodes) impedance matrix of the touched skin, Ohm
     signal_error: float  # estimated relative error of signal_V in the 2-norm, discretisation of the electrics only
-    # fraction of the disc whose strain lies outside the range of the conductivity fit
-    skin_fraction_extrapolated: float
+    skin_fraction_extrapolated: float  # part of the disc whose strain lies outside the range of the conductivity fit
     unknowns: int  # unknowns of the linear system
     cpu_s: float  # CPU time spent, s
     method: str = ""  # how dV was solved: "multipole" or "mesh"

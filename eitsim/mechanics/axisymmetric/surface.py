@@ -28,8 +28,7 @@ class Stretch:
     meridian: Array
     hoop: Array
     normal: Array  # through the thickness: J over the areal stretch
-    # current radius over the reference radius, derivative of the current radius by the reference radius
-    widening: Array
+    widening: Array  # current radius over the reference radius, times its derivative by the reference radius
 
 
 @dataclass(frozen=True)

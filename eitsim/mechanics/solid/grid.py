@@ -45,8 +45,7 @@ class Grid:
     # (elements, points, (p + 1)^2, 3) N_,r, N_,z and N/r of each shape function; the last is 0 in plane strain
     gradient: Array
     weight: Array  # (elements, points) quadrature weight, 2 pi r included unless plane strain
-    # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, from the axis outwards
-    top: Indices
+    top: Indices  # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, outwards
 
     @property
     def order(self) -> int:

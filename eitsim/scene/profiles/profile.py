@@ -27,8 +27,7 @@ class Profile(Protocol):
 
     is_flat: ClassVar[bool]  # whether its face is flat but for the edge, as tables of load paths take it
     sharp_tip: ClassVar[bool]  # whether it has a tip as sharp as its edge, about which the mesh is as fine
-    # default penalty, nominal contact pressure over penetration: mu_0 over grid.feature_m
-    default_penalty: ClassVar[float]
+    default_penalty: ClassVar[float]  # nominal contact pressure over penetration: mu_0 over grid.feature_m
 
     @classmethod
     def of(cls, radius: float, fillet: float, half_angle_rad: float) -> Self:

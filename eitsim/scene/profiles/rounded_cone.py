@@ -18,8 +18,7 @@ class Flat:
 
     is_flat: ClassVar[bool] = True
     sharp_tip: ClassVar[bool] = False
-    # 10 MPa/mm for mu_0 = 9.53 kPa, a thickness of 10 mm and a fillet of 0.5 mm
-    default_penalty: ClassVar[float] = 525.0
+    default_penalty: ClassVar[float] = 525.0  # 10 MPa/mm for mu_0 = 9.53 kPa, 10 mm of foam and a fillet of 0.5 mm
 
     radius: float  # that of the edge included
     edge_radius: float  # of the rounded edge and tip

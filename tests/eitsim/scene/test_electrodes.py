@@ -148,9 +148,9 @@ def test_the_plan_refuses_electrodes_whose_rim_is_not_solved(raw: dict, named: s
 
 def test_the_plan_tells_missing_electrodes_and_patches():
     scene = scene_from({"electrodes": {"kind": "patch", "missing": [3, 7]}})
-    told = " ".join(decision.decision for decision in make_plan(scene, CARD).decisions)
-    assert "without electrodes 3, 7" in told
-    assert "patches conduct by their untouched area" in told
+    said = " ".join(decision.decision for decision in make_plan(scene, CARD).decisions)
+    assert "without electrodes 3, 7" in said
+    assert "patches conduct by their untouched area" in said
 
 
 def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():
@@ -167,5 +167,5 @@ def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():
 def test_rings_and_mesh_agree_where_electrodes_are_wide_or_touch(electrodes: Electrodes):
     rings, mesh = (solve(Body(), Skin(), electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method)
                    for method in ("multipole", "mesh"))
-    print(f"{relative(mesh.signal_V, rings.signal_V):.1e}, told {mesh.signal_error:.1e}")
+    print(f"{relative(mesh.signal_V, rings.signal_V):.1e}, estimated {mesh.signal_error:.1e}")
     assert relative(mesh.signal_V, rings.signal_V) < min(0.004, mesh.signal_error)
