@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.numerics.nested_dissection import Dissection
+from touchcal.arrays import Array
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 
 class Detached(ArithmeticError):
@@ -33,29 +32,18 @@ class Elimination:
     """A network with all unknowns but the last eliminated."""
 
     dissection: Dissection
-    # (pairs,) weights of the pairs of unknowns, 1/Ohm
-    weights: Array
+    weights: Array  # (pairs,) weights of the pairs of unknowns, 1/Ohm
     # weights of each front's eliminated unknowns to its members, (eliminated, members) row by row, front after front
     rows: Array
-    # (size - 1,) reciprocals of the pivots
-    inverse: Array
+    inverse: Array  # (size - 1,) reciprocals of the pivots
 
 
 def eliminate(dissection: Dissection, weights: Array) -> Elimination:
-    """Eliminate all unknowns but the last.
-
-    Weights (pairs,) as dissection.pairs. Detached where a pivot is not positive; ValueError where there are not as many
-    weights as pairs.
-    """
-    _check(dissection, weights)
-    row_start, passed_start, largest, most = _layout(dissection)
-    new = Elimination(dissection, weights, np.empty(row_start[-1]), np.empty(len(dissection.order) - 1))
-    stopped = _eliminate(dissection.height, dissection.first, dissection.begin, dissection.into, dissection.source,
-                         dissection.target, dissection.leaf, row_start, passed_start, weights, np.empty(largest**2),
-                         new.rows, new.inverse, np.empty(most))
-    if stopped >= 0:
-        raise Detached(int(dissection.order[stopped]))
-    return new
+    """Eliminate all unknowns but the last. Weights (pairs,) as dissection.pairs. Detached where a pivot is not
+    positive; ValueError where there are not as many weights as pairs."""
+    row_start = _layout(dissection)[0]
+    rows = np.empty(row_start[-1])
+    return Elimination(dissection, weights, rows, _eliminated(dissection, weights, row_start, rows))
 
 
 def solve(elimination: Elimination, currents: Array) -> Array:
@@ -71,20 +59,11 @@ def solve(elimination: Elimination, currents: Array) -> Array:
 
 
 def impedance_alone(dissection: Dissection, weights: Array, count: int) -> Array:
-    """Impedance matrix (count, count), Ohm, of the last unknowns for currents that sum to zero; its rows do too.
-
-    No front is kept but the root, which takes a fraction of the memory of `eliminate`; errors as there.
-    """
-    _check(dissection, weights)
+    """Impedance matrix (count, count), Ohm, of the last unknowns for currents that sum to zero; its rows do too. No
+    front is kept but the root, which takes a fraction of the memory of `eliminate`; errors as there."""
     members, pivots = np.diff(dissection.begin), np.diff(dissection.first)
-    _, passed_start, largest, most = _layout(dissection)
     rows, nowhere = np.empty(int((pivots * members).max())), np.zeros(len(pivots) + 1, dtype=np.int64)
-    inverse = np.empty(len(dissection.order) - 1)
-    stopped = _eliminate(dissection.height, dissection.first, dissection.begin, dissection.into, dissection.source,
-                         dissection.target, dissection.leaf, nowhere, passed_start, weights, np.empty(largest**2),
-                         rows, inverse, np.empty(most))
-    if stopped >= 0:
-        raise Detached(int(dissection.order[stopped]))
+    inverse = _eliminated(dissection, weights, nowhere, rows)
     return _between_last(dissection, rows[:pivots[-1] * members[-1]], inverse, count)
 
 
@@ -106,10 +85,19 @@ def residual(elimination: Elimination, currents: Array, potentials: Array) -> Ar
     return out
 
 
-def _check(dissection: Dissection, weights: Array) -> None:
+def _eliminated(dissection: Dissection, weights: Array, row_start: NDArray[np.int64], rows: Array) -> Array:
+    """Reciprocals of the pivots; fills the rows of each front from its start on."""
     if weights.shape != dissection.source.shape:
         raise ValueError(f"an order of elimination for {len(dissection.source)} pairs of unknowns got {len(weights)} "
                          "weights; take the order of this very mesh.")
+    _, passed_start, largest, most = _layout(dissection)
+    inverse = np.empty(len(dissection.order) - 1)
+    stopped = _eliminate(dissection.height, dissection.first, dissection.begin, dissection.into, dissection.source,
+                         dissection.target, dissection.leaf, row_start, passed_start, weights, np.empty(largest**2),
+                         rows, inverse, np.empty(most))
+    if stopped >= 0:
+        raise Detached(int(dissection.order[stopped]))
+    return inverse
 
 
 def _layout(dissection: Dissection) -> tuple[NDArray[np.int64], NDArray[np.int64], int, int]:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from eitsim.numerics.work_budget import PRODUCT, charge
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 
@@ -19,10 +18,8 @@ class Indefinite(ArithmeticError):
 
 
 def factorise_band(band: Array) -> Solve:
-    """Cholesky factors of a symmetric matrix from its lower band (n, width + 1), column j holding rows j onwards.
-
-    The band is overwritten. Indefinite is raised where a pivot is not positive.
-    """
+    """Cholesky factors of a symmetric matrix from its lower band (n, width + 1), column j holding rows j onwards. The
+    band is overwritten. Indefinite is raised where a pivot is not positive."""
     charge(len(band))
     try:
         factor = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False)
@@ -48,11 +45,9 @@ def bordered(solve: Solve, border: Array, corner: float) -> Solve:
 
 
 def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance: float, limit: int = 1000) -> Array:
-    """Solution of A x = b, A symmetric positive definite given by its product with vectors.
-
-    Stops where r' P r, r the residual and P the preconditioner, is tolerance^2 of what it was, or after `limit`
-    products, with the best x so far. Indefinite is raised where A is not positive along a direction.
-    """
+    """Solution of A x = b, A symmetric positive definite given by its product with vectors. Stops where r' P r, r the
+    residual and P the preconditioner, is tolerance^2 of what it was, or after `limit` products, with the best x so far.
+    Indefinite is raised where A is not positive along a direction."""
     x, r = np.zeros_like(b), b
     z = precondition(r)
     p, now = z, float(r @ z)

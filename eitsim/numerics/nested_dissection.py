@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from touchcal.arrays import Array
 from touchcal.jit import compiled
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 # Unknowns of the elements of a part that is not halved, each counted once an element, at most.
@@ -26,25 +26,18 @@ _DIRECTIONS = np.column_stack([np.cos(np.arange(8) * np.pi / 8), np.sin(np.arang
 class Dissection:
     """A complete binary tree of fronts, children before parents: what each eliminates and what it passes on."""
 
-    # (size,) unknowns in the order of their elimination; the last one stays
-    order: Indices
-    # (fronts,) height of each front in the tree; the children of front t are t - 2**height and t - 1
-    height: Indices
-    # (fronts + 1,) place in `order` of the first unknown that each front eliminates
-    first: Indices
-    # (members,) places in `order` of each front's unknowns, ascending: those eliminated, then those passed on
+    order: Indices  # (size,) unknowns in the order of their elimination; the last one stays
+    height: Indices  # (fronts,) height of each front in the tree; the children of front t are t - 2**height and t - 1
+    first: Indices  # (fronts + 1,) place in `order` of the first unknown that each front eliminates
+    # (members,) places in `order` of each front's unknowns, ascending: eliminated ones, then passed on ones
     member: Indices
-    # (fronts + 1,) where each front begins in `member`
-    begin: Indices
-    # (members,) where unknowns that are passed on are in the parent's front
-    into: Indices
-    # (elements, k) unknowns of the elements, block by block
-    blocks: tuple[Indices, ...]
+    begin: Indices  # (fronts + 1,) where each front begins in `member`
+    into: Indices  # (members,) where unknowns that are passed on are in the parent's front
+    blocks: tuple[Indices, ...]  # (elements, k) unknowns of the elements, block by block
     # (pairs,) pairs sorted by the leaf that takes them, and their places in its front, a square array row by row
     source: Indices
     target: Indices
-    # (leaves + 1,) where each leaf begins in `source`
-    leaf: Indices
+    leaf: Indices  # (leaves + 1,) where each leaf begins in `source`
 
     @cached_property
     def pairs(self) -> Indices:
@@ -54,12 +47,10 @@ class Dissection:
 
 
 def dissect(points: Array, blocks: list[Indices], last: int) -> Dissection:
-    """Dissection of the unknowns of elements, the last unknowns being shared by all and eliminated last.
-
-    A block (elements, k) holds numbers of unknowns; points (cells, 2) are where the elements of the first block are,
-    which hold none of the last unknowns.
-    ValueError where an unknown before the last ones belongs to no element of the first block.
-    """
+    """Dissection of the unknowns of elements, the last unknowns being shared by all and eliminated last. A block
+    (elements, k) holds numbers of unknowns; points (cells, 2) are where the elements of the first block are, which hold
+    none of the last unknowns. ValueError where an unknown before the last ones belongs to no element of the first
+    block."""
     cells, size = blocks[0], 1 + max(int(block.max()) for block in blocks)
     depth = int(np.ceil(np.log2(max(1.0, cells.size / _LEAF))))
     cell = np.arange(len(cells))
@@ -211,7 +202,6 @@ def _collect(height, first, starts, element, offset, unknown, mark, member, into
 
 @compiled
 def _place(height, begin, member, starts, element, offset, unknown, position, source, target, leaves):
-    """Places of the pairs of each leaf's elements in its front."""
     first_pair = np.zeros(len(offset), np.int64)
     for e in range(len(offset) - 1):
         first_pair[e + 1] = first_pair[e] + (offset[e + 1] - offset[e]) * (offset[e + 1] - offset[e] - 1) // 2

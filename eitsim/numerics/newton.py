@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.numerics.linear_solvers import Indefinite, Solve
 from eitsim.numerics.work_budget import used_up
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 # gradient (n,) at x and a function that factorises the Hessian there; Indefinite is raised by the latter
 System = tuple[Array, Callable[[], Solve]]
 
@@ -26,7 +25,7 @@ _LEAST, _INDEFINITE, _AFTER_LONG, _AFTER_SHORT, _LONG = 0.02, 1 / 3, 2.0, 1 / 4,
 # Most doublings of a full step where the Hessian is damped, since steps along negative curvature come out short, and
 # the further descent, over that so far, for which one is made.
 _DOUBLINGS, _PAYS = 10, 0.5
-# Ratio of two residuals below which iterations go on beyond their limit.
+# Ratio of two residuals below which iterations go on past their limit.
 _CLOSING = 0.1
 # Relative residual below which an indefinite Hessian means a saddle of the energy.
 _SADDLE = 1e-3
@@ -36,12 +35,9 @@ _SADDLE = 1e-3
 class Minimum:
     """A converged minimum."""
 
-    # (n,) where it is
-    x: Array
-    # solves with the exact Hessian there
-    solve: Solve
-    # norm of the gradient over its scale after each iteration
-    residuals: tuple[float, ...]
+    x: Array  # (n,) where it is
+    solve: Solve  # solves with the exact Hessian there
+    residuals: tuple[float, ...]  # norm of the gradient over its scale after each iteration
 
 
 def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], System], start: Array, *,
@@ -97,8 +93,7 @@ def _descend(energy: Callable[[Array], float], x: Array, value: float, gradient:
     slope, length = float(gradient @ step), 1.0
     for _ in range(_HALVINGS):
         reached = energy(x + length * step)
-        if reached <= value + _ARMIJO * length * slope or (
-                -slope < _ROUNDING * abs(value) and np.isfinite(reached)):
+        if reached <= value + _ARMIJO * length * slope or (-slope < _ROUNDING * abs(value) and np.isfinite(reached)):
             return length, reached
         length /= 2
     raise NotConverged("no step along the Newton direction lowers the energy.", estimate=x, residuals=tuple(residuals))

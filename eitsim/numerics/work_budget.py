@@ -31,10 +31,8 @@ _BUDGET: ContextVar[WorkBudget | None] = ContextVar("work of a touch", default=N
 
 @contextmanager
 def bounded(factorisations: float, unknowns: int) -> Iterator[None]:
-    """Minimisations within it stop once they took the work of so many factorisations of so many unknowns.
-
-    Within another bound that one holds alone. A NotConverged that leaves it then says that the work was used up.
-    """
+    """Minimisations within it stop once they took the work of so many factorisations of so many unknowns. Within
+    another bound that one holds alone. A NotConverged that leaves it then says that the work was used up."""
     if _BUDGET.get() is not None:
         yield
         return

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
 
 PATTERNS = ("adjacent", "opposite", "skip-N")
@@ -29,14 +29,10 @@ MATRICES = ("currents", "measurements")
 class Drive:
     """Which currents are driven and what is read."""
 
-    # injected current, A; the unit of `currents`
-    current_A: float = 5e-3
-    # "adjacent", "opposite" or "skip-N"
-    pattern: str = "adjacent"
-    # what is read of a named pattern, one of READINGS
-    reading: str = "single-ended"
-    # (patterns, electrodes) currents, in units of current_A; None: the named pattern
-    currents: Rows | None = None
+    current_A: float = 5e-3  # injected current, A; the unit of `currents`
+    pattern: str = "adjacent"  # "adjacent", "opposite" or "skip-N"
+    reading: str = "single-ended"  # what is read of a named pattern, one of READINGS
+    currents: Rows | None = None  # (patterns, electrodes) currents, in units of current_A; None: the named pattern
     # (readings, electrodes) weights of the voltages for all patterns, or (patterns, readings, electrodes); None: as
     # `reading` says
     measurements: Rows | tuple[Rows, ...] | None = None
@@ -56,10 +52,8 @@ def as_tuples(value: Any) -> Any:
 class Protocol:
     """A drive as matrices: reading m of pattern p is weights[p, m] . Z currents_A[p]."""
 
-    # (patterns, electrodes) currents into the electrodes, A; each row sums to zero
-    currents_A: Array
-    # (patterns, readings, electrodes) weights of the electrodes' voltages, whose mean is 0 V
-    weights: Array
+    currents_A: Array  # (patterns, electrodes) currents into the electrodes, A; each row sums to zero
+    weights: Array  # (patterns, readings, electrodes) weights of the electrodes' voltages, whose mean is 0 V
 
     @property
     def shape(self) -> tuple[int, int]:

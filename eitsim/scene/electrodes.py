@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.drive import Drive, as_tuples, read_out
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 # One number for all electrodes, or one for each.
 PerElectrode = float | tuple[float, ...]
 
@@ -23,26 +23,17 @@ TOUCHING = 1e-8
 
 @dataclass(frozen=True)
 class Electrodes:
-    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface beside it."""
+    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface at it."""
 
-    # one of IMPEDANCES
-    kind: str = "line"
-    # how many, missing ones too
-    count: int = 16
-    # width along the rim, m
-    width_m: PerElectrode = 0.01
-    # length of patches from the rim inwards, m
-    length_m: float = 0.01
-    # angle of the middle of the first one from +x, rad; the others follow at even steps
-    first_angle_rad: float = 0.0
-    # (count,) angles of the middles from +x, rad, where they are not even; empty: they are
-    angles_rad: tuple[float, ...] = ()
-    # contact impedance of lines, Ohm m; infinite: no contact
-    contact_impedance_Ohm_m: PerElectrode = 1.0
-    # contact impedance of patches, Ohm m^2; infinite: no contact
-    contact_impedance_Ohm_m2: PerElectrode = 1e-2
-    # numbers, from 0, of electrodes without contact
-    missing: tuple[int, ...] = ()
+    kind: str = "line"  # one of IMPEDANCES
+    count: int = 16  # how many, missing ones too
+    width_m: PerElectrode = 0.01  # width along the rim, m
+    length_m: float = 0.01  # length of patches from the rim inwards, m
+    first_angle_rad: float = 0.0  # angle of the middle of the first one from +x, rad; the others follow at even steps
+    angles_rad: tuple[float, ...] = ()  # (count,) angles of the middles from +x, rad; empty: at even steps
+    contact_impedance_Ohm_m: PerElectrode = 1.0  # contact impedance of lines, Ohm m; infinite: no contact
+    contact_impedance_Ohm_m2: PerElectrode = 1e-2  # contact impedance of patches, Ohm m^2; infinite: no contact
+    missing: tuple[int, ...] = ()  # numbers, from 0, of electrodes without contact
 
     def __post_init__(self) -> None:
         for name in ("width_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2", "missing"):
@@ -76,7 +67,7 @@ def arcs(radius_m: float, electrodes: Electrodes) -> Array:
     if gaps.min() >= -TOUCHING:
         return ends
     k = int(np.argmin(gaps))
-    fix = "place them further apart or make them narrower"
+    fix = "place them further from each other or make them narrower"
     if not electrodes.angles_rad and np.ndim(electrodes.width_m) == 0:
         widest = math.floor(2e6 * math.pi * radius_m / electrodes.count) / 1e3
         fix = f"{electrodes.count} of them at radius_mm = {radius_m * 1e3:g} may be {widest:.3f} wide at most"

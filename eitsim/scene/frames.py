@@ -11,28 +11,23 @@ from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.results import Readings
+from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers, write_numbers
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Frames:
     """Frames and where they stand in their file."""
 
-    # (n, readings) V
-    volts: Array
-    # (n,) line numbers from 1
-    line: NDArray[np.int64]
+    volts: Array  # (n, readings) V
+    line: NDArray[np.int64]  # (n,) line numbers from 1
 
 
 def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
-    """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order.
-
-    Readings of the mask `unread` (readings,), which need a missing electrode, may be empty and are 0. InputFileError
-    names the line of a wrong width or a missing number, and a header's name that is no reading.
-    """
+    """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order. Readings of
+    the mask `unread` (readings,), which need a missing electrode, may be empty and are 0. InputFileError names the line
+    of a wrong width or a missing number, and a header's name that is no reading."""
     table = read_numbers(path, readings, what="voltages", blanks=unread is not None)
     volts, requested = table.values, voltage_columns(readings)
     if table.names:
@@ -43,12 +38,8 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
     if unread is not None:
         empty = np.argwhere(np.isnan(volts) & ~unread)
         if len(empty):
-            raise InputFileError(
-                path,
-                f"{requested[empty[0, 1]]} is empty, and its electrodes are all there. Mend it, or "
-                "name what is missing in [electrodes].",
-                line=int(table.line[empty[0, 0]]),
-            )
+            raise InputFileError(path, f"{requested[empty[0, 1]]} is empty, and its electrodes are all there. Fill it "
+                                 "in, or name what is missing in [electrodes].", line=int(table.line[empty[0, 0]]))
         volts = np.where(unread, 0.0, volts)
     return Frames(volts, table.line)
 

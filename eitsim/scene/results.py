@@ -9,22 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class Decision:
     """One choice of the plan."""
 
-    # what was decided, for instance "axisymmetric about the punch"
-    decision: str
-    # why
-    reason: str
-    # relative error of the touch signal dV that it may cost, at most; 0 where it costs none
-    error_bound: float
-    # whether it leaves something out whose cost is unknown
-    unbounded: bool = False
+    decision: str  # what was decided, for instance "axisymmetric about the punch"
+    reason: str  # why
+    error_bound: float  # relative error of the touch signal dV that it may cost, at most; 0 where it costs none
+    unbounded: bool = False  # whether it leaves something out whose cost is unknown
     # relative error of the strain that drives the skin, L2 over the surface, that it may cost; None: as error_bound
     strain_bound: float | None = None
 
@@ -34,8 +29,7 @@ class Plan:
     """What a scene needs, decided before anything is solved."""
 
     decisions: tuple[Decision, ...]
-    # why the scene cannot be solved; empty where it can
-    refusal: str = ""
+    refusal: str = ""  # why the scene cannot be solved; empty where it can
 
     @property
     def error_bound(self) -> float:
@@ -51,29 +45,24 @@ class Plan:
 @dataclass(frozen=True, eq=False)
 class RimField:
     """What the rim changes at the surface about a punch; symmetric about the line to the nearest point of the rim.
-
     Samples lie on circles about the punch's axis, as far as these lie inside the disc. Axes: towards the nearest point
-    of the rim, across, and upwards. Nothing is changed beyond the last circle. Or what a neighbour changes beside its
-    own touch alone, in this punch's half: the plane between both stands for the rim.
-    """
+    of the rim, across, and upwards. Nothing is changed outside the last circle. Or what a neighbour changes but for its
+    own touch, in this punch's half: the plane between both stands for the rim."""
 
-    # (n,) reference radii of the circles, m, increasing
-    radius_m: Array
+    radius_m: Array  # (n,) reference radii of the circles, m, increasing
     # (k,) places on a circle: 0 on the line to the nearest point of the rim, or on the rim where it cuts the circle, 1
     # half a turn from that line, in proportion to the angle
     share: Array
-    # (n, k, 3) displacement added to the axisymmetric one, m
-    displacement_m: Array
+    displacement_m: Array  # (n, k, 3) displacement added to the axisymmetric one, m
     # (n, k, 3) in-plane metric seen from the axisymmetric stretches U: xx, xy, yy of U^-1 C U^-1; 1, 0, 1 is no change
     metric: Array
-    # (n, k) factor of the stretch normal to the surface
-    normal: Array
+    normal: Array  # (n, k) factor of the stretch normal to the surface
     # radius of the disc, and distance of the punch's axis from its centre, m
     disc_m: float
     offset_m: float
-    # (2,) direction to the neighbour, beyond whose plane nothing is changed; None for the rim
+    # (2,) direction to the neighbour, on whose side of the plane nothing is changed; None for the rim
     towards: Array | None = None
-    # how far depth and signal may be off those solved afresh, relative; None where they are
+    # how far depth and signal may be off those solved anew, relative; None where they are
     error_estimate: tuple[float, float] | None = None
 
 
@@ -81,9 +70,8 @@ class RimField:
 class Section:
     """The foam's displacement on the half-plane through the punch's axis, on its elements."""
 
-    # (nodes, 2) reference position (r, z), m, z = 0 at the top
-    nodes_m: Array
-    # (elements, 4 or 9) nodes: corners counter-clockwise, and for order 2 middles of edges, centre
+    nodes_m: Array  # (nodes, 2) reference position (r, z), m, z = 0 at the top
+    # (elements, 4 or 9) nodes: corners counter-clockwise; of order 2 middles of edges, centre
     elements: NDArray[np.int64]
     # (nodes, 2) displacement (u_r, u_z), m
     displacement_m: Array
@@ -92,26 +80,18 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """The foam's displacement about a punch near the rim, by harmonics of the angle on the mesh of a meridian.
-
-    Angles count from the direction to the nearest point of the rim; harmonics are those of
-    `eitsim.mechanics.harmonics.arcs`. It is the solution on the mesh by which the rim's change was found, coarser than
-    the axisymmetric section's.
-    """
+    """The foam's displacement about a punch near the rim, by harmonics of the angle on the mesh of a meridian. Angles
+    count from the direction to the nearest point of the rim; harmonics are those of `eitsim.mechanics.harmonics.arcs`.
+    It is the solution on the mesh by which the rim's change was found, coarser than the axisymmetric section's."""
 
     # (columns,) and (rows,) reference radii and heights of the nodes, m, increasing; 0 at the axis and at the top
     radius_m: Array
     height_m: Array
-    # order of the elements
-    order: int
-    # (columns, rows, 3, harmonics) amplitudes of u_r, u_theta and u_z, m
-    amplitude_m: Array
-    # (facets,) reference radii of the middles of the facets where the punch may touch, m
-    facet_m: Array
-    # (k,) places on a circle, as in RimField
-    share: Array
-    # (facets, k) contact pressure on the deformed surface, Pa, averages along the facets
-    pressure_Pa: Array
+    order: int  # order of the elements
+    amplitude_m: Array  # (columns, rows, 3, harmonics) amplitudes of u_r, u_theta and u_z, m
+    facet_m: Array  # (facets,) reference radii of the middles of the facets where the punch may touch, m
+    share: Array  # (k,) places on a circle, as in RimField
+    pressure_Pa: Array  # (facets, k) contact pressure on the deformed surface, Pa, averages along the facets
     # radius of the disc, distance of the punch's axis from its centre, and radius of the punch, m
     disc_m: float
     offset_m: float
@@ -125,64 +105,39 @@ class Volume:
 class Touch:
     """One solved touch, axisymmetric about its punch but for `rim` ("Solution" of the mechanics)."""
 
-    # (n,) reference radii of surface samples from the punch axis, m, increasing from 0
-    radius_m: Array
-    # (n,) radial displacement of the surface, m
-    u_r_m: Array
-    # (n,) vertical displacement of the surface, m, down negative
-    u_z_m: Array
-    # (n,) stretch of the surface along the meridian
-    stretch_meridian: Array
-    # (n,) stretch of the surface around the axis
-    stretch_hoop: Array
-    # (n,) stretch through the thickness, normal to the deformed surface, J over the areal stretch
-    stretch_normal: Array
-    # (n,) contact pressure on the deformed surface, Pa
-    pressure_Pa: Array
-    # reference radius outside which no surface sample touches the punch (wall included), m
-    contact_radius_m: float
-    # reaction on the punch, N
-    force_N: float
-    # depth of the punch face below the undeformed surface, penalty effect corrected, m
-    depth_m: float
-    # largest contact pressure, force over current area, average over a facet of the mesh, Pa
-    sigma_max_Pa: float
-    # force over contact area, Pa
-    sigma_ave_Pa: float
-    # current area projected on the punch face where pressure > 0, m^2
-    contact_area_m2: float
-    # current area of the side wall of the hole that touches the punch, m^2
-    wall_contact_m2: float
-    # estimated relative error of depth_m
-    depth_error: float
-    # estimated relative error of dV that the mechanical discretisation causes
-    signal_error: float
-    # fraction of quadrature points where strong ellipticity is lost
-    fraction_non_elliptic: float
-    # Newton iterations spent
-    iterations: int
-    # relative residual after each iteration
-    residuals: tuple[float, ...]
-    # CPU time spent, s
-    cpu_s: float
-    # estimated relative error of sigma_max_Pa; None where it is not estimated
-    sigma_max_error: float | None = None
-    # estimated relative error of contact_area_m2; None where it is not estimated
-    contact_area_error: float | None = None
-    # estimated relative error of the strain that drives the skin, L2 over the surface; None where it is not told
+    radius_m: Array  # (n,) reference radii of surface samples from the punch axis, m, increasing from 0
+    u_r_m: Array  # (n,) radial displacement of the surface, m
+    u_z_m: Array  # (n,) vertical displacement of the surface, m, down negative
+    stretch_meridian: Array  # (n,) stretch of the surface along the meridian
+    stretch_hoop: Array  # (n,) stretch of the surface around the axis
+    stretch_normal: Array  # (n,) stretch through the thickness, normal to the deformed surface: J over the areal one
+    pressure_Pa: Array  # (n,) contact pressure on the deformed surface, Pa
+    contact_radius_m: float  # reference radius outside which no surface sample touches the punch (wall included), m
+    force_N: float  # reaction on the punch, N
+    depth_m: float  # depth of the punch face below the undeformed surface, penalty effect corrected, m
+    sigma_max_Pa: float  # largest contact pressure, force over current area, average over a facet of the mesh, Pa
+    sigma_ave_Pa: float  # force over contact area, Pa
+    contact_area_m2: float  # current area projected on the punch face where pressure > 0, m^2
+    wall_contact_m2: float  # current area of the side wall of the hole that touches the punch, m^2
+    depth_error: float  # estimated relative error of depth_m
+    signal_error: float  # estimated relative error of dV that the mechanical discretisation causes
+    fraction_non_elliptic: float  # fraction of quadrature points where strong ellipticity is lost
+    iterations: int  # Newton iterations spent
+    residuals: tuple[float, ...]  # relative residual after each iteration
+    cpu_s: float  # CPU time spent, s
+    sigma_max_error: float | None = None  # estimated relative error of sigma_max_Pa; None where it is not estimated
+    contact_area_error: float | None = None  # estimated relative error of contact_area_m2; None where not estimated
+    # estimated relative error of the strain that drives the skin, L2 over the surface; None where it is not estimated
     strain_error: float | None = None
     # (2, 2) least and largest reference radius, and depth below the untouched surface, m, where strong ellipticity is
     # lost; None where it is kept
     non_elliptic_m: Array | None = None
-    # displacement inside the foam; None where it is not kept
-    section: Section | None = None
-    # part of the reference area in contact that slips at last; None without friction
-    slip_fraction: float | None = None
+    section: Section | None = None  # displacement inside the foam; None where it is not kept
+    slip_fraction: float | None = None  # part of the reference area in contact that slips; None without friction
     # what the rim or a neighbour changes at the surface; None where they are far. Depth and contact hold it, the arrays
     # above do not
     rim: RimField | None = None
-    # displacement inside the foam with the rim's effect; None without one, or where it is not kept
-    volume: Volume | None = None
+    volume: Volume | None = None  # displacement inside the foam with the rim's effect; None without one, or not kept
 
 
 @dataclass(frozen=True)
@@ -190,24 +145,15 @@ class Readings:
     """Electrode voltages of a touched and an untouched skin, in the order of the drive pattern; NaN where a pattern or
     a reading needs an electrode without contact."""
 
-    # (patterns, readings) touched, V: baseline_V plus the signal
-    touched_V: Array
-    # (patterns, readings) untouched, V, the same for every touch on one sensor
-    baseline_V: Array
-    # (patterns, readings) signal dV, V; where a mesh is used, both terms on the touch's own
-    signal_V: Array
-    # (electrodes, electrodes) impedance matrix of the touched skin, Ohm
-    impedance_Ohm: Array
-    # estimated relative error of signal_V in the 2-norm, discretisation of the electrics only
-    signal_error: float
-    # fraction of the disc whose strain lies outside the range of the conductivity fit
-    skin_fraction_extrapolated: float
-    # unknowns of the linear system
-    unknowns: int
-    # CPU time spent, s
-    cpu_s: float
-    # how dV was solved: "multipole" or "mesh"
-    method: str = ""
+    touched_V: Array  # (patterns, readings) touched, V: baseline_V plus the signal
+    baseline_V: Array  # (patterns, readings) untouched, V, the same for every touch on one sensor
+    signal_V: Array  # (patterns, readings) signal dV, V; where a mesh is used, both terms on the touch's own
+    impedance_Ohm: Array  # (electrodes, electrodes) impedance matrix of the touched skin, Ohm
+    signal_error: float  # estimated relative error of signal_V in the 2-norm, discretisation of the electrics only
+    skin_fraction_extrapolated: float  # part of the disc whose strain lies outside the range of the conductivity fit
+    unknowns: int  # unknowns of the linear system
+    cpu_s: float  # CPU time spent, s
+    method: str = ""  # how dV was solved: "multipole" or "mesh"
 
 
 @dataclass(frozen=True)
@@ -227,23 +173,18 @@ class Result:
     # ok, not_converged, bottomed_out or refused
     outcome: str
     plan: Plan
-    # one a punch, at the end of a hold; empty where the mechanics did not converge
-    touches: tuple[Touch, ...] = ()
-    # None where there are no touches
-    readings: Readings | None = None
+    touches: tuple[Touch, ...] = ()  # one a punch, at the end of a hold; empty where the mechanics did not converge
+    readings: Readings | None = None  # None where there are no touches
     # a hold from the end of loading on, increasing in time, the last as in touches and readings; empty without one
     moments: tuple[Moment, ...] = ()
-    # in words, where the outcome is not "ok" or the wanted error is missed
-    message: str = ""
-    # relative residuals of a solver that did not converge; empty otherwise
-    residuals: tuple[float, ...] = ()
-    # part of the force or depth that such a solver reached; None otherwise, or where it is not told
+    message: str = ""  # in words, where the outcome is not "ok" or the requested error is missed
+    residuals: tuple[float, ...] = ()  # relative residuals of a solver that did not converge; empty otherwise
+    # part of the force or depth that such a solver reached; None otherwise, or where it is not known
     load_fraction: float | None = None
     # bounds of what neighbours change of a touch, relative: "signal" and "depth"; empty for one touch
     interaction: Mapping[str, float] = field(default_factory=dict)
-    # relative errors: "signal" (dV, everything) and "depth", and others that every touch tells
+    # relative errors: "signal" (dV, everything) and "depth", and others that every touch gives
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # the part of them that solving left, without what the plan left out
     numerical_error: Mapping[str, float] = field(default_factory=dict)
-    # "cpu_s", "wall_s", "peak_MB"
-    cost: Mapping[str, float] = field(default_factory=dict)
+    cost: Mapping[str, float] = field(default_factory=dict)  # "cpu_s", "wall_s", "peak_MB"

@@ -19,7 +19,7 @@ FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
 CONTROLS = ("force", "depth")
 MODULI = ("card", "instantaneous", "longterm")
-# Currents that any instrument drives, with room; beyond them a value is a slip of the unit.
+# Currents that any instrument drives, with room; outside them a value is a slip of the unit.
 LEAST_CURRENT_A, LARGEST_CURRENT_A = 1e-12, 1e3
 
 
@@ -27,9 +27,7 @@ LEAST_CURRENT_A, LARGEST_CURRENT_A = 1e-12, 1e3
 class Body:
     """Foam disc, bottom fixed."""
 
-    # radius, m
     radius_m: float = 0.1
-    # thickness, m
     thickness_m: float = 0.01
 
 
@@ -40,26 +38,18 @@ class Punch:
     # axis in the plane of the disc, m
     x_m: float = 0.0
     y_m: float = 0.0
-    # diameter, fillet included, m
-    diameter_m: float = 0.014
-    # applied force, N; 1 N unless it or the depth is given, None where the depth is given
-    force_N: float | None = None
-    # prescribed depth, m; None where the force is given
-    depth_m: float | None = None
-    # one of PROFILES
-    profile: str = "flat"
+    diameter_m: float = 0.014  # diameter, fillet included, m
+    force_N: float | None = None  # applied force, N; 1 N unless it or the depth is given, None where the depth is given
+    depth_m: float | None = None  # prescribed depth, m; None where the force is given
+    profile: str = "flat"  # one of PROFILES
     # radius that rounds the edge, and a cone's tip; of an ellipse, its radius of curvature at the edge; m
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
     half_angle_rad: float = math.radians(60)
-    # one of FRICTIONS
-    friction: str = "none"
-    # shear over pressure that it slips at; 0 unless by Coulomb's law
-    friction_coefficient: float = 0.0
-    # whether the punch conducts and floats
-    conductor: bool = False
-    # contact impedance of a conducting punch, Ohm m^2
-    contact_impedance_Ohm_m2: float = 1e-4
+    friction: str = "none"  # one of FRICTIONS
+    friction_coefficient: float = 0.0  # shear over pressure that it slips at; 0 unless by Coulomb's law
+    conductor: bool = False  # whether the punch conducts and floats
+    contact_impedance_Ohm_m2: float = 1e-4  # contact impedance of a conducting punch, Ohm m^2
 
     def __post_init__(self) -> None:
         if self.force_N is None and self.depth_m is None:
@@ -70,22 +60,17 @@ class Punch:
 class Skin:
     """Conductive coating of the top surface."""
 
-    # coating thickness, m
     thickness_m: float = 20e-6
-    # the strain that drives its conductivity, one of STRAINS
-    strain: str = "normal"
+    strain: str = "normal"  # the strain that drives its conductivity, one of STRAINS
 
 
 @dataclass(frozen=True)
 class Hold:
     """How long the touch lasts."""
 
-    # times after loading at which it is read, s; empty: none
-    time_s: tuple[float, ...] = ()
-    # one of CONTROLS
-    control: str = "force"
-    # time that loading takes at a constant rate of force or depth, s; 0: loaded at once
-    loading_s: float = 0.0
+    time_s: tuple[float, ...] = ()  # times after loading at which it is read, s; empty: none
+    control: str = "force"  # one of CONTROLS
+    loading_s: float = 0.0  # time that loading takes at a constant rate of force or depth, s; 0: loaded at once
     # one of MODULI: as the card labels them, or scaled by its Prony series; a hold begins with instantaneous ones
     moduli: str = "card"
 
@@ -99,13 +84,12 @@ class Hold:
 class Accuracy:
     """What is asked of the numbers."""
 
-    # wanted relative error of the touch signal dV, mechanics and electrics together
-    signal: float = 0.01
+    signal: float = 0.01  # requested relative error of the touch signal dV, mechanics and electrics together
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that one simulation needs beside the card."""
+    """Everything that one simulation needs but the card."""
 
     body: Body = field(default_factory=Body)
     # one a touch
@@ -115,8 +99,7 @@ class Scene:
     drive: Drive = field(default_factory=Drive)
     hold: Hold = field(default_factory=Hold)
     accuracy: Accuracy = field(default_factory=Accuracy)
-    # path of the card that the scene file names; None where it names none
-    card: str | None = None
+    card: str | None = None  # path of the card that the scene file names; None where it names none
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))
@@ -275,7 +258,6 @@ def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
 
 
 def _rows(where: str, value: Any) -> tuple[Any, ...]:
-    """Nested lists of numbers as tuples."""
     if not (isinstance(value, list | tuple) and value and all(isinstance(row, list | tuple) and row for row in value)):
         raise ValueError(f"{where} must hold rows of numbers or, in a file, the name of a CSV file of them, got "
                          f"{value!r:.80}.")

@@ -7,20 +7,11 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.mechanics.axisymmetric.indentation import (
-    Equilibrium,
-    IndentationProblem,
-    at_rest,
-    energy,
-    equilibrium,
-    transferred,
-)
+from eitsim.mechanics.axisymmetric import indentation
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, at_rest, energy, equilibrium
 from eitsim.numerics.work_budget import used_up
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Where the force cannot be reached at once: part of it at which the steps start, and how often that is divided again.
 _FIRST, _STARTS = 1 / 8, 4
@@ -43,8 +34,7 @@ _SHARES = (1.0, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3,
 
 def cold_start(model: IndentationProblem, force: float) -> Equilibrium:
     """The equilibrium under a force, from rest; where that fails from that of a rounder edge, or in steps from part of
-    the force. NotConverged as in_steps.
-    """
+    the force. NotConverged as in_steps."""
     try:
         return equilibrium(model, force, at_rest(model, force))
     except NotConverged as error:
@@ -66,9 +56,7 @@ def cold_start(model: IndentationProblem, force: float) -> Equilibrium:
 
 def fillet_continuation(model: IndentationProblem, force: float) -> Equilibrium:
     """The equilibrium under a force by way of rounder edges of the punch, over which the foam slides freely.
-
-    NotConverged where the edge is as round already, or an equilibrium on the way is not found.
-    """
+    NotConverged where the edge is as round already, or an equilibrium on the way is not found."""
     fillet, path = model.punch.profile.edge_radius, ()
     steps = math.ceil(math.log(_ROUND / fillet) / math.log(_SHARPER) - 1e-9)
     if steps < 1:
@@ -92,7 +80,7 @@ def warm_start(model: IndentationProblem, before: Equilibrium, force: float) -> 
 
 def carried_over(coarse: IndentationProblem, state: Equilibrium, fine: IndentationProblem) -> Equilibrium:
     """The equilibrium of a coarse mesh on a finer one; from rest where it cannot start there."""
-    x = transferred(state.x, coarse.grid, fine.grid)
+    x = indentation.transferred(state.x, coarse.grid, fine.grid)
     for share in _SHARES:
         if np.isfinite(energy(fine, state.force, share * x)):
             try:
@@ -102,16 +90,15 @@ def carried_over(coarse: IndentationProblem, state: Equilibrium, fine: Indentati
     return cold_start(fine, state.force)
 
 
-def load_continuation(depth: float, state: Equilibrium, short: Equilibrium | None, beyond: Equilibrium | None,
+def load_continuation(depth: float, state: Equilibrium, short: Equilibrium | None, over: Equilibrium | None,
                       last: float) -> float:
-    """The force of a corrected depth by the slope at a state, kept between those that fell short and went beyond; the
-    middle of their logarithms where the step before, which missed by `last`, gained little.
-    """
+    """The force of a corrected depth by the slope at a state, kept between those that fell short and went over; the
+    middle of their logarithms where the step before, which missed by `last`, gained little."""
     missing = depth - state.depth
     growth = missing / (state.by_force[-1] * state.force)
     force = float(state.force * np.exp(np.clip(growth, -_LARGEST_STEP, _LARGEST_STEP)))
-    if short and beyond:
-        low, high = sorted((short.force, beyond.force))
+    if short and over:
+        low, high = sorted((short.force, over.force))
         if abs(missing) > _SLOW * last or not low < force < high:
             return float(np.sqrt(low * high))
     return force
@@ -122,11 +109,9 @@ class BottomedOut(NotConverged):
 
 
 def load_steps(model: IndentationProblem, start: Equilibrium, force: float) -> Equilibrium:
-    """The equilibrium under a force from that under another, in steps of the force's logarithm that adapt.
-
-    NotConverged carries the last equilibrium, the residuals of the step that failed and, as load_fraction, the
-    part of the force that was reached; it is BottomedOut where that is deeper than BOTTOM already.
-    """
+    """The equilibrium under a force from that under another, in steps of the force's logarithm that adapt. NotConverged
+    carries the last equilibrium, the residuals of the step that failed and, as load_fraction, the part of the force
+    that was reached; it is BottomedOut where that is deeper than BOTTOM already."""
     state, step, sign = start, _STEP, 1 if force > start.force else -1
     while state.force != force:
         left = abs(np.log(force / state.force))

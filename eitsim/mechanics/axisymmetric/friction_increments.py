@@ -17,22 +17,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.mechanics.axisymmetric import indentation
 from eitsim.mechanics.axisymmetric.continuation import cold_start, load_continuation
-from eitsim.mechanics.axisymmetric.indentation import (
-    Equilibrium,
-    IndentationProblem,
-    equilibrium,
-    nearest,
-    seen,
-    transferred,
-)
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium, nearest, seen
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.friction import FrictionState, Nearest
 from eitsim.numerics.work_budget import bounded, used_up
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Increments of the coarse mesh from rest to a force; another force is reached in as large ones.
 INCREMENTS = 32
@@ -55,28 +48,20 @@ class Loaded:
     """Foam at the end of an increment, and what its contact remembers."""
 
     state: Equilibrium
-    # (facets, points) arc of the punch at which a point is held; not a number where none is
-    anchor: Array
-    # the springs of the last minimisation, which hold nothing at rest
-    springs: FrictionState
-    # relative change of the depth in the last pass; infinite after one pass
-    unsettled: float
-    # part of the reference area in contact that slips
-    slipping: float
-    # energy lost to slip since rest, over mu_0 H^3
-    dissipated: float
+    anchor: Array  # (facets, points) arc of the punch at which a point is held; not a number where none is
+    springs: FrictionState  # the springs of the last minimisation, which hold nothing at rest
+    unsettled: float  # relative change of the depth in the last pass; infinite after one pass
+    slipping: float  # part of the reference area in contact that slips
+    dissipated: float  # energy lost to slip since rest, over mu_0 H^3
 
 
 @dataclass(frozen=True)
 class FrictionHistory:
     """One end of a way of loading."""
 
-    # on the coarse mesh in half as many increments
-    rough: Loaded
-    # on the coarse mesh
-    coarse: Loaded
-    # on the fine mesh: the last increment, with the anchors of the coarse one
-    fine: Loaded
+    rough: Loaded  # on the coarse mesh in half as many increments
+    coarse: Loaded  # on the coarse mesh
+    fine: Loaded  # on the fine mesh: the last increment, with the anchors of the coarse one
 
 
 def at_rest(model: IndentationProblem) -> Loaded:
@@ -119,10 +104,7 @@ def at_depth_of(model: IndentationProblem, coefficient: float, depth: float, gue
 def loaded(model: IndentationProblem, coefficient: float, before: Loaded, force: float,
            count: int = INCREMENTS) -> tuple[Loaded, Loaded]:
     """The foam before the last increment and under a force, in increments of 1/count of it or of the force before,
-    whichever is larger.
-
-    NotConverged carries the part of the force that was reached.
-    """
+    whichever is larger. NotConverged carries the part of the force that was reached."""
     start, last = before.state.force, before
     steps = max(math.ceil(count * abs(force - start) / max(force, start) - 1e-9), 1)
     for k in range(1, steps + 1):
@@ -141,14 +123,13 @@ def _carried_over(coarse: IndentationProblem, last: Loaded, now: Loaded, fine: I
     """The foam of a coarse mesh on a finer one, the last increment made again; loaded from rest where that fails."""
     try:
         return increment(fine, coefficient, _on(coarse, last, fine), now.state.force,
-                         transferred(now.state.x, coarse.grid, fine.grid), settle=True)
+                         indentation.transferred(now.state.x, coarse.grid, fine.grid), settle=True)
     except NotConverged:
         return loaded(fine, coefficient, at_rest(fine), now.state.force)[1]
 
 
 def _on(coarse: IndentationProblem, loaded: Loaded, fine: IndentationProblem) -> Loaded:
-    """A coarse mesh's state and anchors on a finer one."""
-    x, by_force = (transferred(v, coarse.grid, fine.grid) for v in (loaded.state.x, loaded.state.by_force))
+    x, by_force = (indentation.transferred(v, coarse.grid, fine.grid) for v in (loaded.state.x, loaded.state.by_force))
     held = ~np.isnan(loaded.anchor)
     anchor = np.full(fine.facets.weight.shape, np.nan)
     if np.any(held):
@@ -238,15 +219,14 @@ def _let_go(model: IndentationProblem, before: Loaded, state: Equilibrium, sprin
 
 def _reached(model: IndentationProblem, coefficient: float, before: Loaded, near: Loaded, depth: float) -> Loaded:
     """The foam at a corrected depth, one increment from `before`: Newton's method in the force's logarithm from `near`,
-    kept between two forces that miss the depth on either side.
-    """
-    last, short, beyond = np.inf, None, None
+    kept between two forces that miss the depth on either side."""
+    last, short, over = np.inf, None, None
     for _ in range(_DEPTH_STEPS):
         missing, state = depth - near.state.depth, near.state
         if abs(missing) <= _DEPTH_TOLERANCE * depth:
             return near
-        short, beyond = (state, beyond) if missing > 0 else (short, state)
-        force, last = load_continuation(depth, state, short, beyond, last), abs(missing)
+        short, over = (state, over) if missing > 0 else (short, state)
+        force, last = load_continuation(depth, state, short, over, last), abs(missing)
         near = _in_halves(model, coefficient, before, force, settle=True)
     raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest was "
                        f"{near.state.depth:.4f}.", estimate=near.state.x, residuals=near.state.residuals)

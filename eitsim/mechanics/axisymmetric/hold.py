@@ -13,21 +13,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eitsim.mechanics.axisymmetric import solve_axisymmetric
 from eitsim.mechanics.axisymmetric.continuation import cold_start, warm_start
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
-    allowed,
-    at_depth,
-    force_unit,
-    mesh_hierarchy,
-    reached,
-    solve_touch,
-    touch_of,
-    under_force,
-    with_change,
-)
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, mesh_hierarchy, solve_touch, under_force
 from eitsim.mechanics.axisymmetric.viscoelastic import Memory, loaded_at_once, remembered, stepped, steps_s, unloaded
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Touch
@@ -35,8 +25,6 @@ from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Steps per decade of time; a loading that takes time has twice as many.
 PER_DECADE = 4
@@ -49,35 +37,26 @@ _SAME, _KEPT, _KEPT_STEPS, _LARGEST_STEP, _LEAST_SLOPE = 1e-6, 1e-9, 40, 0.5, 0.
 class HoldHistory:
     """What is asked of a touch over time; forces over mu_0 H^2, depths over H."""
 
-    # Prony series of the foam
-    series: Prony
-    # force at the end of loading; None where the depth is given
-    force: float | None
-    # depth at the end of loading; None where the force is given
-    depth: float | None
-    # control, loading time and times of the hold
-    hold: Hold
+    series: Prony  # Prony series of the foam
+    force: float | None  # force at the end of loading; None where the depth is given
+    depth: float | None  # depth at the end of loading; None where the force is given
+    hold: Hold  # control, loading time and times of the hold
 
 
 @dataclass(frozen=True)
 class Step:
     """One step in time and what holds at its end."""
 
-    # its length, s
-    length_s: float
-    # force over mu_0 H^2; None where the depth is given
-    force: float | None
-    # depth over H; None where the force is given
-    depth: float | None
+    length_s: float  # its length, s
+    force: float | None  # force over mu_0 H^2; None where the depth is given
+    depth: float | None  # depth over H; None where the force is given
 
 
 def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Hold, *, element_m: float | None = None,
                strain: str = "normal", per_decade: int = PER_DECADE) -> list[tuple[float, Touch]]:
-    """(time, s, touch) at the end of loading, where the time is 0, and at each of the hold's times, increasing.
-
-    law: instantaneous moduli; per_decade: steps in time; the rest as in axisymmetric.solve_touch. ValueError for
-    other moduli or no times, NotConverged where no equilibrium is found.
-    """
+    """(time, s, touch) at the end of loading, where the time is 0, and at each of the hold's times, increasing. law:
+    instantaneous moduli; per_decade: steps in time; the rest as in axisymmetric.solve_touch. ValueError for other
+    moduli or no times, NotConverged where no equilibrium is found."""
     if law.moduli != "instantaneous" or not hold.time_s:
         raise ValueError(f"a hold needs instantaneous moduli and times, got {law.moduli} ones and {hold.time_s} s.")
     times = np.append(0.0, np.unique(hold.time_s))
@@ -85,7 +64,7 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
         return kept(series, hold, solve_touch(law, body, punch, element_m=element_m, strain=strain))
     started = time.process_time()
     levels = mesh_hierarchy(law, body, punch, element_m, None)
-    force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
+    force = None if punch.force_N is None else punch.force_N / solve_axisymmetric.force_unit(law, body)
     depth = None if punch.depth_m is None or force is not None else punch.depth_m / body.thickness_m
     course = HoldHistory(series, force, depth, hold)
     loaded = _loaded_at_once(levels, course) if hold.loading_s == 0 else None
@@ -94,9 +73,9 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
     halved = states_over(levels[0], course, max(per_decade // 2, 1), starts[0])
     out = []
     for t, rough, *states in zip(times, halved, *courses, strict=True):
-        touch = touch_of(law, body, levels, states, strain, started)
-        touch = with_change(touch, levels[0], states[0], rough, strain)
-        # the law alone does not tell the section's stresses
+        touch = solve_axisymmetric.touch_of(law, body, levels, states, strain, started)
+        touch = solve_axisymmetric.with_change(touch, levels[0], states[0], rough, strain)
+        # the law alone does not give the section's stresses
         out.append((float(t), replace(touch, section=None)))
         started = time.process_time()
     return out
@@ -133,10 +112,8 @@ def _loaded_at_once(levels: list[IndentationProblem], course: HoldHistory) -> li
 
 def states_over(model: IndentationProblem, course: HoldHistory, per_decade: int,
                 loaded: Equilibrium | None) -> list[Equilibrium]:
-    """Equilibria at the end of loading and at each time of the hold, in as many steps per decade, on one mesh.
-
-    loaded: the equilibrium after loading in no time; None where loading takes time.
-    """
+    """Equilibria at the end of loading and at each time of the hold, in as many steps per decade, on one mesh. loaded:
+    the equilibrium after loading in no time; None where loading takes time."""
     if loaded is None:
         memory, loaded = _ramped(model, course, 2 * per_decade)
     else:
@@ -149,7 +126,6 @@ def states_over(model: IndentationProblem, course: HoldHistory, per_decade: int,
 
 
 def _ramped(model: IndentationProblem, course: HoldHistory, steps: int) -> tuple[Memory, Equilibrium]:
-    """Memory and equilibrium after a loading at constant rate of force or depth."""
     def share(end: float | None, k: int) -> float | None:
         return None if end is None else end * k / steps
 
@@ -165,7 +141,7 @@ def stepped_through(model: IndentationProblem, series: Prony, memory: Memory, st
     for step in steps:
         spent += step.length_s
         try:
-            with bounded(allowed(model.grid.unknowns), model.grid.unknowns):
+            with bounded(solve_axisymmetric.allowed(model.grid.unknowns), model.grid.unknowns):
                 state = _met(stepped(model, series, memory, step.length_s), step, state)
         except NotConverged as error:
             raise NotConverged(f"{error} This was {spent:.3g} s after the start of {phase}.",
@@ -182,16 +158,14 @@ def _met(model: IndentationProblem, step: Step, before: Equilibrium | None) -> E
     if before is None:
         return at_depth([model], step.depth)[0]
     if abs(step.depth - before.depth) > _SAME * step.depth:
-        return reached(model, step.depth, equilibrium(model, before.force, before.x))
+        return solve_axisymmetric.reached(model, step.depth, equilibrium(model, before.force, before.x))
     return _kept(model, step.depth, before)
 
 
 def _kept(model: IndentationProblem, target: float, before: Equilibrium) -> Equilibrium:
-    """The equilibrium at a depth that is the one before's: Newton's method in the logarithm of the force.
-
-    The contact's penetration, which the depth leaves out, is taken in proportion to the force: the deformation hardly
-    changes, and so the depth does not jump where points of contact come and go.
-    """
+    """The equilibrium at a depth that is the one before's: Newton's method in the logarithm of the force. The contact's
+    penetration, which the depth leaves out, is taken in proportion to the force: the deformation hardly changes, and so
+    the depth does not jump where points of contact come and go."""
     penetration = (float(before.x[-1]) - before.depth) / before.force
     force, state = before.force, before
     for _ in range(_KEPT_STEPS):

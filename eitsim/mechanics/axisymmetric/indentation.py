@@ -23,11 +23,10 @@ from eitsim.numerics.newton import System, minimise
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-
-# Reference radius, thicknesses beyond the punch's edge, out to which the surface may touch it.
+# Reference radius, thicknesses from the punch's edge, out to which the surface may touch it.
 _REACH = 1.0
 # Penetration, grid.feature_m, at which the contact is twice as stiff as its penalty: ten times the largest in common
 # touches, so that it stays small where the foam is squeezed flat.
@@ -49,28 +48,21 @@ class IndentationProblem:
     grid: Grid
     punch: RigidPunch
     facets: Facets
-    # element size over the default element size
-    relative_size: float
-    # (elements, points, 4) second Piola-Kirchhoff stress beside the law's, rr, rz, zz and hoop, over mu_0; None: none
+    relative_size: float  # element size over the default element size
+    # (elements, points, 4) second Piola-Kirchhoff stress added to the law's, rr, rz, zz and hoop, over mu_0; None: none
     prestress: Array | None = None
-    # friction between foam and punch; None: none
-    springs: FrictionState | None = None
+    springs: FrictionState | None = None  # friction between foam and punch; None: none
 
 
 @dataclass(frozen=True)
 class Equilibrium:
     """A stable equilibrium of an indentation problem."""
 
-    # (unknowns + 1,) displacements and depth
-    x: Array
-    # (unknowns + 1,) derivative of x by the force
-    by_force: Array
-    # force on the punch
-    force: float
-    # depth, corrected to first order for the penalty's penetration
-    depth: float
-    # relative residual after each iteration
-    residuals: tuple[float, ...]
+    x: Array  # (unknowns + 1,) displacements and depth
+    by_force: Array  # (unknowns + 1,) derivative of x by the force
+    force: float  # force on the punch
+    depth: float  # depth, corrected to first order for the penalty's penetration
+    residuals: tuple[float, ...]  # relative residual after each iteration
 
 
 def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float,
@@ -79,8 +71,9 @@ def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: flo
     unit = body.thickness_m
     grid, profile, feature = foam_grid(body, punch, element_m, order), profile_of(punch, unit), feature_m(body, punch)
     rigid = RigidPunch(profile, penalty * unit / feature, _FIRM * feature / unit)
-    return IndentationProblem(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, rigid,
-                    contact.top_facets(grid, profile.radius + _REACH), element_m / default_element_m(body, punch))
+    facets = contact.top_facets(grid, profile.radius + _REACH)
+    return IndentationProblem(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, rigid, facets,
+                              element_m / default_element_m(body, punch))
 
 
 def at_rest(model: IndentationProblem, force: float) -> Array:
@@ -119,10 +112,7 @@ def seen(model: IndentationProblem, x: Array) -> Array:
 def equilibrium(model: IndentationProblem, force: float, start: Array, limit: int = 100,
                 tolerance: float = 1e-10) -> Equilibrium:
     """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations to a gradient of
-    `tolerance` times the force.
-
-    NotConverged carries the last x, the residuals, and the physical state it got stuck in.
-    """
+    `tolerance` times the force. NotConverged carries the last x, the residuals, and the state it got stuck in."""
     try:
         found = minimise(lambda x: energy(model, force, x), lambda x, scale: system(model, force, x, scale), start,
                          scale=force, limit=limit, tolerance=tolerance)
@@ -177,12 +167,10 @@ def non_elliptic_place(model: IndentationProblem, x: Array) -> Array | None:
 
 
 def _elliptic(model: IndentationProblem, x: Array) -> NDArray[np.bool_]:
-    """Where (elements, points) the law is strongly elliptic."""
     grad_u = axisymmetric_assembly.deformation(model.grid, x[:-1])
     inside = axisymmetric_assembly.admissible(grad_u)
-    return inside & strongly_elliptic(
-        model.law, axisymmetric_assembly.log_stretches(np.where(inside[..., None], grad_u, 0.0))
-    )
+    stretches = axisymmetric_assembly.log_stretches(np.where(inside[..., None], grad_u, 0.0))
+    return inside & strongly_elliptic(model.law, stretches)
 
 
 def energy(model: IndentationProblem, force: float, x: Array) -> float:
@@ -202,10 +190,12 @@ def system(model: IndentationProblem, force: float, x: Array, negative_curvature
                                                                 model.prestress)
     at = contact_state(model, x)
     blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
+    push, reaction = contact.forces(model.punch, model.facets, at)
     if model.springs is not None:
         more = friction.tangent(model.springs, model.facets, seen(model, x))
         blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
-    push, reaction = _contact_gradient(model, at, x)
+        more = friction.forces(model.springs, model.facets, seen(model, x))
+        push, reaction = push + more[0], reaction + more[1]
     unknown = _facet_unknowns(model)
     row, column = np.broadcast_arrays(unknown[:, :, None], unknown[:, None, :])
     lower = (column >= 0) & (row >= column)
@@ -215,15 +205,7 @@ def system(model: IndentationProblem, force: float, x: Array, negative_curvature
     def factorise() -> Solve:
         return bordered(factorise_band(band), edge, corner)
 
-    return np.append(gradient + push, reaction - force), factorise
-
-
-def _contact_gradient(model: IndentationProblem, at: ContactState, x: Array) -> tuple[Array, float]:
-    push, reaction = contact.forces(model.punch, model.facets, at)
-    if model.springs is not None:
-        more = friction.forces(model.springs, model.facets, seen(model, x))
-        push, reaction = push + more[0], reaction + more[1]
-    return _gathered(model, push), reaction
+    return np.append(gradient + _gathered(model, push), reaction - force), factorise
 
 
 def _facet_unknowns(model: IndentationProblem) -> NDArray[np.int64]:
@@ -231,7 +213,6 @@ def _facet_unknowns(model: IndentationProblem) -> NDArray[np.int64]:
 
 
 def _gathered(model: IndentationProblem, on_facets: Array) -> Array:
-    """Sum (facets, p + 1, 2) into the unknowns."""
     unknown = _facet_unknowns(model)
     free = unknown >= 0
     out = np.zeros(model.grid.unknowns)

@@ -1,14 +1,13 @@
 """Axisymmetric touches: a rounded punch, flat, spherical or conical, pressed into foam about its own axis.
 
-Every touch is solved from rest on a coarse mesh and carried over to finer ones, up to the mesh that is asked for.
-The difference of the two finest is the error estimate, but at least a floor that was measured on Table 1, 8 to 20 mm
-and 0.05 to 3 N, against meshes of a third of the default element size: there the default size leaves at most 0.05 %
-in depth and 0.31 % in the dipole response of a skin driven by the normal strain. The largest pressure is
-the largest average over a facet of the contact force over the current area. With 10 mm and 2 N it is 69.5, 70.6 and
-71.0 kPa at the default element size, a half and a quarter of it, where no point has more than 71.1; below 0.3 N, where
-it peaks within two facets, it was up to 17 % low.
-With friction it is loaded in increments (`eitsim.mechanics.axisymmetric.friction_increments`), and what halving them
-changes adds to the errors.
+Every touch is solved from rest on a coarse mesh and carried over to finer ones, up to the mesh that is asked for. The
+difference of the two finest is the error estimate, but at least a floor that was measured on Table 1, 8 to 20 mm and
+0.05 to 3 N, against meshes of a third of the default element size: there the default size leaves at most 0.05 % in
+depth and 0.31 % in the dipole response of a skin driven by the normal strain. The largest pressure is the largest
+average over a facet of the contact force over the current area. With 10 mm and 2 N it is 69.5, 70.6 and 71.0 kPa at the
+default element size, a half and a quarter of it, where no point has more than 71.1; below 0.3 N, where it peaks within
+two facets, it was up to 17 % low. With friction it is loaded in increments
+(`eitsim.mechanics.axisymmetric.friction_increments`), and what halving them changes adds to the errors.
 """
 
 from __future__ import annotations
@@ -19,20 +18,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.sheet.sheet_conductance import driving_strain
-from eitsim.mechanics.axisymmetric import friction_increments, surface
+from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
 from eitsim.mechanics.axisymmetric.continuation import carried_over, cold_start, load_continuation, warm_start
 from eitsim.mechanics.axisymmetric.friction_increments import FrictionHistory
-from eitsim.mechanics.axisymmetric.indentation import (
-    Equilibrium,
-    IndentationProblem,
-    equilibrium,
-    fraction_non_elliptic,
-    indentation_problem,
-    non_elliptic_place,
-)
+from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
@@ -41,8 +32,6 @@ from eitsim.scene.results import Section, Touch
 from eitsim.scene.scene import FRICTIONS, Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Floors of the relative errors of depth and signal at the default element size h_0, and their powers of h/h_0.
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
@@ -65,7 +54,7 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
 
     element_m: element size at the punch's edge, m, by default grid.default_element_m; strain: the skin's driving
-    strain for which signal_error is told; penalty: contact stiffness, mu_0 over grid.feature_m, by default the
+    strain for which signal_error is estimated; penalty: contact stiffness, mu_0 over grid.feature_m, by default the
     profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a profile or friction that is not known,
     NotConverged where no equilibrium is found.
     """
@@ -86,19 +75,16 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
 
 def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
                strain: str = "normal", penalty: float | None = None, order: int = 2) -> list[Touch]:
-    """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch.
-
-    With friction the order is the way the punch was loaded, and the equilibria depend on it.
-    """
+    """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch. With
+    friction the order is the way the punch was loaded, and the equilibria depend on it."""
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the foam), got {list(forces_N)}.")
     started, unit = time.process_time(), force_unit(law, body)
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     touches, states = [], None
     if shear_limit > 0:
-        for course in friction_increments.under_forces(
-            levels[-2], levels[-1], shear_limit, [force / unit for force in forces_N]
-        ):
+        scaled = [force / unit for force in forces_N]
+        for course in friction_increments.under_forces(levels[-2], levels[-1], shear_limit, scaled):
             touches.append(_rubbed(law, body, levels, course, strain, started))
             started = time.process_time()
         return touches
@@ -116,8 +102,7 @@ def force_unit(law: Hyperfoam, body: Body) -> float:
 
 def mesh_hierarchy(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
                    penalty: float | None, order: int = 2) -> list[IndentationProblem]:
-    """Frictionless problems from coarse to fine, halving; the coarsest with at least _COARSEST default element sizes.
-    """
+    """Frictionless problems from coarse to fine, halving; the coarsest has _COARSEST default element sizes or more."""
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
     profile = profile_of(punch)
@@ -130,7 +115,7 @@ def mesh_hierarchy(law: Hyperfoam, body: Body, punch: Punch, element_m: float | 
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
-    return [indentation_problem(law, body, punch, size, penalty, order) for size in sizes]
+    return [indentation.indentation_problem(law, body, punch, size, penalty, order) for size in sizes]
 
 
 def _rubbing(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, penalty: float | None,
@@ -166,8 +151,7 @@ def under_force(levels: list[IndentationProblem], force: float, before: Equilibr
 
 
 def at_depth(levels: list[IndentationProblem], depth: float) -> list[Equilibrium]:
-    """Equilibria on all levels whose corrected depth is the given one: Newton's method in the logarithm of the force.
-    """
+    """Equilibria on all levels at a corrected depth: Newton's method in the logarithm of the force."""
     guess = np.pi * levels[0].punch.profile.radius**2 * depth
     with bounded(allowed(levels[-1].grid.unknowns), levels[-1].grid.unknowns):
         states = [reached(levels[0], depth, cold_start(levels[0], guess))]
@@ -184,16 +168,16 @@ def reached(model: IndentationProblem, depth: float, state: Equilibrium) -> Equi
     of the depth in 108 touches of Table 1, 4e-5 in half of them; the equilibrium itself does not jump. Where this leaps
     over the depth, the equilibrium there is the one returned.
     """
-    spent, last, short, beyond = state.residuals, np.inf, None, None
+    spent, last, short, over = state.residuals, np.inf, None, None
     for _ in range(_DEPTH_STEPS):
         missing, tolerance = depth - state.depth, _DEPTH_TOLERANCE * depth
-        short, beyond = (state, beyond) if missing > 0 else (short, state)
-        leapt = short and beyond and abs(beyond.x[-1] - short.x[-1]) <= tolerance
+        short, over = (state, over) if missing > 0 else (short, state)
+        leapt = short and over and abs(over.x[-1] - short.x[-1]) <= tolerance
         if leapt or abs(missing) <= tolerance:
             return replace(state, depth=depth if leapt else state.depth, residuals=spent)
-        state, last = _ahead(model, state, load_continuation(depth, state, short, beyond, last)), abs(missing)
+        state, last = _ahead(model, state, load_continuation(depth, state, short, over, last)), abs(missing)
         spent += state.residuals
-    nearest = " and ".join(f"{near.depth:.4f}" for near in (short, beyond) if near)
+    nearest = " and ".join(f"{near.depth:.4f}" for near in (short, over) if near)
     raise NotConverged(f"the depth of {depth:.4f} thicknesses was not reached; the nearest found: {nearest}.",
                        estimate=state.x, residuals=spent, load_fraction=state.depth / depth)
 
@@ -224,7 +208,7 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], state
     force_N = state.force * force_unit(law, body)
     depth_error, signal_error = _errors(levels, states, strain)
     residuals = tuple(r for s in states for r in s.residuals)
-    lost = non_elliptic_place(model, state.x)
+    lost = indentation.non_elliptic_place(model, state.x)
     area = min(contact.area, np.pi * model.punch.profile.radius**2)
     return Touch(
         radius_m=radius * unit, u_r_m=(field.position[:, 0] - radius) * unit, u_z_m=field.position[:, 1] * unit,
@@ -236,7 +220,7 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], state
         sigma_max_error=max(abs(rough.pressure.max() / contact.pressure.max() - 1), _PEAK_FLOOR),
         contact_area_error=max(abs(rough.area / contact.area - 1), contact.area / area - 1, _AREA_FLOOR),
         strain_error=_strain_error(levels, states, strain),
-        fraction_non_elliptic=fraction_non_elliptic(model, state.x),
+        fraction_non_elliptic=indentation.fraction_non_elliptic(model, state.x),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
         cpu_s=time.process_time() - started,
         section=Section(model.grid.nodes * unit, model.grid.counter_clockwise,

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets
 from eitsim.mechanics.solid.grid import lagrange
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Gauss points a facet at which stretches are sampled, and at which areas and the dipole response are summed.
 _SAMPLES, _FINE = 3, 8
@@ -29,26 +27,19 @@ class Stretch:
     position: Array
     meridian: Array
     hoop: Array
-    # through the thickness: J over the areal stretch
-    normal: Array
-    # current radius over the reference radius, derivative of the current radius by the reference radius
-    widening: Array
+    normal: Array  # through the thickness: J over the areal stretch
+    widening: Array  # current radius over the reference radius, times its derivative by the reference radius
 
 
 @dataclass(frozen=True)
 class Contact:
     """Integrals of the contact."""
 
-    # (facets,) contact pressure on the deformed surface, facet averages
-    pressure: Array
-    # (facets,) reference radius of the facets' middles
-    middle: Array
-    # reference radius of the outermost point that touches
-    radius: float
-    # current area projected on the punch's face where the face or the fillet is touched
-    area: float
-    # current area of the side wall that is touched
-    wall: float
+    pressure: Array  # (facets,) contact pressure on the deformed surface, facet averages
+    middle: Array  # (facets,) reference radius of the facets' middles
+    radius: float  # reference radius of the outermost point that touches
+    area: float  # current area projected on the punch's face where the face or the fillet is touched
+    wall: float  # current area of the side wall that is touched
 
 
 def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:

@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.solid import axisymmetric_assembly
 from matcal.laws.prony import Prony, decaying, relaxation
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # First step, in shortest relaxation times, times the number of steps per decade.
 _FIRST = 0.5
@@ -30,10 +28,8 @@ _IDLE = 1e-5
 class Memory:
     """What the foam remembers; second Piola-Kirchhoff parts rr, rz, zz and hoop, over mu_0."""
 
-    # (elements, points, 4) stress of the instantaneous law
-    instantaneous: Array
-    # (M, elements, points, 4) int exp(-(t-s)/tau_i) dS_0(s) of each term of the series
-    decaying: Array
+    instantaneous: Array  # (elements, points, 4) stress of the instantaneous law
+    decaying: Array  # (M, elements, points, 4) int exp(-(t-s)/tau_i) dS_0(s) of each term of the series
 
 
 def unloaded(model: IndentationProblem, series: Prony) -> Memory:
@@ -65,10 +61,8 @@ def remembered(model: IndentationProblem, series: Prony, memory: Memory, step_s:
 
 
 def steps_s(series: Prony, times_s: Array, per_decade: int) -> Array:
-    """Ends of the steps (n,) of a hold, s, increasing: `times_s`, and between them as many per decade as asked for.
-
-    The first is a part of the shortest relaxation time; where nothing relaxes, steps are left out.
-    """
+    """Ends of the steps (n,) of a hold, s, increasing: `times_s`, and between them as many per decade as asked for. The
+    first is a part of the shortest relaxation time; where nothing relaxes, steps are left out."""
     times = np.unique(times_s)
     first = min(_FIRST / per_decade * float(series.tau_s[0]), float(times[0]))
     count = int(np.ceil(per_decade * np.log10(times[-1] / first)))

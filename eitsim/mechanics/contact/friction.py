@@ -2,9 +2,9 @@
 
 The slip q of a point is the arc of the profile nearest to it less its anchor, the arc at which it touched first or came
 to rest. While an energy is minimised the direction of the profile and the largest shear T are kept, so that each point
-adds a convex potential: k q^2/2 up to the slip T/k, T |q| - T^2/(2 k) beyond. T is infinite where the punch sticks, by
-Coulomb's law the coefficient times the nominal pressure. Source: Wriggers, Computational Contact Mechanics, 2nd ed.
-(2006), chapters 5 and 10, DOI 10.1007/978-3-540-32609-0.
+adds a convex potential: k q^2/2 up to the slip T/k, T |q| - T^2/(2 k) from there on. T is infinite where the punch
+sticks, by Coulomb's law the coefficient times the nominal pressure. Source: Wriggers, Computational Contact Mechanics,
+2nd ed. (2006), chapters 5 and 10, DOI 10.1007/978-3-540-32609-0.
 """
 
 from __future__ import annotations
@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets, RigidPunch
 from eitsim.scene.scene import Punch
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Stiffness of the springs over that of the contact: ten times as much moves depths by less than 1e-4.
 _STIFFNESS = 0.1
@@ -28,42 +26,30 @@ _STIFFNESS = 0.1
 class Nearest:
     """Points of the punch's profile that are nearest to the Gauss points (facets, points) of the foam's top."""
 
-    # depth inside the punch, negative outside
-    penetration: Array
-    # arc of the profile from the axis
-    arc: Array
-    # (facets, points, 2) direction (r, z) of the profile, outwards and up
-    along: Array
+    penetration: Array  # depth inside the punch, negative outside
+    arc: Array  # arc of the profile from the axis
+    along: Array  # (facets, points, 2) direction (r, z) of the profile, outwards and up
 
 
 @dataclass(frozen=True)
 class FrictionState:
-    """StickSprings along the punch's profile at the Gauss points (facets, points) during one minimisation."""
+    """Springs along the punch's profile at the Gauss points (facets, points) during one minimisation."""
 
-    # nominal shear over slip, while it sticks
-    stiffness: float
-    # (facets, points) largest nominal shear; infinite where the punch sticks, 0 where nothing holds
-    limit: Array
-    # (facets, points) slip from the anchor where the displacement is `moved`
-    slip: Array
-    # (facets, points, 2) displacement as seen from the punch
-    moved: Array
-    # (facets, points, 2) direction (r, z) of the profile, outwards and up
-    along: Array
+    stiffness: float  # nominal shear over slip, while it sticks
+    limit: Array  # (facets, points) largest nominal shear; infinite where the punch sticks, 0 where nothing holds
+    slip: Array  # (facets, points) slip from the anchor where the displacement is `moved`
+    moved: Array  # (facets, points, 2) displacement as seen from the punch
+    along: Array  # (facets, points, 2) direction (r, z) of the profile, outwards and up
 
 
 @dataclass(frozen=True)
 class Shear:
     """State of the springs, each (facets, points)."""
 
-    # potential per reference area
-    potential: Array
-    # nominal shear; positive pulls the foam inwards
-    size: Array
-    # its derivative by the slip: the spring's stiffness, 0 where it slips
-    slope: Array
-    # size of the slip beyond what the spring takes up
-    slipped: Array
+    potential: Array  # potential per reference area
+    size: Array  # nominal shear; positive pulls the foam inwards
+    slope: Array  # its derivative by the slip: the spring's stiffness, 0 where it slips
+    slipped: Array  # size of the slip that the spring does not take up
 
 
 def coefficient(punch: Punch) -> float:

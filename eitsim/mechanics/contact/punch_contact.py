@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid, lagrange
 from eitsim.scene.profiles.profile import Profile
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Gauss points a facet.
@@ -21,11 +21,10 @@ POINTS = 4
 class RigidPunch:
     """A punch and how hard it resists penetration."""
 
-    # its outline
     profile: Profile
-    # penalty: nominal pressure over a small penetration
-    stiffness: float
-    # penetration at which the pressure is twice what the penalty alone gives; beyond, it grows with the third power
+    stiffness: float  # penalty: nominal pressure over a small penetration
+    # penetration at which the pressure is twice what the penalty alone gives; from there on it grows with the third
+    # power
     stiffening_penetration: float = np.inf
 
 
@@ -33,30 +32,21 @@ class RigidPunch:
 class Facets:
     """Top facets of order p with Gauss points."""
 
-    # (facets, p + 1) nodes from the inner to the outer end
-    nodes: Indices
-    # (points, p + 1) shape functions
-    shape: Array
-    # (facets, points, p + 1) their derivatives by the reference radius
-    slope: Array
-    # (facets, points) reference radius
-    radius: Array
-    # (facets, points) quadrature weight, 2 pi r included
-    weight: Array
+    nodes: Indices  # (facets, p + 1) nodes from the inner to the outer end
+    shape: Array  # (points, p + 1) shape functions
+    slope: Array  # (facets, points, p + 1) their derivatives by the reference radius
+    radius: Array  # (facets, points) reference radius
+    weight: Array  # (facets, points) quadrature weight, 2 pi r included
 
 
 @dataclass(frozen=True)
 class ContactState:
     """State of the Gauss points under a punch."""
 
-    # (facets, points) penetration, 0 where there is none
-    penetration: Array
-    # (facets, points, 2) derivative of the penetration by the position (r, z)
-    normal: Array
-    # (facets, points, 2, 2) second derivative
-    curvature: Array
-    # (facets, points) whether the nearest point of the punch lies on its side wall
-    wall: NDArray[np.bool_]
+    penetration: Array  # (facets, points) penetration, 0 where there is none
+    normal: Array  # (facets, points, 2) derivative of the penetration by the position (r, z)
+    curvature: Array  # (facets, points, 2, 2) second derivative
+    wall: NDArray[np.bool_]  # (facets, points) whether the nearest point of the punch lies on its side wall
 
 
 def top_facets(grid: Grid, reach: float = np.inf, points: int = POINTS) -> Facets:
@@ -105,17 +95,12 @@ def energy(punch: RigidPunch, facets: Facets, at: ContactState) -> float:
 
 def forces(punch: RigidPunch, facets: Facets, at: ContactState) -> tuple[Array, float]:
     """Derivatives of the energy by the facets' node positions (facets, p + 1, 2) and by the depth (the reaction)."""
-    return surface_load(facets, at, pressure(punch, at.penetration))
+    return assemble_load(facets, pressure(punch, at.penetration)[..., None] * at.normal)
 
 
 def complementary_forces(punch: RigidPunch, facets: Facets, at: ContactState) -> tuple[Array, float]:
     """As `forces`, of the complementary energy: pressure times penetration less the energy."""
-    return surface_load(facets, at, pressure_slope(punch, at.penetration) * at.penetration)
-
-
-def surface_load(facets: Facets, at: ContactState, by_gap: Array) -> tuple[Array, float]:
-    """Derivatives of an integral over the surface from its integrand's by the penetration (facets, points)."""
-    return assemble_load(facets, by_gap[..., None] * at.normal)
+    return assemble_load(facets, (pressure_slope(punch, at.penetration) * at.penetration)[..., None] * at.normal)
 
 
 def assemble_load(facets: Facets, by_position: Array) -> tuple[Array, float]:
@@ -126,11 +111,8 @@ def assemble_load(facets: Facets, by_position: Array) -> tuple[Array, float]:
 
 def stiffness(punch: RigidPunch, facets: Facets, at: ContactState,
               negative_curvature_scale: float = 1.0) -> tuple[Array, Array, float]:
-    """Second derivatives of the energy: facet blocks (facets, p + 1, 2, p + 1, 2), border
-    (facets, p + 1, 2), corner.
-
-    The part with the punch's curvature, which is never positive, is scaled by negative_curvature_scale.
-    """
+    """Second derivatives of the energy: facet blocks (facets, p + 1, 2, p + 1, 2), border (facets, p + 1, 2), corner.
+    The part with the punch's curvature, which is never positive, is scaled by negative_curvature_scale."""
     push, bend = pressure_slope(punch, at.penetration), pressure(punch, at.penetration) * negative_curvature_scale
     point = push[..., None, None] * at.normal[..., :, None] * at.normal[..., None, :]
     return assemble_stiffness(facets, point + bend[..., None, None] * at.curvature)

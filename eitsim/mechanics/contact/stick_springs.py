@@ -1,4 +1,4 @@
-"""StickSprings that hold the surface of a clipped disc where it sticks to the punch.
+"""Springs that hold the surface of a clipped disc where it sticks to the punch.
 
 Each point of contact that is held in the axisymmetric touch of the same mesh keeps its anchor there. A spring of the
 stiffness of `eitsim.mechanics.contact.friction` resists slip along the punch's profile, and another one slip around its
@@ -10,23 +10,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.contact.friction import FrictionState
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class StickSprings:
-    """StickSprings at the points of the surface that the punch may touch."""
+    """Springs at the points of the surface that the punch may touch."""
 
-    # (facets points, 1) nominal shear over slip; 0 where nothing holds
-    stiffness: Array
+    stiffness: Array  # (facets points, 1) nominal shear over slip; 0 where nothing holds
     # (facets points, 2, 3) directions in the local frame: along the profile, outwards and up, and around the axis
     direction: Array
-    # (facets points, 2, 1) slip along them where nothing has moved
-    offset: Array
+    offset: Array  # (facets points, 2, 1) slip along them where nothing has moved
 
 
 def stick_springs(held: FrictionState | None, shape: tuple[int, ...]) -> StickSprings:

@@ -13,17 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
 class OffsetDisc:
     """The disc seen from the punch; lengths in any one unit."""
 
-    # radius of the disc
-    disc: float
-    # distance of the punch's axis from the disc's centre
-    offset: float
+    disc: float  # radius of the disc
+    offset: float  # distance of the punch's axis from the disc's centre
 
     def start(self, radius: Array) -> Array:
         """Angle from which circles of these radii about the axis lie inside the disc: 0 where all of one does."""
@@ -37,8 +35,7 @@ class OffsetDisc:
 class AngularQuadrature:
     """Sampled circles."""
 
-    # (circles, angles) share of the circle, summing to the part of it that lies inside the disc
-    weight: Array
+    weight: Array  # (circles, angles) share of the circle, summing to the part of it that lies inside the disc
     # (circles, harmonics, angles) even and odd harmonics
     cosine: Array
     sine: Array

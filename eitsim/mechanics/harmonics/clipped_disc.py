@@ -2,7 +2,7 @@
 
 Unknowns are the amplitudes of what the rim adds to an axisymmetric state on one mesh of the meridian, and to its depth.
 The mesh knows no rim: energies are summed over the parts of its circles that lie inside the disc, so that all offsets
-share one mesh and the state is exact where no circle is cut. Beyond the rim the series goes on at will, held by a weak
+share one mesh and the state is exact where no circle is cut. Outside the rim the series goes on at will, held by a weak
 tie: TIE/2 times the squared gradient of what is added, on cut circles, over mu_0 (a finite cell method: Parvizian,
 Duster, Rank, Comput. Mech. 41 (2007) 121, DOI 10.1007/s00466-007-0173-y). Units as in
 eitsim.mechanics.axisymmetric.indentation.
@@ -22,11 +22,11 @@ from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, circl
 from eitsim.mechanics.harmonics.fourier_fields import Points
 from eitsim.mechanics.solid.axisymmetric_assembly import nodal
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Stiffness beyond the rim, over mu_0. It lowers what the rim adds to the depth by 0.5 %.
+# Stiffness outside the rim, over mu_0. It lowers what the rim adds to the depth by 0.5 %.
 TIE = 1e-3
 
 
@@ -34,12 +34,9 @@ TIE = 1e-3
 class SurfaceQuadrature:
     """The surface that the punch may touch, at points that stand for circles."""
 
-    # (facets, p + 1) nodes
-    nodes: Indices
-    # (points, p + 1) shape functions at a facet's points
-    shape: Array
-    # (facets points, 1) reference radius
-    radius: Array
+    nodes: Indices  # (facets, p + 1) nodes
+    shape: Array  # (points, p + 1) shape functions at a facet's points
+    radius: Array  # (facets points, 1) reference radius
     # (facets points, angles) quadrature weight
     weight: Array
     circles: AngularQuadrature
@@ -49,12 +46,9 @@ class SurfaceQuadrature:
 class CutVolumeQuadrature:
     """A given field that is added to the disc's own, and its own equilibrium with another punch."""
 
-    # (points, 9, angles) displacement gradient at the foam's points
-    displacement_gradient: Array
-    # (points, 9, angles) first Piola stress of that field alone, with the foam's weights
-    stress: Array
-    # (facets points, 3, angles) displacement of the surface that the punch may touch
-    shift: Array
+    displacement_gradient: Array  # (points, 9, angles) displacement gradient at the foam's points
+    stress: Array  # (points, 9, angles) first Piola stress of that field alone, with the foam's weights
+    shift: Array  # (facets points, 3, angles) displacement of the surface that the punch may touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,37 +64,27 @@ class ClippedDisc:
     weight: Array
     tie: Array
     facing: SurfaceQuadrature
-    # what holds the surface where the punch sticks
-    springs: StickSprings
-    # (columns,) radii of the nodes' columns
-    columns: Array
-    # order of the elements
-    order: int
-    # (nodes, 3, harmonics) amplitudes of the axisymmetric state
-    base: Array
+    springs: StickSprings  # what holds the surface where the punch sticks
+    columns: Array  # (columns,) radii of the nodes' columns
+    order: int  # order of the elements
+    base: Array  # (nodes, 3, harmonics) amplitudes of the axisymmetric state
     # its depth, and the force on the punch
     depth: float
     force: float
-    # whether the depth is kept instead of the force
-    held: bool
-    # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
-    fixed: NDArray[np.bool_]
-    # what a neighbour adds; None: nothing
-    outside: CutVolumeQuadrature | None = None
+    held: bool  # whether the depth is kept instead of the force
+    fixed: NDArray[np.bool_]  # (harmonics, nodes, 3) amplitudes that are zero, turned as in `turned`
+    outside: CutVolumeQuadrature | None = None  # what a neighbour adds; None: nothing
 
     @property
     def unknowns(self) -> int:
-        """Number of amplitudes that are free."""
         return int(self.fixed.size - self.fixed.sum())
 
 
 def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: OffsetDisc, harmonics: int, angles: int,
                  reach: float, *, held: bool = False) -> ClippedDisc:
     """Discretise what the rim adds to an axisymmetric state: harmonics 0 to harmonics - 1, as many angles on half a
-    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force.
-
-    The punch sticks where the model has a springs.
-    """
+    circle, nothing added from the radius `reach` on; held: at the state's depth instead of its force. The punch sticks
+    where the model has springs."""
     grid, facets = model.grid, model.facets
     near = grid.nodes[grid.elements, 0].max(axis=1) <= reach
     elements, volume = grid.elements[near], grid.weight[near].ravel()
@@ -115,10 +99,9 @@ def clipped_disc(model: IndentationProblem, state: Equilibrium, outline: OffsetD
     facing = SurfaceQuadrature(facets.nodes[kept], facets.shape, facets.radius[kept].reshape(-1, 1),
                                facets.weight[kept].reshape(-1, 1) * under.weight, under)
     foam = Points(shape, np.repeat(elements, grid.weight.shape[1], axis=0), circle, around)
-    held_by = stick_springs(model.springs, facets.radius[kept].shape)
     return ClippedDisc(
-        model.law, model.punch, outline, foam,
-        volume[:, None] * around.weight[circle], TIE * volume * around.cut[circle], facing, held_by,
+        model.law, model.punch, outline, foam, volume[:, None] * around.weight[circle],
+        TIE * volume * around.cut[circle], facing, stick_springs(model.springs, facets.radius[kept].shape),
         grid.lines[0][:count // len(grid.lines[1])], grid.order, base, float(state.x[-1]), state.force, held,
         _fixed(grid.nodes[:count], harmonics, count < len(grid.nodes)))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,7 @@ from eitsim.numerics.linear_solvers import Solve, conjugate_gradients
 from eitsim.numerics.newton import Minimum, System, minimise
 from matcal.laws import hyperfoam
 from matcal.laws.ellipticity import strongly_elliptic
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Norm of the gradient over the force at which a solution is accepted.
 _TOLERANCE = 1e-9
@@ -30,23 +30,19 @@ _LEAST, _MOST, _SIGN = 1e-3, 0.03, 0.3
 class Contact:
     """Points of the surface under a punch, all (facets points, ..., angles)."""
 
-    # penetration, 0 where there is none
-    penetration: Array
+    penetration: Array  # penetration, 0 where there is none
     # (., 3, .) and (., 3, 3, .): its derivatives by the position in the local frame
     normal: Array
     curvature: Array
-    # whether the side wall is nearest
-    wall: NDArray[np.bool_]
+    wall: NDArray[np.bool_]  # whether the side wall is nearest
 
 
 @dataclass(frozen=True)
 class Tangents:
     """Second derivatives of the energy at points, with their weights."""
 
-    # (points, 45, angles) of the foam, as in `eitsim.mechanics.solid.hyperfoam_3d`
-    foam: Array
-    # (facets points, 3, 3, angles) of the contact
-    bearing: Array
+    foam: Array  # (points, 45, angles) of the foam, as in `eitsim.mechanics.solid.hyperfoam_3d`
+    bearing: Array  # (facets points, 3, 3, angles) of the contact
 
 
 def energy(disc: ClippedDisc, x: Array) -> float:
@@ -77,7 +73,6 @@ def displacement_gradient(disc: ClippedDisc, added: Array) -> Array:
 
 
 def contact_state(disc: ClippedDisc, x: Array) -> Contact:
-    """Contact state at x."""
     u = seen(disc, x)
     across, around = disc.facing.radius + u[:, 0], u[:, 1]
     radius = np.hypot(across, around)
@@ -121,14 +116,12 @@ def linearised(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.
     """Gradient (unknowns + 1,) of the energy at x and the tangents there, their negative parts scaled."""
     added = amplitudes(disc, x[:-1])
     at = hyperfoam_3d.principal(displacement_gradient(disc, added))
-    by_stretch = hyperfoam_3d.derivatives(disc.law, at.log, negative_curvature_scale)
-    stress, tangent = hyperfoam_3d.stress_and_tangent(at, by_stretch, disc.weight)
+    stress, tangent = hyperfoam_3d.stress_and_tangent(disc.law, at, disc.weight, negative_curvature_scale)
     stress = stress if disc.outside is None else stress - disc.outside.stress
     touch = contact_state(disc, x)
     push = disc.facing.weight * contact.pressure(disc.punch, touch.penetration)
-    pulled = (
-        disc.facing.weight[:, None] * stick_springs.pull(disc.springs, seen(disc, x)) + push[:, None] * touch.normal
-    )
+    held = disc.facing.weight[:, None] * stick_springs.pull(disc.springs, seen(disc, x))
+    pulled = held + push[:, None] * touch.normal
     on = forces(disc.foam, stress, added) + apply_isotropic_stiffness(disc.foam, disc.tie, added)
     on = on + from_surface(disc.facing, pulled, added)
     bearing = (disc.facing.weight * contact.pressure_slope(disc.punch, touch.penetration))[:, None, None]
@@ -151,18 +144,14 @@ def product(disc: ClippedDisc, tangents: Tangents, y: Array) -> Array:
 
 
 def system(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.0) -> System:
-    """Gradient of the energy at x and a function that solves with its Hessian, negative parts scaled.
-
-    The solve is by conjugate gradients, as exact as Newton's method needs.
-    """
+    """Gradient of the energy at x and a function that solves with its Hessian, negative parts scaled. The solve is by
+    conjugate gradients, as exact as Newton's method needs."""
     gradient, tangents = linearised(disc, x, negative_curvature_scale)
     size = float(np.linalg.norm(gradient)) / disc.force
     tolerance = _SIGN if size <= _TOLERANCE else min(max(size, _LEAST), _MOST)
 
-    def times(y: Array) -> Array:
-        return product(disc, tangents, y)
-
     def factorise() -> Solve:
+        times = partial(product, disc, tangents)
         condition = preconditioner(disc, tangents.foam.sum(axis=2), tangents.bearing.sum(axis=3))
         step = conjugate_gradients(times, condition, gradient, tolerance)
         return lambda b: step if b is gradient else conjugate_gradients(times, condition, b, _LEAST)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.harmonics.arcs import AngularQuadrature
+from touchcal.arrays import Array
 from touchcal.jit import compiled
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Part of the gradient, part of u and which shape of (N_,r, N_,z, N/r): what does not, and what does, grow with m; the
@@ -30,13 +30,10 @@ _TURNING = ((1, 0, 2, -1), (4, 1, 2, 1), (7, 2, 2, -1))
 class Points:
     """Points of the meridian, each standing for a circle."""
 
-    # (points, nodes, 3) N_,r, N_,z and N/r of the shape functions of its element
-    shape: Array
-    # (points, nodes) node numbers
-    nodes: Indices
+    shape: Array  # (points, nodes, 3) N_,r, N_,z and N/r of the shape functions of its element
+    nodes: Indices  # (points, nodes) node numbers
     # (points,) number of its circle
     circle: Indices
-    # the circles
     circles: AngularQuadrature
 
 

@@ -16,11 +16,11 @@ from eitsim.mechanics.harmonics.clipped_disc import TIE, ClippedDisc, turned
 from eitsim.mechanics.harmonics.fourier_fields import operators
 from eitsim.mechanics.solid.hyperfoam_3d import UPPER
 from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# The tie beside G over the disc's own, by trial: fewest iterations at gaps of 0.5 to 8 mm.
+# The tie that is added to G, over the disc's own, by trial: fewest iterations at gaps of 0.5 to 8 mm.
 _STIFFER = 30.0
 # (u_r + u_theta)/sqrt(2), (u_r - u_theta)/sqrt(2), u_z
 _TURN = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, np.sqrt(2)]]) / np.sqrt(2)
@@ -114,7 +114,6 @@ def _roots(disc: ClippedDisc) -> tuple[Array, Array]:
 
 
 def _scaled(disc: ClippedDisc, even: Array, odd: Array, amplitude: Array) -> Array:
-    """Turned amplitudes (harmonics, nodes, 3) scaled column by column."""
     count, columns = len(amplitude), len(even)
     at = turned(np.where(disc.fixed, 0.0, amplitude)).reshape(count, columns, -1, 3)
     at = np.moveaxis(at, 0, 1)

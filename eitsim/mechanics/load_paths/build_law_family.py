@@ -1,71 +1,62 @@
-"""Solving what a few laws change of a table's load paths, and how far weighted means are from other laws solved afresh.
-"""
+"""Solving what a few laws change of a table's load paths, and how far weighted means are from other laws' touches."""
 
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial, reduce
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
-from eitsim.mechanics.load_paths.build_table import Run, compared, course_at, tabulated
+from eitsim.mechanics.load_paths.build_rim_table import Place, loaded, timed_change
+from eitsim.mechanics.load_paths.build_table import Run, compared, course_at, tabulated, timed
 from eitsim.mechanics.load_paths.law_family import Family, places, table_of
 from eitsim.mechanics.load_paths.load_path import NUMBERS, Deviation, Node, alongside, course_of, first_node
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, near_rim_from, with_cell_errors
-from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, state, touch_from
+from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, state
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.mechanics.rim.solve_near_rim import corrected
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-
-# Touches by which each law tells the error, at each of the diameters.
+# Touches by which the error is found, of each law at each of the diameters.
 _CHECKS = 6
-# Of the cells of gap and depth, every which gap and depth the farthest law is solved at to tell the error.
+# Of the cells of gap and depth, every which gap and depth the farthest law is solved at for the error.
 _EVERY = (3, 4)
 
 
 def build_family(table: Table, span: ReducedBasis, run: Run = map) -> Family:
-    """Solve the load paths of a span's laws beside those of its central one, which the table holds; `run` maps a
-    function over laws and diameters, possibly in other processes.
-
-    NotConverged where a path is found at too few depths, or no touch to tell the error.
-    """
+    """Solve the load paths of a span's laws but its central one's, which the table holds; `run` maps a function over
+    laws and diameters, possibly in other processes. NotConverged where a path is found at too few depths, or no touch
+    for the error."""
     shape = table.shape
     some, depths = places(table)
     diameters = [shape.solved[i] for i in some]
     pressures = {d: table.values[i, depths, -len(NUMBERS)] for i, d in zip(some, diameters, strict=True)}
-    paths = list(run(partial(_path, table.depths[depths], pressures),
-                     [(of_law(shape, law), d) for law in span.chosen for d in diameters]))
-    spent = sum(cpu for *_, cpu in paths)
-    common = min((len(values) for values, _, _ in paths), default=len(depths))
+    solved = list(run(partial(timed, _path, table.depths[depths], pressures),
+                      [(of_law(shape, law), d) for law in span.chosen for d in diameters]))
+    paths = [path for path, _ in solved]
+    common = min((len(values) for values, _ in paths), default=len(depths))
     if common < len(depths):
         table = as_deep_as(table, depths[common - 1] + 1)
         depths = places(table)[1]
     values, slopes = (np.array([path[part][:len(depths)] for path in paths]).reshape(
         len(span.chosen), len(some), len(depths), table.values.shape[-1]) for part in range(2))
-    family = Family(replace(table, cpu_s=table.cpu_s + spent), span, *_changes(table, values, slopes))
+    spent = table.cpu_s + sum(cpu for _, cpu in solved)
+    family = Family(replace(table, cpu_s=spent), span, *_changes(table, values, slopes))
     return family if not span.held_out else _checked(family, run)
 
 
-def _path(
-    depths: Array, pressures: Mapping[float, Array], which: tuple[DimensionlessProblem, float]
-) -> tuple[Array, Array, float]:
-    """Values and slopes of one law's path at depths, as far as it goes, and the CPU time."""
-    started = time.process_time()
+def _path(depths: Array, pressures: Mapping[float, Array],
+          which: tuple[DimensionlessProblem, float]) -> tuple[Array, Array]:
     shape, diameter = which
     nodes = list(alongside(course_at(shape, diameter), depths.tolist(), pressures[diameter].tolist()))
-    values, slopes, _ = tabulated(nodes, depths[:len(nodes)])
-    return values, slopes, time.process_time() - started
+    return tabulated(nodes, depths[:len(nodes)])[:2]
 
 
 def _changes(table: Table, values: Array, slopes: Array) -> tuple[Array, Array]:
@@ -82,22 +73,18 @@ def _changes(table: Table, values: Array, slopes: Array) -> tuple[Array, Array]:
 
 
 def _checked(family: Family, run: Run) -> Family:
-    """The family with the largest deviation of means from touches of other laws solved afresh."""
     table, laws = family.table, family.span.held_out
     depths = (table.depths[1:] + table.depths[:-1]) / 2
     depths = depths[np.unique(np.linspace(0, len(depths) - 1, _CHECKS).round().astype(int))]
     pressures = {d: _pressures(table, d, depths) for d in _diameters(table)}
-    found = list(run(_fresh, [(of_law(table.shape, law), d, p) for law in laws for d, p in pressures.items()]))
-    tables = [_compared(family, law, dict(zip(pressures, (nodes for nodes, _ in part), strict=True)))
-              for law, part in zip(laws, _parts(found, len(pressures)), strict=True)]
+    found = list(run(partial(timed, _fresh),
+                     [(of_law(table.shape, law), d, p) for law in laws for d, p in pressures.items()]))
+    nodes = iter(nodes for nodes, _ in found)
+    tables = [compared(_of(family, law), {d: next(nodes) for d in pressures}) for law in laws]
     error = reduce(Deviation.at_least, [own.error for own in tables], table.error)
     return replace(family, table=replace(
         table, error=error, checks=table.checks + sum(own.checks for own in tables),
         cpu_s=table.cpu_s + sum(cpu for _, cpu in found)))
-
-
-def _parts(found: list[Any], size: int) -> list[list[Any]]:
-    return [found[i:i + size] for i in range(0, len(found), size)]
 
 
 def _pressures(table: Table, diameter: float, depths: Array) -> tuple[float, ...]:
@@ -107,7 +94,8 @@ def _pressures(table: Table, diameter: float, depths: Array) -> tuple[float, ...
 
 
 def _diameters(table: Table) -> list[float]:
-    """Diameters at which other laws tell the error: between those solved, or else those where changes are not."""
+    """Diameters at which other laws are solved for the error: between those solved, or else those where changes are
+    not."""
     if table.shape.spans:
         return list(table.shape.held_out)
     some = places(table)[0]
@@ -115,60 +103,46 @@ def _diameters(table: Table) -> list[float]:
     return (rest or list(table.shape.solved))[:2]
 
 
-def _fresh(which: tuple[DimensionlessProblem, float, tuple[float, ...]]) -> tuple[list[Node], float]:
-    """Nodes of a law and diameter under mean pressures, each from rest, those left out that are not found, and the CPU
-    time."""
-    started = time.process_time()
+def _fresh(which: tuple[DimensionlessProblem, float, tuple[float, ...]]) -> list[Node]:
+    """Nodes of a law and diameter under mean pressures, each from rest, those left out that are not found."""
     shape, diameter, pressures = which
     course, nodes = course_of(*parts_of(shape, diameter), shape.strain), []
     for pressure in pressures:
         with contextlib.suppress(NotConverged):
             nodes.append(first_node(course, pressure))
-    return nodes, time.process_time() - started
+    return nodes
 
 
-def _compared(family: Family, law: Hyperfoam, nodes: dict[float, list[Node]]) -> Table:
+def _of(family: Family, law: Hyperfoam) -> Table:
     own = table_of(family, law)
     assert own is not None
-    return compared(own, nodes)
+    return own
 
 
 def with_rim(family: Family, table: Table, run: Run = map) -> Family:
     """The family with what the rim changes of the central law's touches, from its table, taken over at equal depth; in
     each cell of gap and depth its deviation is at least that at the law that is farthest off in the nearest cells.
-
-    NotConverged where more than half of the changes that tell it are not found.
-    """
+    NotConverged where more than half of the changes that give it are not found."""
     rim = table.rim
     assert rim is not None
     family = replace(family, table=replace(family.table, rim=rim))
     if not family.span.held_out:
         return family
-    own = table_of(family, family.span.held_out[0])
-    assert own is not None
+    own = _of(family, family.span.held_out[0])
     cells = [(i, j) for i, j in cells_of(rim) if i % _EVERY[0] == 0 and j % _EVERY[1] == 1]
-    found = list(run(partial(_deviation, own), middles_of(rim, cells, rim.diameters.tolist())))
+    found = list(run(partial(timed_change, _deviation, own), middles_of(rim, cells, rim.diameters.tolist())))
     rim = with_cell_errors(rim, {cell: off for cell, (off, _) in zip(cells, found, strict=True)})
     spent = rim.cpu_s + sum(cpu for _, cpu in found)
     return replace(family, table=replace(family.table, rim=replace(rim, cpu_s=spent)))
 
 
-def _deviation(table: Table, place: tuple[float, float, float]) -> tuple[Deviation | None, float]:
-    """How far a table is from the rim's change of its touch solved afresh, None where that is not found, and the CPU
-    time."""
-    started = time.process_time()
-    diameter, gap, depth = place
-    law, body, punch = parts_of(table.shape, diameter)
-    alone = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
-    if alone is None:
-        return None, time.process_time() - started
-    punch = replace(punch, x_m=body.radius_m - diameter / 2 - gap, force_N=alone.force_N)
+def _deviation(table: Table, place: Place) -> Deviation:
+    """How far a table is from the rim's change of its touch solved anew."""
+    law, body, _ = parts_of(table.shape, place[0])
+    alone, punch = loaded(table, place)
     stored = near_rim_from(table, alone, body, punch)
-    try:
-        fresh = corrected(alone, law, body, punch, strain=table.shape.strain)
-    except NotConverged:
-        return None, time.process_time() - started
+    fresh = corrected(alone, law, body, punch, strain=table.shape.strain)
     if stored is None or stored.rim is None or fresh.rim is None:
-        return None, time.process_time() - started
+        raise NotConverged("the table does not reach this place.", estimate=table.depths)
     signal = signal_difference(body, punch, alone, stored.rim, fresh.rim, table.shape.strain)
-    return Deviation(abs(stored.depth_m / fresh.depth_m - 1), signal, 0.0), time.process_time() - started
+    return Deviation(abs(stored.depth_m / fresh.depth_m - 1), signal, 0.0)

@@ -1,50 +1,38 @@
-"""Solving what the rim changes of a table's touches, and its deviation from changes solved afresh between them.
+"""Solving what the rim changes of a table's touches, and its deviation from changes solved anew between them.
 
 A change is solved on the coarse mesh at all places of a grid, and on the finer one at some: what that adds varies less
 with the gap, and is a cubic through those. Deep touches next to the rim are not found; there lines over the gap go on
-as parabolas, and no touch beside such a place is served.
+as parabolas, and no touch next to such a place is served.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
-from eitsim.mechanics.load_paths.build_table import Run
+from eitsim.mechanics.load_paths import rim_table
+from eitsim.mechanics.load_paths.build_table import Run, timed
 from eitsim.mechanics.load_paths.load_path import Deviation
-from eitsim.mechanics.load_paths.rim_table import (
-    Solved,
-    across_depths,
-    across_gaps,
-    between,
-    cells_of,
-    change_from,
-    changed_diameters,
-    extended,
-    middles_of,
-    with_cell_errors,
-)
+from eitsim.mechanics.load_paths.rim_table import Solved, cells_of, change_from, changed_diameters, extended
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.mechanics.rim.correction import RimCorrection
 from eitsim.mechanics.rim.solve_near_rim import COARSE, LEAST_GAP, corrected, rim_change
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-# (diameters, gaps, depths) of Solved, None where nothing was found
-Found = NDArray[np.object_]
 # diameter, gap, depth, over the thickness
 Place = tuple[float, float, float]
-Solve = Callable[[Table, Place], Solved]
+Solve = Callable[[Table, Place], Any]
 
 
 @dataclass(frozen=True)
@@ -58,16 +46,14 @@ class Grid:
     fine_depths: tuple[float, ...]
 
 
-# From the rim itself up to where it no longer counts at a wanted error of 1 %. The coarse mesh's contact grows element
-# by element, felt most at depths between 0.06 and 0.16, which takes the finer mesh there.
+# From the rim itself up to where it no longer counts at a requested error of 1 %. The coarse mesh's contact grows
+# element by element, felt most at depths between 0.06 and 0.16, which takes the finer mesh there.
 GRID = Grid((0.0, 0.06, 0.18, 0.38, 0.68, 1.14, 1.83, 2.9, 4.5),
             (0.02, 0.035, 0.06, 0.09, 0.12, 0.16, 0.2, 0.26, 0.32, 0.4, 0.48, 0.57, 0.66, 0.76, 0.86),
             (0.0, 0.18, 1.14, 4.5), (0.02, 0.035, 0.06, 0.09, 0.12, 0.16, 0.32, 0.48, 0.66, 0.86))
 # Depths up to which changes are tried, over the thickness, on the coarse and on the finer mesh, and what each thickness
 # of the gap adds to them: deeper ones next to the rim take a minute each, and many are not found.
 _ROUGH_TRIED, _FINE_TRIED, _BY_GAP = 0.66, 0.5, 4.0
-
-
 # Fewest gaps at which a depth is found.
 _FEWEST = 3
 
@@ -78,7 +64,7 @@ class _Nodes:
 
     gaps: Array
     depths: Array
-    solved: Found
+    solved: NDArray[np.object_]  # (diameters, gaps, depths) of Solved, None where nothing was found
     cpu_s: float
 
     @property
@@ -89,9 +75,7 @@ class _Nodes:
 
 def build_rim(table: Table, run: Run = map, grid: Grid = GRID) -> RimTable:
     """Solve the changes of a table's touches on a grid; `run` maps a function over places, possibly in other processes.
-
-    NotConverged where too few changes are found, or too few of those that tell the error.
-    """
+    NotConverged where too few changes are found, or too few of those that give the error."""
     diameters = changed_diameters(table.shape)
     rough = _nodes(table, run, _roughly, _ROUGH_TRIED, grid.gaps, grid.depths)
     fine = _nodes(table, run, _finely, _FINE_TRIED, grid.fine_gaps, grid.fine_depths)
@@ -101,7 +85,7 @@ def build_rim(table: Table, run: Run = map, grid: Grid = GRID) -> RimTable:
     at = rough.gaps, rough.depths, fine.gaps, fine.depths
     fields, numbers = (refined(*at, *pair) for pair in zip((fields, numbers), finer, strict=True))
     rim = RimTable(diameters, rough.gaps, rough.depths, field.radius_m, field.share, fields.astype(np.float32), numbers,
-                   _untold(rough), rough.cpu_s + fine.cpu_s)
+                   _no_errors(rough), rough.cpu_s + fine.cpu_s)
     return checked(table, rim, run)
 
 
@@ -112,7 +96,7 @@ def _nodes(table: Table, run: Run, solve: Solve, deepest: float, gaps: Sequence[
     at = np.maximum(gaps, least)
     places = [(d, g, s) for d in diameters.tolist() for g in at.tolist() for s in depths]
     tried = [place for place in places if place[2] <= deepest + _BY_GAP * place[1]]
-    found = dict(zip(tried, run(partial(_timed, solve, table), tried), strict=True))
+    found = dict(zip(tried, run(partial(timed_change, solve, table), tried), strict=True))
     solved = np.empty(len(places), dtype=object)
     solved[:] = [found.get(place, (None, 0.0))[0] for place in places]
     return _Nodes(at, np.array(depths), solved.reshape(len(diameters), len(at), len(depths)),
@@ -137,7 +121,7 @@ def _end(nodes: _Nodes) -> float:
     return float(nodes.depths[count - 1]) if count else 0.0
 
 
-def _untold(nodes: _Nodes) -> Array:
+def _no_errors(nodes: _Nodes) -> Array:
     """Deviations (gaps - 1, depths, 2): none yet, and infinite where a node about a cell is missing."""
     error_estimate = np.zeros((len(nodes.gaps) - 1, len(nodes.depths), 2))
     for _, i, j in np.argwhere(nodes.missing).tolist():
@@ -145,18 +129,20 @@ def _untold(nodes: _Nodes) -> Array:
     return error_estimate
 
 
-def _timed(solve: Solve, table: Table, place: Place) -> tuple[Solved | None, float]:
+def timed_change(solve: Solve, table: Table, place: Place) -> tuple[Any, float]:
     """What `solve` finds at a place, None where it finds nothing, and the CPU time."""
-    started = time.process_time()
+    return timed(_found, solve, table, place)
+
+
+def _found(solve: Solve, table: Table, place: Place) -> Any:
     try:
-        found = solve(table, place)
+        return solve(table, place)
     except NotConverged:
-        found = None
-    return found, time.process_time() - started
+        return None
 
 
-def _loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
-    """The axisymmetric touch of a place, and its punch there."""
+def loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
+    """The axisymmetric touch of a place, and its punch there; NotConverged where the load paths end before it."""
     diameter, gap, depth = place
     law, body, punch = parts_of(table.shape, diameter)
     touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
@@ -166,26 +152,20 @@ def _loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
 
 
 def _roughly(table: Table, place: Place) -> Solved:
-    """The change on the coarse mesh alone, whose errors are not told."""
+    """The change on the coarse mesh alone, whose errors are not known."""
     law, body, _ = parts_of(table.shape, place[0])
-    return Solved(rim_change(law, body, _loaded(table, place)[1], COARSE), 0.0, 0.0)
+    return Solved(rim_change(law, body, loaded(table, place)[1], COARSE), 0.0, 0.0)
 
 
 def _finely(table: Table, place: Place) -> Solved:
     law, body, _ = parts_of(table.shape, place[0])
-    touch, punch = _loaded(table, place)
+    touch, punch = loaded(table, place)
     done = corrected(touch, law, body, punch, strain=table.shape.strain)
     assert done.rim is not None
     wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
-    change = RimCorrection(
-        done.rim,
-        done.depth_m - touch.depth_m,
-        done.sigma_max_Pa / touch.sigma_max_Pa,
-        done.contact_area_m2 / touch.contact_area_m2,
-        wall,
-        done.fraction_non_elliptic,
-        done.residuals,
-    )
+    change = RimCorrection(done.rim, done.depth_m - touch.depth_m, done.sigma_max_Pa / touch.sigma_max_Pa,
+                           done.contact_area_m2 / touch.contact_area_m2, wall, done.fraction_non_elliptic,
+                           done.residuals)
     return Solved(change, done.depth_error - touch.depth_error, done.signal_error - touch.signal_error)
 
 
@@ -203,9 +183,8 @@ def _rows(shape: DimensionlessProblem, radius: Array, nodes: _Nodes) -> tuple[Ar
     return fields, numbers
 
 
-def _row(
-    shape: DimensionlessProblem, radius: Array, middle: float, one: Solved, diameter: float, depth: float
-) -> tuple[Array, Array]:
+def _row(shape: DimensionlessProblem, radius: Array, middle: float, one: Solved, diameter: float,
+         depth: float) -> tuple[Array, Array]:
     """What a table keeps of a change, its circles carried over to those about the middle diameter."""
     change, field = one.change, one.change.field
     own = carried_over(shape, radius, middle, diameter)
@@ -222,40 +201,33 @@ def refined(gaps: Array, depths: Array, fine_gaps: Array, fine_depths: Array, va
     in the logarithms; what is missing next to the rim, NaN, goes on from larger gaps."""
     i, j = np.searchsorted(gaps, fine_gaps), np.searchsorted(depths, fine_depths)
     added = extended(fine_gaps, finer - values[:, i][:, :, j])
-    along = np.stack([_spread(len(fine_gaps), across_gaps(fine_gaps, gap)) for gap in gaps.tolist()])
-    down = np.stack([_spread(len(fine_depths), across_depths(fine_depths, depth)) for depth in depths.tolist()])
+    along = np.stack([_spread(len(fine_gaps), rim_table.across_gaps(fine_gaps, at)) for at in gaps.tolist()])
+    down = np.stack([_spread(len(fine_depths), rim_table.across_depths(fine_depths, at)) for at in depths.tolist()])
     return extended(gaps, values) + np.einsum("Gg,Ss,dgsn->dGSn", along, down, added, optimize=True)
 
 
 def _spread(count: int, local: tuple[slice, Array]) -> Array:
-    """Weights of some nodes among all (count,) of them."""
     out = np.zeros(count)
     out[local[0]] = local[1]
     return out
 
 
 def checked(table: Table, rim: RimTable, run: Run) -> RimTable:
-    """The table with its deviation from changes solved afresh in the middle of every second cell, in each cell the
-    largest of those next to it: within a cell deviations differ threefold.
-
-    NotConverged where more than half of these are not found, which leaves the error untold.
-    """
+    """The table with its deviation from changes solved anew in the middle of every second cell, in each cell the
+    largest of those next to it: within a cell deviations differ threefold. NotConverged where more than half of these
+    are not found, which leaves the error unknown."""
     cells = [(i, j) for i, j in cells_of(rim) if (i + j) % 2 == 0]
-    places = middles_of(rim, cells, between(table.shape))
-    found = list(run(partial(_timed, _finely, table), places))
-    off = {cell: None if fresh is None else _apart(table, rim, place, fresh)
+    places = rim_table.middles_of(rim, cells, rim_table.between(table.shape))
+    found = list(run(partial(timed_change, _finely, table), places))
+    off = {cell: None if fresh is None else _deviation(table, rim, place, fresh)
            for cell, place, (fresh, _) in zip(cells, places, found, strict=True)}
-    return replace(with_cell_errors(rim, off), cpu_s=rim.cpu_s + sum(cpu for _, cpu in found))
+    return replace(rim_table.with_cell_errors(rim, off), cpu_s=rim.cpu_s + sum(cpu for _, cpu in found))
 
 
-def _apart(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviation:
-    """How far the table is from a change solved afresh at a place between its nodes."""
-    diameter, gap, depth = place
-    stored = change_from(table.shape, rim, diameter, gap, depth)
-    law, body, punch = parts_of(table.shape, diameter)
-    touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
+def _deviation(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviation:
+    """How far the table is from a change solved anew at a place between its nodes."""
+    stored, body = change_from(table.shape, rim, *place), parts_of(table.shape, place[0])[1]
     assert stored is not None
-    assert touch is not None
-    punch = replace(punch, x_m=body.radius_m - diameter / 2 - gap)
+    touch, punch = loaded(table, place)
     signal = signal_difference(body, punch, touch, stored.change.field, fresh.change.field, table.shape.strain)
-    return Deviation(abs(stored.change.depth_m - fresh.change.depth_m) / (depth + fresh.change.depth_m), signal, 0.0)
+    return Deviation(abs(stored.change.depth_m - fresh.change.depth_m) / (place[2] + fresh.change.depth_m), signal, 0.0)

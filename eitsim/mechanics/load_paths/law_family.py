@@ -1,7 +1,7 @@
 """Tables of load paths for laws of the foam near one another: one that is solved, and what other laws change of it.
 
 At equal depth the surface is nearly the same for all of them, and the pressure a little different: what a law changes
-is a weighted sum of what a few laws change (law_span.Span), solved at a few diameters and depths.
+is a weighted sum of what a few laws change (`ReducedBasis`), solved at a few diameters and depths.
 """
 
 from __future__ import annotations
@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
-from eitsim.mechanics.load_paths.table import of_law
+from eitsim.mechanics.load_paths.table import lagrange_weights, of_law
 from eitsim.mechanics.load_paths.types import Table
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Most diameters at which the changes are solved, and every which depth of the table they are.
 _DIAMETERS, _EVERY = 3, 2
@@ -30,11 +28,9 @@ _HELD = 4
 class Family:
     """Touches of a shape over force, diameter and law."""
 
-    # of the central law, as deep as the paths of all; error, checks and CPU time are those of all
-    table: Table
-    # which laws are weighted how
-    span: ReducedBasis
-    # (K, D, k, 6 r + 6) changes of a table's values and slopes at the diameters and depths `places` tells
+    table: Table  # of the central law, as deep as the paths of all; error, checks and CPU time are those of all
+    span: ReducedBasis  # which laws are weighted how
+    # (K, D, k, 6 r + 6) changes of a table's values and slopes at the diameters and depths of `places`
     values: Array
     slopes: Array
 
@@ -51,14 +47,14 @@ def places_among(diameters: int) -> list[int]:
 
 
 def table_of(source: Table | Family | None, law: Hyperfoam) -> Table | None:
-    """The table that serves a law, if there is one: of a family the weighted mean, None for a law beyond it."""
+    """The table that serves a law, if there is one: of a family the weighted mean, None for a law outside it."""
     if not isinstance(source, Family):
         return source
     return _mean(source, law.mu_Pa.tobytes(), law.alpha.tobytes(), law.nu.tobytes())
 
 
 def central_of(source: Table | Family | None) -> Table | None:
-    """The table itself, or that of a family's central law, which tells the errors and the CPU time of all."""
+    """The table itself, or that of a family's central law, which holds the errors and the CPU time of all."""
     return source.table if isinstance(source, Family) else source
 
 
@@ -78,16 +74,9 @@ def _mean(family: Family, mu_Pa: bytes, alpha: bytes, nu: bytes) -> Table | None
 def _everywhere(table: Table, values: Array, slopes: Array) -> tuple[Array, Array]:
     """Changes at all diameters and depths of a table: polynomials in the diameter's logarithm, cubics in the depth."""
     some, depths = places(table)
-    across = _across(np.log(table.shape.solved), some)
+    x = np.log(table.shape.solved)
+    across = np.array([lagrange_weights(x[some], at) for at in x.tolist()])
     values, slopes = (np.tensordot(across, part, 1) for part in (values, slopes))
     cubic = CubicHermiteSpline(table.depths[depths], values, slopes, axis=1)
     return cubic(table.depths), cubic(table.depths, 1)
-
-
-def _across(x: Array, some: list[int]) -> Array:
-    """Lagrange's weights (all, some) of some places in the polynomial through them, at all."""
-    nodes = x[some]
-    separation = nodes[:, None] - nodes + np.eye(len(nodes))
-    return np.array([[float(np.prod(np.delete((at - nodes) / separation[j], j))) for j in range(len(nodes))]
-                     for at in x.tolist()])
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
@@ -19,15 +19,15 @@ from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationPr
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, touch_of, under_force
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-
 # What a node keeps: fields of the surface, and numbers. Area and wall are over those of the punch, its face's and its
-# shank's one thickness high; the contact's end is beyond the punch's edge; the force is the mean pressure on the face.
+# shank's one thickness high; the contact's end counts from the punch's edge; the force is the mean pressure on the
+# face.
 FIELDS = ("u_r", "u_z", "stretch_meridian", "stretch_hoop", "stretch_normal", "pressure")
 NUMBERS = ("mean_pressure", "corrected_share", "contact_end", "contact_area", "wall_contact", "sigma_max")
-# What the solution tells of itself; errors as logarithms.
+# What the solution reports of itself; errors as logarithms.
 ERRORS = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "log_strain_error",
           "fraction_non_elliptic")
 # Step, over the depth, of the central differences by depth.
@@ -49,10 +49,8 @@ class LoadPath:
     law: Hyperfoam
     body: Body
     levels: tuple[IndentationProblem, ...]
-    # the skin's driving strain, for which errors of signals are told
-    strain: str
-    # (r,) reference radii
-    radius: Array
+    strain: str  # the skin's driving strain, for which errors of signals are estimated
+    radius: Array  # (r,) reference radii
 
     @property
     def face(self) -> float:
@@ -64,19 +62,14 @@ class LoadPath:
 class Node:
     """One equilibrium of a path."""
 
-    # depth of the punch as solved, before the correction for penetration
-    depth: float
+    depth: float  # depth of the punch as solved, before the correction for penetration
     # (6, r) FIELDS at the path's radii, and their derivatives by the depth
     fields: Array
     slopes: Array
-    # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
-    numbers: Array
-    # (6,) ERRORS
-    error_estimate: Array
-    # derivative of the mean pressure by the depth
-    stiffness: float
-    # equilibria on all levels; empty where they are no longer needed
-    states: tuple[Equilibrium, ...]
+    numbers: Array  # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
+    error_estimate: Array  # (6,) ERRORS
+    stiffness: float  # derivative of the mean pressure by the depth
+    states: tuple[Equilibrium, ...]  # equilibria on all levels; empty where they are no longer needed
 
     @property
     def mean_pressure(self) -> float:
@@ -89,14 +82,11 @@ class Node:
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far an interpolated touch is from one solved afresh at the same force, relative."""
+    """How far an interpolated touch is from one solved anew at the same force, relative."""
 
-    # depth
     depth: float
-    # dipole response of a nominal skin; at least a tenth of what its parts add up to is the scale
-    signal: float
-    # all three stretches of the surface, L2 over the reference area
-    strain: float
+    signal: float  # dipole response of a nominal skin; at least a tenth of what its parts add up to is the scale
+    strain: float  # all three stretches of the surface, L2 over the reference area
 
     def at_least(self, other: Deviation) -> Deviation:
         """The larger of both, each by itself."""
@@ -112,13 +102,10 @@ def course_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, radius: Arr
 
 
 def refined(course: LoadPath, depths: Sequence[float]) -> list[Node]:
-    """A path near these increasing depths and, where cubics between them deviate too much, between.
-
-    It ends before the first interval that stays too coarse, or where no equilibrium is found.
-    """
+    """A path near these increasing depths and, where cubics between them deviate too much, between. It ends before the
+    first interval that stays too coarse, or where no equilibrium is found."""
     nodes = list(traced(course, depths))
-    done = nodes[:1]
-    ahead = nodes[:0:-1]
+    done, ahead = nodes[:1], nodes[:0:-1]
     while ahead:
         left, right = done[-1], ahead[-1]
         middle = _between(course, left, right)
@@ -136,10 +123,8 @@ def refined(course: LoadPath, depths: Sequence[float]) -> list[Node]:
 
 
 def traced(course: LoadPath, depths: Sequence[float]) -> Iterator[Node]:
-    """Nodes near the given depths, which increase, each started from those before it.
-
-    It ends where no equilibrium is found, or none near a depth, as where the punch falls through.
-    """
+    """Nodes near the given depths, which increase, each started from those before it. It ends where no equilibrium is
+    found, or none near a depth, as where the punch falls through."""
     nodes: list[Node] = []
     for depth in depths:
         try:
@@ -202,8 +187,8 @@ def depth_at(ends: Array, values: Array, slopes: Array, target: float) -> float:
 
 
 def deviation(course: LoadPath, depth_ratio: float, fields: Array, fresh: Array) -> Deviation:
-    """Deviation of FIELDS (6, r) from those solved afresh under the same force, and of a depth from its ratio to the
-    other."""
+    """Deviation of FIELDS (6, r) from those solved anew under the same force, and of a depth from its ratio to
+    theirs."""
     r = course.radius
     weight = np.gradient(r) * r
     separation, strain = fields[2:5] - fresh[2:5], fresh[2:5] - 1
@@ -227,7 +212,7 @@ def _towards(course: LoadPath, depth: float, before: list[Node]) -> Node | None:
     tries = list(before)
     step = depth - (tries[-1].depth if tries else 0.0)
     for _ in range(_ATTEMPTS):
-        node = _node(course, _pressure_at(course, depth, tries), tries[-1] if tries else None)
+        node = _node(course, _pressure_at(depth, tries), tries[-1] if tries else None)
         if abs(node.depth - depth) <= _NEAR * step:
             return node
         tries = sorted([*tries, node], key=lambda n: -abs(n.depth - depth))[-2:]
@@ -235,18 +220,16 @@ def _towards(course: LoadPath, depth: float, before: list[Node]) -> Node | None:
 
 
 def _between(course: LoadPath, left: Node, right: Node) -> Node | None:
-    """A node near the middle of two; None where there is none between them."""
     depth = (left.depth + right.depth) / 2
     try:
-        node = _node(course, _pressure_at(course, depth, [left, right]), left)
+        node = _node(course, _pressure_at(depth, [left, right]), left)
     except NotConverged:
         return None
     return node if left.depth < node.depth < right.depth else None
 
 
-def _pressure_at(course: LoadPath, depth: float, nodes: list[Node]) -> float:
-    """The mean pressure of a depth: cubic through two nodes, at most e-fold beyond the last; linear from one; a guess
-    from none."""
+def _pressure_at(depth: float, nodes: list[Node]) -> float:
+    """Cubic through two nodes, at most e-fold past the last; linear from one; a guess from none."""
     if not nodes:
         return depth
     last = nodes[-1]
@@ -273,7 +256,6 @@ def _node(course: LoadPath, mean_pressure: float, before: Node | None) -> Node:
 
 
 def _kept(course: LoadPath, states: list[Equilibrium]) -> Node:
-    """What a path keeps of an equilibrium."""
     model, state = course.levels[-1], states[-1]
     touch = touch_of(course.law, course.body, list(course.levels), states, course.strain, 0.0)
     depth, by_depth = float(state.x[-1]), state.by_force / state.by_force[-1]
@@ -283,11 +265,8 @@ def _kept(course: LoadPath, states: list[Equilibrium]) -> Node:
     numbers = np.array([state.force / course.face, state.depth / depth, touch.contact_radius_m - radius,
                         touch.contact_area_m2 / course.face, touch.wall_contact_m2 / (2 * np.pi * radius),
                         touch.sigma_max_Pa])
-    assert touch.sigma_max_error is not None
-    assert touch.contact_area_error is not None
-    assert touch.strain_error is not None
-    errors = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error,
-              touch.strain_error]
+    errors: list[Any] = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error,
+                         touch.strain_error]
     error_estimate = np.array([*np.log(errors), touch.fraction_non_elliptic])
     stiffness = 1 / float(state.by_force[-1]) / course.face
     return Node(depth, fields, (ahead - behind) / (2 * step), numbers, error_estimate, stiffness, tuple(states))

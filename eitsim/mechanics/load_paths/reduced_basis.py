@@ -1,6 +1,6 @@
 """Laws of the foam near one another, such as draws of a posterior: a few of them whose weighted means all others are.
 
-Laws are told apart by their stresses in homogeneous strains, over mu_0: a factor on all moduli makes no other law. The
+Laws differ by their stresses in homogeneous strains, over mu_0: a factor on all moduli makes no other law. The
 few are chosen one by one, each the worst of a mean of those before, as bases are in greedy reduced-basis methods
 (DOI 10.1115/1.1448332); weights then hardly exceed 1.
 """
@@ -11,19 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Directions of logarithmic strain, and how far along them laws are compared: compression with and without free sides,
 # shear, and tension.
 _DIRECTIONS = ((-1.0, 0.0, 0.0), (-1.0, 0.3, 0.3), (-1.0, 0.5, 0.0), (-0.6, 0.6, 0.0), (0.4, 0.0, 0.0))
 _ALONG = np.linspace(0.05, 1.8, 24)
-# Relative stress, r.m.s. over the strains, that a mean may miss; the most laws of a mean beside the central one.
+# Relative stress, r.m.s. over the strains, that a mean may miss; the most laws of a mean next to the central one.
 _MISSED, _MOST = 5e-4, 6
-# How many laws, not among those of the mean, tell its error.
+# How many laws, not among those of the mean, give its error.
 _HELD_OUT = 4
 # What two laws may differ by in rounding alone.
 _ROUNDING = 1e-9
@@ -34,9 +32,8 @@ class ReducedBasis:
     """A few laws, and what their weighted means are good for."""
 
     central: Hyperfoam
-    # those whose differences to the central one are weighted
-    chosen: tuple[Hyperfoam, ...]
-    # laws that tell the error of a mean, the farthest from the central one first; empty where one law is all there is
+    chosen: tuple[Hyperfoam, ...]  # those whose differences to the central one are weighted
+    # laws that give the error of a mean, the farthest from the central one first; empty where one law is all there is
     held_out: tuple[Hyperfoam, ...]
     # largest relative stress, r.m.s., that a mean misses of the laws it was made for, and their largest weight
     missed: float
@@ -52,10 +49,8 @@ class ReducedBasis:
 
 
 def reduced_basis(laws: Sequence[Hyperfoam]) -> ReducedBasis:
-    """The central one of some laws and those that span the rest; depends on the laws and their order alone.
-
-    ValueError where there are none, or where a stress over mu_0 is no number.
-    """
+    """The central one of some laws and those that span the rest; depends on the laws and their order alone. ValueError
+    where there are none, or where a stress over mu_0 is no number."""
     if not laws:
         raise ValueError("none of the drawn cards has a law of the foam that makes a material.")
     stresses = np.stack([_stresses(law) for law in laws])
@@ -69,13 +64,8 @@ def reduced_basis(laws: Sequence[Hyperfoam]) -> ReducedBasis:
         left -= np.outer(left @ unit, unit)
     found, missed = _weights(separation[chosen], separation)
     held_out = _held_out(_size(separation), missed, [central, *chosen])
-    return ReducedBasis(
-        laws[central],
-        tuple(laws[i] for i in chosen),
-        tuple(laws[i] for i in held_out),
-        float(missed.max()),
-        float(np.abs(found).max(initial=0.0)),
-    )
+    return ReducedBasis(laws[central], tuple(laws[i] for i in chosen), tuple(laws[i] for i in held_out),
+                        float(missed.max()), float(np.abs(found).max(initial=0.0)))
 
 
 def _held_out(distance: Array, missed: Array, known: Sequence[int]) -> list[int]:

@@ -2,7 +2,7 @@
 
 A change is known at a few gaps between the punch's edge and the rim and at a few depths of the axisymmetric touch, and
 divided by the depth, in proportion to which it starts; between them it is cubic in the logarithm of gap and depth. How
-far it is off is told for each cell between neighbouring gaps and depths.
+far it is off is known for each cell between neighbouring gaps and depths.
 """
 
 from __future__ import annotations
@@ -11,17 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.load_path import Deviation
-from eitsim.mechanics.load_paths.table import carried_over
+from eitsim.mechanics.load_paths.table import carried_over, lagrange_weights
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Most diameters at which changes are solved.
 _DIAMETERS = 3
@@ -63,38 +61,27 @@ def between(shape: DimensionlessProblem) -> list[float]:
 
 def change_from(shape: DimensionlessProblem, rim: RimTable, diameter: float, gap: float, depth: float) -> Solved | None:
     """The change of an axisymmetric touch of a depth, all over the thickness; None where the table does not reach.
-
-    Below the least depth the change goes on in proportion to the depth.
-    """
+    Below the least depth the change goes on in proportion to the depth."""
     off = deviation_at(rim, gap, depth)
     if off is None:
         return None
-    w_d = _lagrange(np.log(rim.diameters), np.log(diameter))
+    w_d = lagrange_weights(np.log(rim.diameters), np.log(diameter))
     i, w_g = across_gaps(rim.gaps, gap)
     j, w_s = across_depths(rim.depths, max(depth, rim.depths[0]))
     weight = w_d[:, None, None] * w_g[:, None] * w_s
     fields, numbers = (np.tensordot(weight, part[:, i, j], 3) for part in (rim.fields, rim.numbers))
     parts = fields.reshape(len(rim.radius), len(rim.share), _PARTS) * depth
     base = float(rim.diameters[len(rim.diameters) // 2])
-    disc = shape.disc
-    field = RimField(
-        carried_over(shape, rim.radius, base, diameter),
-        rim.share,
-        parts[..., :3],
-        parts[..., 3:6] + [1, 0, 1],
-        parts[..., 6] + 1,
-        disc,
-        disc - diameter / 2 - gap,
-        error_estimate=off,
-    )
+    field = RimField(carried_over(shape, rim.radius, base, diameter), rim.share, parts[..., :3],
+                     parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, shape.disc, shape.disc - diameter / 2 - gap,
+                     error_estimate=off)
     added, pressure, area, wall, lost, depth_error, signal_error = numbers.tolist()
     return Solved(RimCorrection(field, added * depth, pressure, area, max(wall, 0.0), min(max(lost, 0.0), 1.0), ()),
                   max(depth_error, 0.0), max(signal_error, 0.0))
 
 
 def deviation_at(rim: RimTable, gap: float, depth: float) -> tuple[float, float] | None:
-    """How far depth and signal may be off at a gap and a depth, over the thickness; None where touches are to be solved
-    afresh."""
+    """How far depth and signal may be off at a gap and a depth, over the thickness; None where they are solved anew."""
     if not rim.gaps[0] <= gap <= rim.gaps[-1] or depth > rim.depths[-1]:
         return None
     i = min(int(np.searchsorted(rim.gaps, gap, side="right")), len(rim.gaps) - 1) - 1
@@ -103,23 +90,18 @@ def deviation_at(rim: RimTable, gap: float, depth: float) -> tuple[float, float]
 
 
 def within(rim: RimTable, signal: float) -> RimTable:
-    """The table with the cells alone whose signals are no farther off, or no farther than changes solved afresh tell
-    that they are off by their own mesh."""
+    """The table with the cells alone whose signals are no farther off, or no farther than changes solved anew are
+    by their own mesh."""
     kept = rim.error_estimate[..., 1] <= np.maximum(signal, _own_errors(rim))
     return replace(rim, error_estimate=np.where(kept[..., None], rim.error_estimate, np.inf))
 
 
 def _own_errors(rim: RimTable) -> Array:
     """(gaps - 1, depths) signal errors of the cells' changes by their own mesh: means over the diameters, and the
-    largest of the nodes, as what is told is the largest of the cells next to each."""
+    largest of the nodes, as errors are the largest of the cells next to each."""
     at = rim.numbers[..., -1].mean(axis=0)
-    beside = np.maximum(at[1:], at[:-1])
-    return np.maximum(beside, np.column_stack([beside[:, :1], beside[:, :-1]]))
-
-
-def _lagrange(nodes: Array, at: float) -> Array:
-    separation = nodes[:, None] - nodes + np.eye(len(nodes))
-    return np.array([float(np.prod(np.delete((at - nodes) / separation[j], j))) for j in range(len(nodes))])
+    cells = np.maximum(at[1:], at[:-1])
+    return np.maximum(cells, np.column_stack([cells[:, :1], cells[:, :-1]]))
 
 
 def across_gaps(gaps: Array, at: float) -> tuple[slice, Array]:
@@ -134,7 +116,7 @@ def extended(gaps: Array, values: Array) -> Array:
     for i, last, j in np.argwhere(np.isnan(values[..., 0])).tolist():
         chosen = slice(last + 1, last + 4)
         for k in range(last + 1):
-            out[i, k, j] = _lagrange(nodes[chosen], nodes[k]) @ values[i, chosen, j]
+            out[i, k, j] = lagrange_weights(nodes[chosen], nodes[k]) @ values[i, chosen, j]
     return out
 
 
@@ -159,7 +141,7 @@ def _local(nodes: Array, at: float) -> tuple[slice, Array]:
     count = min(LOCAL, len(nodes))
     first = int(np.clip(np.searchsorted(nodes, at) - count // 2, 0, len(nodes) - count))
     chosen = slice(first, first + count)
-    return chosen, _lagrange(nodes[chosen], at)
+    return chosen, lagrange_weights(nodes[chosen], at)
 
 
 def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch | None:
@@ -192,13 +174,11 @@ def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float])
 
 def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) -> RimTable:
     """The table with its deviation at least the largest of the checked cells next to each, itself among them, or of the
-    nearest where these are farther away; cells at which None was found are not served.
-
-    NotConverged where more than half were not found, which leaves the error untold.
-    """
+    nearest where these are farther away; cells at which None was found are not served. NotConverged where more than
+    half were not found, which leaves the error unknown."""
     found = {cell: off for cell, off in checked.items() if off is not None}
     if 2 * len(found) < len(checked) or not found:
-        raise NotConverged(f"{len(checked) - len(found)} of {len(checked)} changes by the rim that tell the error of "
+        raise NotConverged(f"{len(checked) - len(found)} of {len(checked)} changes by the rim that give the error of "
                            "their table were not found; touches near the rim have to be solved one by one.",
                            estimate=rim.gaps)
     places, off = np.array(list(found)), np.array([[one.depth, one.signal] for one in found.values()])

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
@@ -21,8 +20,7 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Distances from the fillet's start inwards and from the edge outwards over which radii are spaced evenly, then in
 # proportion to the distance; over the thickness.
@@ -37,10 +35,9 @@ def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m:
     """The shape of a flat punch's touch, for its own diameter or for others; all moduli times a factor have the same
     shape."""
     unit = body.thickness_m
-    return DimensionlessProblem(
-        *_moduli(law),
-        disc=_rounded([body.radius_m / unit])[0], fillet=_rounded([punch.fillet_m / unit])[0], strain=strain,
-        diameters=_rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]]), spans=spans)
+    disc, fillet = _rounded([body.radius_m / unit, punch.fillet_m / unit])
+    diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
+    return DimensionlessProblem(*_moduli(law), disc, fillet, strain, diameters, spans)
 
 
 def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:
@@ -73,7 +70,7 @@ def carried_over(shape: DimensionlessProblem, radius: Array, old: float, new: fl
     """Reference radii about one diameter at the corresponding places about another."""
     if old == new:
         return radius
-    outer = [old / 2, new / 2]
+    outer = old / 2, new / 2
     inner = [r - shape.fillet for r in outer]
     inside = inner[1] - _stretched(inner[0] - np.minimum(radius, inner[0]), inner[0], inner[1], _INWARDS)
     share = (np.clip(radius, inner[0], outer[0]) - inner[0]) / (outer[0] - inner[0])
@@ -84,8 +81,7 @@ def carried_over(shape: DimensionlessProblem, radius: Array, old: float, new: fl
 
 
 def _stretched(distance: Array, old: float, new: float, scale: float) -> Array:
-    """Distances on (0, old) at the same parts of (0, new), on a scale that is linear up to `scale`, then logarithmic.
-    """
+    """Distances on (0, old) at the same parts of (0, new), linear up to `scale`, then logarithmic."""
     if old == 0:
         return distance
     return scale * np.expm1(np.log1p(distance / scale) * np.log1p(new / scale) / np.log1p(old / scale))
@@ -95,12 +91,9 @@ def _stretched(distance: Array, old: float, new: float, scale: float) -> Array:
 class State:
     """A touch without units, from a table."""
 
-    # depth, corrected for penetration
-    depth: float
-    # (6, r) FIELDS at the table's radii, carried over to the diameter
-    fields: Array
-    # NUMBERS and ERRORS by name
-    number: Mapping[str, float]
+    depth: float  # depth, corrected for penetration
+    fields: Array  # (6, r) FIELDS at the table's radii, carried over to the diameter
+    number: Mapping[str, float]  # NUMBERS and ERRORS by name
 
 
 def state(table: Table, diameter: float, *, mean_pressure: float | None = None,
@@ -139,9 +132,13 @@ def _weights(shape: DimensionlessProblem, diameter: float) -> Array | None:
         return near
     if not shape.spans or not solved[0] < diameter < solved[-1]:
         return None
-    x, at = np.log(solved), np.log(diameter)
-    separation = x[:, None] - x + np.eye(len(x))
-    return np.array([float(np.prod(np.delete((at - x) / separation[j], j))) for j in range(len(x))])
+    return lagrange_weights(np.log(solved), np.log(diameter))
+
+
+def lagrange_weights(nodes: Array, at: float) -> Array:
+    """Weights of nodes (n,) in the polynomial through them, at one place."""
+    separation = nodes[:, None] - nodes + np.eye(len(nodes))
+    return np.array([float(np.prod(np.delete((at - nodes) / separation[j], j))) for j in range(len(nodes))])
 
 
 def _neighbours(shape: DimensionlessProblem, diameter: float) -> Array:
@@ -149,7 +146,7 @@ def _neighbours(shape: DimensionlessProblem, diameter: float) -> Array:
     return np.array([np.interp(np.log(diameter), np.log(shape.solved), one) for one in np.eye(len(shape.solved))])
 
 
-def _alike(own: DimensionlessProblem, shape: DimensionlessProblem) -> bool:
+def _same_but_diameters(own: DimensionlessProblem, shape: DimensionlessProblem) -> bool:
     """Whether two shapes are one but for their diameters and rounding."""
     numbers = [[*s.mu, *s.alpha, *s.nu, s.disc, s.fillet] for s in (own, shape)]
     same = own.strain == shape.strain and len(own.mu) == len(shape.mu)
@@ -160,8 +157,7 @@ def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: s
     """The touch under the punch's force or at its depth; None where the table does not hold it."""
     shape, unit = table.shape, body.thickness_m
     own = shape_of(law, body, punch, strain)
-    of_kind = profile_of(punch).is_flat and punch.friction == "none"
-    if not of_kind or not _alike(own, shape):
+    if not profile_of(punch).is_flat or punch.friction != "none" or not _same_but_diameters(own, shape):
         return None
     started = time.process_time()
     diameter = own.diameters[0]

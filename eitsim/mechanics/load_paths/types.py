@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.load_path import Deviation
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -22,12 +21,9 @@ class DimensionlessProblem:
     # radius of the disc
     disc: float
     fillet: float
-    # the skin's driving strain, for which errors of signals are told
-    strain: str
-    # increasing diameters: the ends of a range, or all there are
-    diameters: tuple[float, ...]
-    # whether every diameter between the ends is served
-    spans: bool
+    strain: str  # the skin's driving strain, for which errors of signals are estimated
+    diameters: tuple[float, ...]  # increasing diameters: the ends of a range, or all there are
+    spans: bool  # whether every diameter between the ends is served
 
     @property
     def solved(self) -> tuple[float, ...]:
@@ -58,7 +54,7 @@ class DimensionlessProblem:
 class RimTable:
     """Changes of the axisymmetric touch by the rim."""
 
-    # increasing, over the thickness
+    # all increasing, over the thickness
     diameters: Array
     gaps: Array
     depths: Array
@@ -71,7 +67,7 @@ class RimTable:
     # elliptic, and the errors of depth and signal that the rim's own mesh makes
     numbers: Array
     # (gaps - 1, depths, 2) in a cell between neighbouring gaps and between a depth and that before it, the first one
-    # from 0 on: how far depth and signal are off changes solved afresh; infinite where touches are to be solved afresh
+    # from 0 on: how far depth and signal are off changes solved anew; infinite where touches are to be solved anew
     error_estimate: Array
     cpu_s: float
 
@@ -88,25 +84,17 @@ class Table:
     """Touches of a shape over force and diameter."""
 
     shape: DimensionlessProblem
-    # (k,) depths, before the correction for penetration
-    depths: Array
-    # (r,) reference radii about the middle one of the solved diameters
-    radius: Array
+    depths: Array  # (k,) depths, before the correction for penetration
+    radius: Array  # (r,) reference radii about the middle one of the solved diameters
     # (diameters, k, 6 r + 6) FIELDS and NUMBERS, and their derivatives by the depth
     values: Array
     slopes: Array
-    # (diameters, k, 6) ERRORS
-    error_estimate: Array
-    # largest deviation from touches solved afresh at held-out depths and diameters
-    error: Deviation
-    # how many those were
-    checks: int
-    # CPU time that it took, s
-    cpu_s: float
-    # laws of which the paths are weighted means, the central one included; 0 where they are solved
-    laws: int = 0
-    # what the rim changes of these touches; None where that is solved afresh
-    rim: RimTable | None = None
+    error_estimate: Array  # (diameters, k, 6) ERRORS
+    error: Deviation  # largest deviation from touches solved anew at held-out depths and diameters
+    checks: int  # how many those were
+    cpu_s: float  # CPU time that it took, s
+    laws: int = 0  # laws of which the paths are weighted means, the central one included; 0 where they are solved
+    rim: RimTable | None = None  # what the rim changes of these touches; None where that is solved anew
 
     @property
     def whole_cpu_s(self) -> float:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.harmonics.arcs import AngularQuadrature, harmonics_at
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _CUBIC = 4
@@ -25,10 +25,8 @@ _CUBIC = 4
 class AxisTransfer:
     """Points about one axis, as points about the other."""
 
-    # the same places in the other's meridian, each with a circle of its own of one angle
-    points: Points
-    # (points, 3, 3) takes vectors of the other's local frame (r, theta, z) to this one's
-    turn: Array
+    points: Points  # the same places in the other's meridian, each with a circle of its own of one angle
+    turn: Array  # (points, 3, 3) takes vectors of the other's local frame (r, theta, z) to this one's
 
     def gradient(self, amplitude: Array) -> Array:
         """Displacement gradients (points, 9) in this local frame of the other's amplitudes (nodes, 3, harmonics)."""
@@ -36,23 +34,19 @@ class AxisTransfer:
         return (self.turn @ seen @ np.swapaxes(self.turn, 1, 2)).reshape(-1, 9)
 
     def displacement(self, amplitude: Array) -> Array:
-        """Displacements (points, 3) in this local frame of the other's amplitudes."""
-        radius = 1 / np.where(self.beyond, 1.0, self.points.shape[..., 2].sum(axis=1))
+        """Displacements (points, 3) in this local frame of the other's amplitudes; none outside its mesh."""
+        outside = ~self.points.shape.any(axis=(1, 2))
+        radius = 1 / np.where(outside, 1.0, self.points.shape[..., 2].sum(axis=1))
         at = np.einsum("na,nacm->ncm", self.points.shape[..., 2] * radius[:, None], amplitude[self.points.nodes])
         even, odd = (np.einsum("ncm,nm->nc", at, table[..., 0])
                      for table in (self.points.circles.cosine, self.points.circles.sine))
         even[:, 1] = odd[:, 1]
         return np.einsum("nij,nj->ni", self.turn, even)
 
-    @property
-    def beyond(self) -> NDArray[np.bool_]:
-        """Whether a point lies beyond the other's mesh, where nothing moves."""
-        return np.asarray(~self.points.shape.any(axis=(1, 2)))
-
 
 def view(columns: Array, rows: Array, harmonics: int, separation: float, radius: Array, angle: Array,
          height: Array) -> AxisTransfer:
-    """Points (n,) at radius, angle and height about an axis seen from one that is `apart` from it, whose mesh of the
+    """Points (n,) at radius, angle and height about an axis seen from one at a distance `separation`, whose mesh of the
     meridian has these columns and rows of nodes, and whose series so many harmonics."""
     x, y = separation - radius * np.cos(angle), radius * np.sin(angle)
     away, around = np.hypot(x, y), np.arctan2(y, x)

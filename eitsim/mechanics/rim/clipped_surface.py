@@ -15,9 +15,8 @@ from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.scene.results import RimField
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Points a facet and angles at which the surface is sampled.
 _SAMPLES, _ANGLES = 3, 25
@@ -34,8 +33,7 @@ class Samples:
     radius: Array
     share: Array
     angle: Array
-    # what ends the circles: the rim, or a plane that stands for one
-    outline: OffsetDisc
+    outline: OffsetDisc  # what ends the circles: the rim, or a plane that stands for one
 
 
 def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc) -> Samples:
@@ -50,10 +48,10 @@ def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc) -
 
 def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, neighbour: Array | None = None,
           towards: Array | None = None) -> RimField:
-    """What stands beside a touch alone, and beside its neighbour's alone where there is one: deformation gradients
+    """What is added to a touch alone, and to its neighbour's alone where there is one: deformation gradients
     (n, k, 3, 3) of the touch alone, of the whole and of the neighbour, and the added displacement (n, k, 3), in the
     local frame and thicknesses of `unit`, m. NotConverged where the surface is turned inside out."""
-    metric, normal = _beside(alone, np.eye(3) if neighbour is None else neighbour, whole)
+    metric, normal = _added(alone, np.eye(3) if neighbour is None else neighbour, whole)
     cosine, sine = np.cos(at.angle), np.sin(at.angle)
     turn = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
     metric = turn @ metric @ np.swapaxes(turn, -1, -2)
@@ -62,7 +60,7 @@ def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, ne
                     at.outline.offset * unit, towards)
 
 
-def _beside(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:
+def _added(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:
     """In-plane metric (..., 2, 2) of the whole less the neighbour's strain, seen from the stretches alone, and the
     normal stretch of the whole over both."""
     metrics = [np.swapaxes(f[..., :2], -1, -2) @ f[..., :2] for f in (alone, neighbour, whole)]

@@ -24,18 +24,14 @@ class RimCorrection:
     """What the rim, or a neighbour, changes of an axisymmetric touch."""
 
     field: RimField
-    # depth added to the axisymmetric one, m
-    depth_m: float
+    depth_m: float  # depth added to the axisymmetric one, m
     # ratios of the largest pressure and of the contact areas, face and wall, to the axisymmetric ones
     pressure: float
     area: float
     wall: float
-    # fraction of the quadrature points where strong ellipticity is lost
-    fraction_non_elliptic: float
-    # relative residual after each iteration
-    residuals: tuple[float, ...]
-    # ratio of the force to the axisymmetric one: 1 but where the depth is given
-    force: float = 1.0
+    fraction_non_elliptic: float  # fraction of the quadrature points where strong ellipticity is lost
+    residuals: tuple[float, ...]  # relative residual after each iteration
+    force: float = 1.0  # ratio of the force to the axisymmetric one: 1 but where the depth is given
 
 
 def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
@@ -43,26 +39,24 @@ def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
     area = touch.contact_area_m2 * change.area
     force = touch.force_N * change.force
     return replace(touch, rim=change.field, force_N=force, depth_m=touch.depth_m + change.depth_m,
-                   sigma_max_Pa=touch.sigma_max_Pa * change.pressure, contact_area_m2=area,
-                   sigma_ave_Pa=force / area, wall_contact_m2=touch.wall_contact_m2 * change.wall,
-                   strain_error=None,
+                   sigma_max_Pa=touch.sigma_max_Pa * change.pressure, contact_area_m2=area, sigma_ave_Pa=force / area,
+                   wall_contact_m2=touch.wall_contact_m2 * change.wall, strain_error=None,
                    fraction_non_elliptic=max(touch.fraction_non_elliptic, change.fraction_non_elliptic))
 
 
-def with_error(
-    touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch, strain: str
-) -> Touch:
+def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch,
+               strain: str) -> Touch:
     """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors; NotConverged where
     either leaves no skin."""
     out = apply_correction(touch, change)
     signal = _UNCONVERGED * signal_difference(body, punch, touch, rough.field, change.field, strain)
     if not math.isfinite(signal):
-        raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error cannot be told.",
+        raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error is unknown.",
                            estimate=change.field.metric, residuals=change.residuals)
-    separation = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
-    separation = max(separation, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
+    off = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
+    off = max(off, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
     return within_face(replace(
-        out, depth_error=float(touch.depth_error + separation), signal_error=touch.signal_error + signal,
+        out, depth_error=float(touch.depth_error + off), signal_error=touch.signal_error + signal,
         sigma_max_error=_added(touch.sigma_max_error, rough.pressure, change.pressure),
         contact_area_error=_added(touch.contact_area_error, rough.area, change.area),
         iterations=touch.iterations + len(change.residuals), residuals=touch.residuals + change.residuals), punch)

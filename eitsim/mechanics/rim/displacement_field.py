@@ -18,8 +18,8 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.scene.results import Volume
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Angles at which the contact pressure is kept.
@@ -33,17 +33,14 @@ class Places:
     # (n,) radius and height, m
     radius_m: Array
     height_m: Array
-    # (n,) number of its half-plane
-    plane: Indices
-    # (planes,) angles of these from the direction to the nearest point of the rim, rad
-    angle_rad: Array
-    # (n, 2) radius and height, m, of a place inside the element that each belongs to
-    within_m: Array
+    plane: Indices  # (n,) number of its half-plane
+    angle_rad: Array  # (planes,) angles of these from the direction to the nearest point of the rim, rad
+    within_m: Array  # (n, 2) radius and height, m, of a place inside the element that each belongs to
 
 
 def volume_of(disc: ClippedDisc, model: IndentationProblem, state: Equilibrium, x: Array, law: Hyperfoam, unit: float,
               bearing_rad: float) -> Volume:
-    """What a touch keeps of a clipped disc's solution x; beyond what it reaches, that of the axisymmetric state."""
+    """What a touch keeps of a clipped disc's solution x; outside what it reaches, that of the axisymmetric state."""
     radius, height = model.grid.lines
     moved = np.zeros((len(model.grid.nodes), 3, len(disc.fixed)))
     moved[:, [0, 2], 0] = axisymmetric_assembly.nodal(model.grid, state.x[:-1])
@@ -82,17 +79,17 @@ def widening(deformation: Array) -> Array:
 
 
 def gradient(volume: Volume, at: Places) -> Array:
-    """Deformation gradients (n, 3, 3) in the local frame (r, theta, z); 1 beyond the mesh."""
+    """Deformation gradients (n, 3, 3) in the local frame (r, theta, z); 1 outside the mesh."""
     _, slope, nodes = _shapes(volume, at)
     amplitude = volume.amplitude_m.reshape(-1, *volume.amplitude_m.shape[2:])
     angle = at.angle_rad[:, None]
     waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, amplitude.shape[2]))
     found = gradients(Points(slope, nodes, at.plane, waves), amplitude)[..., 0].reshape(-1, 3, 3)
-    return np.eye(3) + np.where(_beyond(volume, at)[:, None, None], 0.0, found)
+    return np.eye(3) + np.where(_outside(volume, at)[:, None, None], 0.0, found)
 
 
 def displacement(volume: Volume, at: Places) -> Array:
-    """Displacements (n, 3), m, in the local frame (r, theta, z); none beyond the mesh."""
+    """Displacements (n, 3), m, in the local frame (r, theta, z); none outside the mesh."""
     value, _, nodes = _shapes(volume, at)
     amplitude = volume.amplitude_m.reshape(-1, *volume.amplitude_m.shape[2:])
     parts = np.zeros((len(value), *amplitude.shape[1:]))
@@ -100,7 +97,7 @@ def displacement(volume: Volume, at: Places) -> Array:
         parts += shape[:, None, None] * amplitude[node]
     cosine, sine = (table[at.plane, :, 0] for table in harmonics_at(at.angle_rad[:, None], amplitude.shape[2]))
     moved = np.sum(parts * np.stack([cosine, sine, cosine], axis=1), axis=2)
-    return np.where(_beyond(volume, at)[:, None], 0.0, moved)
+    return np.where(_outside(volume, at)[:, None], 0.0, moved)
 
 
 def contact_pressure(volume: Volume, radius_m: Array, angle_rad: Array) -> Array:
@@ -112,15 +109,13 @@ def contact_pressure(volume: Volume, radius_m: Array, angle_rad: Array) -> Array
     return np.where(radius_m > volume.facet_m[-1], 0.0, held)
 
 
-def _beyond(volume: Volume, at: Places) -> NDArray[np.bool_]:
+def _outside(volume: Volume, at: Places) -> NDArray[np.bool_]:
     return at.within_m[:, 0] > volume.radius_m[-1]
 
 
 def _shapes(volume: Volume, at: Places) -> tuple[Array, Array, Indices]:
-    """Shape functions (n, nodes), their N_,r, N_,z and N/r (n, nodes, 3), and the nodes' numbers.
-
-    On the axis N_,r stands for N/r: what multiplies the N/r of its own nodes is zero for a smooth field.
-    """
+    """Shape functions (n, nodes), their N_,r, N_,z and N/r (n, nodes, 3), and the nodes' numbers. On the axis N_,r
+    stands for N/r: what multiplies the N/r of its own nodes is zero for a smooth field."""
     value_r, slope_r, column = _along(volume.radius_m, volume.order, at.radius_m, at.within_m[:, 0])
     value_z, slope_z, row = _along(volume.height_m, volume.order, at.height_m, at.within_m[:, 1])
     axis = (at.radius_m == 0)[:, None]

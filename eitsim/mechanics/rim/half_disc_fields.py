@@ -1,6 +1,6 @@
 """Fields inside the foam of a touch near the rim: on cells of the half disc on one side of the punch's line to the rim.
 
-Cells lie between half-planes through the punch's axis. Radii under the punch are the mesh's; those beyond are spread
+Cells lie between half-planes through the punch's axis. Radii under the punch are the mesh's; those outside are spread
 from the punch's edge to the rim along every half-plane, so that the last ones lie on the rim.
 """
 
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from eitsim.mechanics.rim.displacement_field import Places, contact_pressure, displacement, gradient
 from eitsim.mechanics.solid.kinematics import tensors
 from eitsim.scene.results import Touch, Volume
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Cells an element under the punch and through the thickness, cells from there to the rim, and cells over half a turn.
-_EACH, _BEYOND, _ANGLES = 2, 30, 36
-# Distance from the punch's edge over which cells beyond it start to widen, thicknesses.
+_EACH, _OUTSIDE, _ANGLES = 2, 30, 36
+# Distance from the punch's edge over which cells outside it start to widen, thicknesses.
 _WIDENING = 0.1
-# Part of the way to its cell's middle by which a corner is moved to tell the element that it belongs to: cells end on
+# Part of the way to its cell's middle by which a corner is moved to find the element that it belongs to: cells end on
 # the elements' ends, or anywhere.
 _INWARDS = 1e-6
 # Corners of a cell, steps in radius, angle and height, as in VTK: hexahedra, and wedges on the axis.
@@ -35,12 +35,9 @@ _CORNERS = {"wedge": np.array([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 0, 1), (1, 1
 class Lattice:
     """Corners of the cells."""
 
-    # (radii, angles) reference radius, m
-    radius_m: Array
-    # (angles,) from the direction to the nearest point of the rim, rad
-    angle_rad: Array
-    # (heights,) m
-    height_m: Array
+    radius_m: Array  # (radii, angles) reference radius, m
+    angle_rad: Array  # (angles,) from the direction to the nearest point of the rim, rad
+    height_m: Array  # (heights,) m
 
 
 def volume_fields(touch: Touch) -> tuple[Array, list[tuple[str, Indices]], dict[str, Array]]:
@@ -49,16 +46,14 @@ def volume_fields(touch: Touch) -> tuple[Array, list[tuple[str, Indices]], dict[
     Axes are the disc's: x and y as the scene's from its centre, z upwards from the untouched top; tensors (n, 9) are
     row by row in that order, the rest as in `fields.section_fields`. The half disc lies counter-clockwise of the line
     from the centre through the punch; the other half mirrors it. Everything is of the mesh of the rim's change, coarser
-    than the axisymmetric touch's, so that peaks of stress at the punch's edge come out lower than there; beyond that
+    than the axisymmetric touch's, so that peaks of stress at the punch's edge come out lower than there; outside that
     mesh, a disc's radius from the punch's axis, the foam rests. The rim is free of traction in the mean only.
-    ValueError where the touch keeps no such fields, or where they turn the foam inside out.
-    """
+    ValueError where the touch keeps no such fields, or where they turn the foam inside out."""
     volume = touch.volume
     if volume is None:
-        raise ValueError(
-            "this touch keeps no fields with the rim's effect; solve it with eitsim.mechanics.rim.solve_near_rim."
-        )
-    lattice = lattice_of(volume)
+        raise ValueError("this touch keeps no fields with the rim's effect; solve it with "
+                         "eitsim.mechanics.rim.solve_near_rim.")
+    lattice = _lattice_of(volume)
     parts, cells, count = [], [], 0
     for name, corner in _CORNERS.items():
         at, central = _places(lattice, corner, name == "wedge")
@@ -70,16 +65,15 @@ def volume_fields(touch: Touch) -> tuple[Array, list[tuple[str, Indices]], dict[
     return np.concatenate(points), cells, {key: np.concatenate([f[key] for f in fields]) for key in fields[0]}
 
 
-def lattice_of(volume: Volume) -> Lattice:
-    """Corners of the cells of the half disc."""
+def _lattice_of(volume: Volume) -> Lattice:
     order, edge, offset = volume.order, volume.punch_m, volume.offset_m
     angle = np.linspace(0, np.pi, _ANGLES + 1)
     under = _divided(volume.radius_m[::order][volume.radius_m[::order] <= edge * (1 + 1e-9)])
     rim = np.sqrt(volume.disc_m**2 - (offset * np.sin(angle)) ** 2) - offset * np.cos(angle)
     start, length = under[-1], _WIDENING * -volume.height_m[0]
-    share = np.linspace(0, 1, _BEYOND + 1)[1:, None]
-    beyond = start + length * np.expm1(share * np.log1p((rim - start) / length))
-    radius = np.concatenate([np.repeat(under[:, None], len(angle), axis=1), beyond])
+    share = np.linspace(0, 1, _OUTSIDE + 1)[1:, None]
+    outside = start + length * np.expm1(share * np.log1p((rim - start) / length))
+    radius = np.concatenate([np.repeat(under[:, None], len(angle), axis=1), outside])
     return Lattice(radius, angle, _divided(volume.height_m[::order]))
 
 

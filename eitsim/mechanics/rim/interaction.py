@@ -17,7 +17,7 @@ Groups = Sequence[Sequence[int]]
 
 # Gap between the edges of two punches over the foam's thickness against the largest relative change of dV by solving
 # them together. Measured on pairs of equal flat punches (10 mm 2 N, 14 mm 0.1, 1 and 3 N, 18 mm 0.5 N; Table 1, skins
-# driven by normal and principal strain), whose middle is a plane of symmetry of a three-dimensional patch. Beyond the
+# driven by normal and principal strain), whose middle is a plane of symmetry of a three-dimensional patch. After the
 # last point it decays as the surface strain does, over _DECAY thicknesses.
 _GAP = np.array([0.6, 1.0, 1.5, 2.0, 2.5, 3.0])
 _EFFECT = np.array([0.19, 0.15, 0.052, 0.0068, 0.0048, 0.0037])
@@ -59,10 +59,10 @@ def expected(body: Body, punches: Sequence[Punch], together: Groups = ()) -> flo
     """Relative change of dV by neighbours before anything is solved: the largest sum over the neighbours that a punch
     is not solved together with."""
     return max(sum(gap_effect(edge_gap_m(punch, other), body.thickness_m) for j, other in enumerate(punches)
-                   if _apart(i, j, together)) for i, punch in enumerate(punches))
+                   if _separate(i, j, together)) for i, punch in enumerate(punches))
 
 
-def _apart(i: int, j: int, together: Groups) -> bool:
+def _separate(i: int, j: int, together: Groups) -> bool:
     return i != j and not any(i in group and j in group for group in together)
 
 
@@ -75,16 +75,13 @@ def gap_for(effect: float, thickness_m: float) -> float:
 
 def interaction(touches: Sequence[tuple[Punch, Touch]], together: Groups = ()) -> dict[str, float]:
     """Bounds of the relative changes "signal", "depth" and "strain" (L2) of solved touches by neighbours that they are
-    not solved together with.
-
-    A neighbour lifts the foam under a punch and strains its surface; both are taken as if the punch were not there. The
-    strain and the uplift over the depth, times _PER_STRAIN, bound what changes.
-    """
+    not solved together with. A neighbour lifts the foam under a punch and strains its surface; both are taken as if the
+    punch were not there. The strain and the uplift over the depth, times _PER_STRAIN, bound what changes."""
     largest = 0.0
     for i, (punch, touch) in enumerate(touches):
         sums = 0.0
         for j, (other, pressed) in enumerate(touches):
-            if _apart(i, j, together):
+            if _separate(i, j, together):
                 strain, uplift = _under(punch, other, pressed)
                 sums += strain + uplift / touch.depth_m
         largest = max(largest, sums)

@@ -2,7 +2,7 @@
 
 The change is the difference of a clipped disc's solution to the axisymmetric one on the same mesh, so that a mesh much
 coarser than the axisymmetric touch's resolves it: the coarse mesh's own errors cancel. A second one, coarser still and
-with fewer harmonics, tells the error. The punch keeps its axis upright. Where it sticks, what has stuck in the
+with fewer harmonics, gives the error. The punch keeps its axis upright. Where it sticks, what has stuck in the
 axisymmetric touch stays stuck, and the change is that at the end of loading: the way there is not followed.
 """
 
@@ -14,18 +14,11 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.forward.nominal_sensor import signal_difference
-from eitsim.mechanics.axisymmetric import friction_increments
+from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
-    at_depth,
-    force_unit,
-    mesh_hierarchy,
-    solve_touch,
-    under_force,
-)
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
@@ -36,18 +29,13 @@ from eitsim.mechanics.rim.correction import RimCorrection, no_correction, with_e
 from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
-from eitsim.scene.results import Touch
+from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-
-# How far from the punch's edge the change ends, thicknesses.
-_BEYOND = 5.0
-# Widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7.
-_WIDEST = 0.5
-# Elements are halved along the radius from so far inside the punch's edge to so far beyond it, thicknesses: there the
+# Elements are halved along the radius from so far inside the punch's edge to so far outside it, thicknesses: there the
 # strain falls off steeply where the foam leaves the fillet, and the rim moves that place.
 _INSIDE, _OUTSIDE = 0.05, 0.2
 # Lines closer than this are one, thicknesses.
@@ -68,16 +56,12 @@ FACTORISATIONS = 2000
 class Resolution:
     """How finely the change is resolved."""
 
-    # element size at the punch's edge over the default one of the axisymmetric touch
-    element: float
-    # harmonics of the angle, the constant included
-    harmonics: int
-    # angles on half a circle
-    angles: int
-    # reference radius, thicknesses beyond the punch's edge, at which the change ends
-    beyond: float = _BEYOND
-    # widest element up to there, thicknesses
-    widest: float = _WIDEST
+    element: float  # element size at the punch's edge over the default one of the axisymmetric touch
+    harmonics: int  # harmonics of the angle, the constant included
+    angles: int  # angles on half a circle
+    out_to: float = 5.0  # reference radius, thicknesses outside the punch's edge, at which the change ends
+    # widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7
+    widest: float = 0.5
 
 
 COARSE, FINE = Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)
@@ -104,15 +88,14 @@ class Load:
     depth: float | None
 
     def state(self, model: IndentationProblem, sticks: bool) -> tuple[IndentationProblem, Equilibrium]:
-        """Axisymmetric equilibrium, and the problem with what holds the foam there; ValueError where nothing is given.
-        """
+        """The problem with what holds the foam there, and its equilibrium; ValueError where nothing is given."""
         if self.force is not None:
             if not sticks:
-                return model, under_force([model], self.force)[0]
+                return model, solve_axisymmetric.under_force([model], self.force)[0]
             with bounded(friction_increments.FACTORISATIONS, model.grid.unknowns):
                 _, found = friction_increments.loaded(model, np.inf, friction_increments.at_rest(model), self.force)
         elif self.depth is not None:
-            (state,) = at_depth([model], self.depth)
+            (state,) = solve_axisymmetric.at_depth([model], self.depth)
             if not sticks:
                 return model, state
             with bounded(friction_increments.FACTORISATIONS, model.grid.unknowns):
@@ -122,7 +105,6 @@ class Load:
         return replace(model, springs=found.springs), found.state
 
     def halved(self) -> Load:
-        """Half of it."""
         return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
 
 
@@ -131,7 +113,7 @@ def rim_problem(body: Body, punch: Punch) -> str:
     gap = rim_gap_m(body, punch)
     least = LEAST_GAP * body.radius_m
     if gap < least:
-        where = f"{-gap * 1e3:.1f} mm beyond" if gap <= -5e-5 else "on"
+        where = f"{-gap * 1e3:.1f} mm outside" if gap <= -5e-5 else "on"
         inwards = (math.floor((least - gap) * 1e5) + 1) / 100
         return (f"the punch's edge lies {where} the rim of the disc; change x_mm and y_mm so that the punch lies "
                 f"{inwards:.2f} mm further inwards")
@@ -142,10 +124,8 @@ def rim_problem(body: Body, punch: Punch) -> str:
 
 def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal", whole: bool = False) -> Touch:
     """Equilibrium near the rim under the punch's force or at its depth: the axisymmetric touch, and what the rim adds.
-
     whole: on finer meshes and out to the whole disc. ValueError where `rim_problem` names one, NotConverged where no
-    equilibrium is found.
-    """
+    equilibrium is found."""
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
     if not whole:
@@ -156,7 +136,7 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "n
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal",
               coarse: Resolution = COARSE, fine: Resolution = FINE) -> Touch:
-    """An axisymmetric touch with the rim's effect, of finenesses whose difference tells the error; NotConverged, with
+    """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
     the likely cause, where no equilibrium is found."""
     try:
         return _corrected(touch, law, body, punch, strain, coarse, fine)
@@ -180,8 +160,7 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: s
     rough = _change_of(before, body)
     after = _found(law, body, punch, fine, before)
     change = _change_of(after, body)
-    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch,
-                     strain)
+    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch, strain)
     way = _WAY if punch.friction == "stick" else 0.0
     volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
                        math.atan2(punch.y_m, punch.x_m))
@@ -191,32 +170,27 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: s
 
 
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE) -> RimCorrection:
-    """What the rim changes of the touch under the punch's force or at its depth.
-
-    Radii and angles of the field depend on the body, the punch's size and shape and the fineness alone, so that fields
-    of several forces and places on the disc interpolate point by point. NotConverged where no equilibrium is found.
-    """
+    """What the rim changes of the touch under the punch's force or at its depth. Radii and angles of the field depend
+    on the body, the punch's size and shape and the fineness alone, so that fields of several forces and places on the
+    disc interpolate point by point. NotConverged where no equilibrium is found."""
     return _change_of(_found(law, body, punch, fineness), body)
 
 
 def _change_of(solution: Solution, body: Body) -> RimCorrection:
-    disc, x, unit = solution.disc, solution.x, body.thickness_m
-    pressed, area, wall = contact_ratios(disc, x)
-    at, added = samples(disc, solution.model, disc.outline), amplitudes(disc, x[:-1])
+    disc, unit = solution.disc, body.thickness_m
+    at, added = samples(disc, solution.model, disc.outline), amplitudes(disc, solution.x[:-1])
     alone, whole = (deformation(at.points, a) for a in (disc.base, disc.base + added))
-    return RimCorrection(
-        field(at, alone, whole, displacement(at.points, added), unit),
-        float(x[-1]) * unit,
-        pressed,
-        area,
-        wall,
-        fraction_non_elliptic(disc, x),
-        solution.residuals,
-        force_ratio(solution) if disc.held else 1.0,
-    )
+    return correction_of(solution, field(at, alone, whole, displacement(at.points, added), unit), unit)
 
 
-def force_ratio(solution: Solution) -> float:
+def correction_of(solution: Solution, field: RimField, unit: float) -> RimCorrection:
+    """What a solution changes of the axisymmetric touch, with its field; a thickness is `unit`, m."""
+    disc, x = solution.disc, solution.x
+    return RimCorrection(field, float(x[-1]) * unit, *contact_ratios(disc, x), fraction_non_elliptic(disc, x),
+                         solution.residuals, _force_ratio(solution) if disc.held else 1.0)
+
+
+def _force_ratio(solution: Solution) -> float:
     """Force over the axisymmetric one at the same depth; the contact's penetration, which both are corrected for, goes
     with the force."""
     state, ratio = solution.state, reaction(solution.disc, solution.x) / solution.disc.force
@@ -236,7 +210,7 @@ def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution) -> tu
     """The discretised foam under a punch, without friction, and what is given."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
     model = mesh_hierarchy(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]
-    load = Load(None if punch.force_N is None else punch.force_N / force_unit(law, body),
+    load = Load(None if punch.force_N is None else punch.force_N / solve_axisymmetric.force_unit(law, body),
                 None if punch.force_N is not None or punch.depth_m is None else punch.depth_m / unit)
     return _narrowed(model, fineness), load
 
@@ -247,7 +221,7 @@ def _narrowed(model: IndentationProblem, fineness: Resolution) -> IndentationPro
     r, z = (lines[::model.grid.order] for lines in model.grid.lines)
     edge = model.punch.profile.radius
     halved = (r[:-1] > edge - _INSIDE - _NEAR) & (r[1:] < edge + _OUTSIDE)
-    parts = [max(math.ceil((b - a) / fineness.widest), 2 if half else 1) if a < edge + fineness.beyond else 1
+    parts = [max(math.ceil((b - a) / fineness.widest), 2 if half else 1) if a < edge + fineness.out_to else 1
              for (a, b), half in zip(itertools.pairwise(r), halved, strict=True)]
     r = np.concatenate([[0.0], *(a + (b - a) * np.arange(1, n + 1) / n
                                  for (a, b), n in zip(itertools.pairwise(r), parts, strict=True))])
@@ -260,7 +234,7 @@ def _under(model: IndentationProblem, load: Load, sticks: bool, outline: OffsetD
            before: Solution | None, halvings: int) -> Solution:
     model, state = load.state(model, sticks)
     disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,
-                        model.punch.profile.radius + fineness.beyond, held=load.force is None)
+                        model.punch.profile.radius + fineness.out_to, held=load.force is None)
     with bounded(FACTORISATIONS, disc.unknowns):
         for start in (None if before is None else carried_over(before, disc, model), None):
             try:

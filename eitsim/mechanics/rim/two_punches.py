@@ -20,20 +20,19 @@ from numpy.typing import NDArray
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, CutVolumeQuadrature, amplitudes, clipped_disc
-from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
+from eitsim.mechanics.harmonics.equilibrium import reaction, solve
 from eitsim.mechanics.rim.axis_transfer import AxisTransfer, view
-from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
+from eitsim.mechanics.rim.clipped_surface import deformation, displacement, field, samples
 from eitsim.mechanics.rim.correction import RimCorrection, with_error
 from eitsim.mechanics.rim.interaction import edge_gap_m
-from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, Solution, carried_over, force_ratio, set_up
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, Solution, carried_over, correction_of, set_up
 from eitsim.mechanics.solid import hyperfoam_3d
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # Least gap between the edges, thicknesses, at which pairs were solved.
 LEAST_GAP = 0.3
@@ -43,7 +42,7 @@ _NEAR = 1e-9
 _SETTLED, _PASSES = 1e-4, 20
 # Least part of the other's field by which it is added where all of it at once leads nowhere.
 _LEAST_PART = 1 / 32
-_MEND = "Try smaller forces or a larger gap."
+_FIX = "Try smaller forces or a larger gap."
 # Radius, thicknesses, of the disc whose rim stands for the plane in the middle.
 _PLANE = 1e5
 # The finest that is offered, for exact runs.
@@ -54,13 +53,11 @@ FINEST = Resolution(3.0, 9, 18)
 class _Frame:
     """One punch of two, and how the other's field is seen from it; lengths in thicknesses."""
 
-    # the touch alone on the frame's mesh, nothing added
-    alone: Solution
+    alone: Solution  # the touch alone on the frame's mesh, nothing added
     # distance of the plane in the middle from the punch's axis, and of the other axis
     half: float
     separation: float
-    # (points, angles) whether a point of the foam lies in this punch's half
-    near: NDArray[np.bool_]
+    near: NDArray[np.bool_]  # (points, angles) whether a point of the foam lies in this punch's half
     # those points, and all (facets points x angles) of the surface that the punch may touch, seen from the other
     foam: AxisTransfer
     surface: AxisTransfer
@@ -79,10 +76,8 @@ class _Pair:
     """Two frames and what is added in each."""
 
     frames: tuple[_Frame, ...]
-    # the frames' discs with the other's field
-    discs: tuple[ClippedDisc, ...]
-    # (unknowns + 1,) each
-    x: tuple[Array, ...]
+    discs: tuple[ClippedDisc, ...]  # the frames' discs with the other's field
+    x: tuple[Array, ...]  # (unknowns + 1,) each
     # largest relative change of depths and forces by the last pass
     moved: float
     residuals: tuple[float, ...]
@@ -99,22 +94,12 @@ def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
     return ""
 
 
-def solved_together(
-    touches: Sequence[Touch],
-    law: Hyperfoam,
-    body: Body,
-    punches: Sequence[Punch],
-    *,
-    strain: str = "normal",
-    coarse: Resolution = COARSE,
-    fine: Resolution = FINE,
-) -> tuple[Touch, Touch]:
+def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punches: Sequence[Punch], *,
+                    strain: str = "normal", coarse: Resolution = COARSE,
+                    fine: Resolution = FINE) -> tuple[Touch, Touch]:
     """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
-    both axes.
-
-    Two finenesses and the last pass tell the errors. ValueError where `pair_problem` names one, NotConverged where no
-    equilibrium is found.
-    """
+    both axes. Two finenesses and the last pass give the errors. ValueError where `pair_problem` names one, NotConverged
+    where no equilibrium is found."""
     if problem := pair_problem(body, punches):
         raise ValueError(f"{problem}.")
     started = time.process_time()
@@ -122,8 +107,7 @@ def solved_together(
     found = _settled(_frames(law, body, punches, fine), rough)
     spent, out = (time.process_time() - started) / 2, []
     for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
-        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch,
-                         strain)
+        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch, strain)
         out.append(replace(one, depth_error=one.depth_error + found.moved, signal_error=one.signal_error + found.moved,
                            cpu_s=touch.cpu_s + spent))
     return out[0], out[1]
@@ -137,7 +121,7 @@ def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Reso
         model, load = set_up(law, body, punch, fineness)
         model, state = load.state(model, sticks=False)
         disc = clipped_disc(model, state, OffsetDisc(_PLANE, 0.0), fineness.harmonics, fineness.angles,
-                            model.punch.profile.radius + fineness.beyond, held=load.force is None)
+                            model.punch.profile.radius + fineness.out_to, held=load.force is None)
         parts.append(Solution(disc, model, state, np.zeros(disc.unknowns + 1), ()))
     separation = gap + sum(part.model.punch.profile.radius for part in parts)
     return tuple(_frame(own, other, separation, gap) for own, other in zip(parts, parts[::-1], strict=True))
@@ -181,7 +165,7 @@ def _settled(frames: tuple[_Frame, ...], before: _Pair | None = None) -> _Pair:
         if moved < _SETTLED:
             return _Pair(frames, discs, x, moved, residuals)
     raise NotConverged(f"two touches solved in turn still change each other by {moved:.1e} after {_PASSES} passes. "
-                       f"{_MEND}", residuals=residuals)
+                       f"{_FIX}", residuals=residuals)
 
 
 def _outside(frame: _Frame, field: Array) -> CutVolumeQuadrature:
@@ -194,8 +178,7 @@ def _outside(frame: _Frame, field: Array) -> CutVolumeQuadrature:
 
 
 def _stressed(disc: ClippedDisc, grad_u: Array, shift: Array) -> CutVolumeQuadrature:
-    at = hyperfoam_3d.principal(grad_u)
-    stress, _ = hyperfoam_3d.stress_and_tangent(at, hyperfoam_3d.derivatives(disc.law, at.log), disc.weight)
+    stress, _ = hyperfoam_3d.stress_and_tangent(disc.law, hyperfoam_3d.principal(grad_u), disc.weight)
     return CutVolumeQuadrature(grad_u, stress, shift)
 
 
@@ -211,14 +194,13 @@ def _met(disc: ClippedDisc, before: CutVolumeQuadrature | None, after: CutVolume
     while True:
         share = reached + part
         given = after if share == 1 else _stressed(
-            disc, before.displacement_gradient
-            + share * (after.displacement_gradient - before.displacement_gradient),
+            disc, before.displacement_gradient + share * (after.displacement_gradient - before.displacement_gradient),
             before.shift + share * (after.shift - before.shift))
         try:
             found = solve(replace(disc, outside=given), start)
         except NotConverged as error:
             if part <= _LEAST_PART:
-                raise NotConverged(f"two touches solved together: {error} {_MEND}", estimate=error.estimate,
+                raise NotConverged(f"two touches solved together: {error} {_FIX}", estimate=error.estimate,
                                    residuals=error.residuals, load_fraction=reached) from None
             part /= 2
             continue
@@ -228,29 +210,18 @@ def _met(disc: ClippedDisc, before: CutVolumeQuadrature | None, after: CutVolume
 
 
 def _change(pair: _Pair, i: int, body: Body, punches: Sequence[Punch]) -> RimCorrection:
-    """What its neighbour changes of one of two touches."""
-    disc, x, unit = pair.discs[i], pair.x[i], body.thickness_m
     there = np.array([punches[1 - i].x_m - punches[i].x_m, punches[1 - i].y_m - punches[i].y_m])
-    pressed, area, wall = contact_ratios(disc, x)
-    return RimCorrection(
-        _surface_field(pair, i, unit, there / np.linalg.norm(there)),
-        float(x[-1]) * unit,
-        pressed,
-        area,
-        wall,
-        fraction_non_elliptic(disc, x),
-        pair.residuals,
-        force_ratio(replace(pair.frames[i].alone, disc=disc, x=x)) if disc.held else 1.0,
-    )
+    found = replace(pair.frames[i].alone, disc=pair.discs[i], x=pair.x[i], residuals=pair.residuals)
+    towards = there / np.linalg.norm(there)
+    return correction_of(found, _surface_field(pair, i, body.thickness_m, towards), body.thickness_m)
 
 
 def _surface_field(pair: _Pair, i: int, unit: float, towards: Array) -> RimField:
-    """What both touches change beside their sum: displacement, and the metric and the normal stretch that this touch
+    """What both touches change on top of their sum: displacement, and the metric and the normal stretch that this touch
     must have so that, with the other's alone, they are those of the whole."""
     frame, theirs = pair.frames[i], pair.frames[1 - i]
     added, other_added = (amplitudes(pair.frames[k].disc, pair.x[k][:-1]) for k in (i, 1 - i))
-    plane = OffsetDisc(_PLANE, _PLANE - frame.half)
-    at = samples(frame.disc, frame.model, plane)
+    at = samples(frame.disc, frame.model, OffsetDisc(_PLANE, _PLANE - frame.half))
     flat = np.broadcast_to(at.radius[:, None], at.angle.shape).ravel()
     seen = view(theirs.disc.columns, theirs.model.grid.lines[1], len(theirs.disc.fixed), frame.separation, flat,
                 at.angle.ravel(), np.zeros(flat.size))

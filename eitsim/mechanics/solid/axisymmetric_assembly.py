@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from eitsim.mechanics.solid.grid import Grid
 from eitsim.mechanics.solid.hyperfoam_axisymmetric import energy_density, first_piola_and_tangent
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
@@ -90,10 +89,8 @@ def geometric_stiffness(prestress: Array, negative_curvature_scale: float) -> Ar
 
 
 def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None) -> float:
-    """Stored energy; infinite where the foam would be turned inside out or squeezed beyond the range of numbers.
-
-    A prestress S (elements, points, 4), constant on the reference body, adds its potential S : E.
-    """
+    """Stored energy; infinite where the foam would be turned inside out or squeezed out of the range of numbers. A
+    prestress S (elements, points, 4), constant on the reference body, adds its potential S : E."""
     grad_u = deformation(grid, u)
     if not np.all(admissible(grad_u)):
         return np.inf
@@ -107,10 +104,8 @@ def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None)
 
 def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, negative_curvature_scale: float = 1.0,
                          prestress: Array | None = None) -> tuple[Array, Array]:
-    """Gradient (unknowns,) and Hessian of the stored energy, its negative curvatures at points scaled.
-
-    The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth.
-    """
+    """Gradient (unknowns,) and Hessian of the stored energy, its negative curvatures at points scaled. The Hessian is
+    the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth."""
     grad_u = deformation(grid, u)
     force, tangent = first_piola_and_tangent(law, grad_u, negative_curvature_scale)
     if prestress is not None:
@@ -124,10 +119,8 @@ def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, negative_curvatur
 
 @compiled
 def assemble(shape, elements, unknown, force, tangent, gradient, band):
-    """Add element forces sum_q B' force and stiffnesses sum_q B' tangent B to gradient and to the lower band.
-
-    B maps node a's (u_r, u_z) to the parts (rr, rz, zr, zz, hoop) of F through N_,r, N_,z and N/r in shape.
-    """
+    """Add element forces sum_q B' force and stiffnesses sum_q B' tangent B to gradient and to the lower band. B maps
+    node a's (u_r, u_z) to the parts (rr, rz, zr, zz, hoop) of F through N_,r, N_,z and N/r in shape."""
     nodes = shape.shape[2]
     local = np.empty((2 * nodes, 2 * nodes))
     load = np.empty(2 * nodes)

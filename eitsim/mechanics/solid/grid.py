@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
 
 from eitsim.scene.scene import Body, Punch, profile_of
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 # Elements by their order; each has order + 1 Gauss points per direction.
@@ -39,22 +39,16 @@ _WIDEST, _WIDEST_UNDER_TIP = 0.08, 0.03
 class Grid:
     """A mesh of the (r, z) half-plane with its quadrature, p the elements' order; lengths in any one unit."""
 
-    # (nodes, 2) reference position (r, z), column after column, upwards in each
-    nodes: Array
-    # (elements, (p + 1)^2) node numbers
-    elements: Indices
-    # (nodes, 2) number of the unknown of (u_r, u_z); -1 where the displacement is zero
-    unknown: Indices
+    nodes: Array  # (nodes, 2) reference position (r, z), column after column, upwards in each
+    elements: Indices  # (elements, (p + 1)^2) node numbers
+    unknown: Indices  # (nodes, 2) number of the unknown of (u_r, u_z); -1 where the displacement is zero
     # (elements, points, (p + 1)^2, 3) N_,r, N_,z and N/r of each shape function; the last is 0 in plane strain
     gradient: Array
-    # (elements, points) quadrature weight, 2 pi r included unless plane strain
-    weight: Array
-    # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, from the axis outwards
-    top: Indices
+    weight: Array  # (elements, points) quadrature weight, 2 pi r included unless plane strain
+    top: Indices  # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, outwards
 
     @property
     def order(self) -> int:
-        """Order of the elements."""
         return self.top.shape[1] - 1
 
     @property
@@ -70,7 +64,6 @@ class Grid:
 
     @property
     def unknowns(self) -> int:
-        """Number of displacement unknowns."""
         return int(self.unknown.max()) + 1
 
     @property
@@ -91,12 +84,10 @@ def default_element_m(body: Body, punch: Punch) -> float:
 
 
 def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Grid:
-    """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0.
-
-    Lines lie at the edge of the punch and its edge radius inwards from there. element_m is the element size there, m;
-    elements widen with the distance from there, and all of them halve with it. ValueError unless 0 < element_m <
-    thickness, the punch is smaller than the disc and the elements' order is one of ELEMENTS.
-    """
+    """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0. Lines lie at
+    the edge of the punch and its edge radius inwards from there. element_m is the element size there, m; elements widen
+    with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness, the punch
+    is smaller than the disc and the elements' order is one of ELEMENTS."""
     unit = body.thickness_m
     if not 0 < element_m < unit:
         raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
@@ -130,9 +121,7 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Gri
 
 def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, order: int = 2) -> Grid:
     """Grid on lines r and z: bottom fixed and u_r = 0 at r = 0, or everything free; axisymmetric or plane strain.
-
-    ValueError unless the elements' order is one of ELEMENTS.
-    """
+    ValueError unless the elements' order is one of ELEMENTS."""
     if order not in ELEMENTS:
         raise ValueError(f"elements of order {order} are not built; known: {', '.join(map(str, ELEMENTS))}.")
     basis = Basis(MeshQuad.init_tensor(r, z), ELEMENTS[order](), intorder=2 * order + 1)

@@ -9,16 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.principal_stretches import diagonalise, differentiate
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.jit import compiled
 
-Array = NDArray[np.float64]
-
-# Number of distinct entries of a symmetric 9 x 9 matrix, and where each stands in it, row after row of the upper half.
-ENTRIES = 45
+# Where the 45 distinct entries of a symmetric 9 x 9 matrix stand in it, row after row of the upper half.
 UPPER = np.triu_indices(9)
 
 
@@ -26,23 +23,10 @@ UPPER = np.triu_indices(9)
 class Stretches:
     """Principal stretches of a field of deformation gradients and the axes that they act on."""
 
-    # (rings, angles, 3) logarithmic stretches
-    log: Array
+    log: Array  # (rings, angles, 3) logarithmic stretches
     # (rings, angles, 3, 3) axes u_k and v_k in the rows
     left: Array
     right: Array
-
-
-@dataclass(frozen=True)
-class Derivatives:
-    """First and second derivatives of the energy by stretches and modes."""
-
-    # (rings, angles, 3) derivative by the stretches
-    force: Array
-    # (rings, angles, 3, 3) second derivative by the stretches
-    block: Array
-    # (rings, angles, 6) second derivative along the flips and the twists of the pairs
-    rest: Array
 
 
 def upright(grad_u: Array) -> bool:
@@ -82,15 +66,10 @@ def decompose(grad_u, log, left, right):
                                                      + f[r, 2] * v[2, k])
 
 
-def derivatives(law: Hyperfoam, log: Array, negative_curvature_scale: float = 1.0) -> Derivatives:
-    """Derivatives of the energy at logarithmic stretches (rings, angles, 3), negative curvatures scaled."""
-    force, block, rest = np.empty(log.shape), np.empty((*log.shape, 3)), np.empty((*log.shape[:2], 6))
-    _derivatives(log, law.mu_Pa, law.alpha, law.beta, negative_curvature_scale, force, block, rest)
-    return Derivatives(force, block, rest)
-
-
 @compiled
 def _derivatives(log, mu, alpha, beta, scale, force, block, rest):
+    """Derivatives of the energy at logarithmic stretches: by these first (..., 3) and second (..., 3, 3), and second
+    ones along the flips and the twists of the pairs (..., 6)."""
     mean, half, work = np.empty(3), np.empty(3), np.empty((3, 3, 3))
     for ring in range(log.shape[0]):
         for j in range(log.shape[1]):
@@ -101,12 +80,15 @@ def _derivatives(log, mu, alpha, beta, scale, force, block, rest):
             differentiate(x, mean, half, mu, alpha, beta, scale, force[ring, j], block[ring, j], rest[ring, j], work)
 
 
-def stress_and_tangent(at: Stretches, by_stretch: Derivatives, weight: Array) -> tuple[Array, Array]:
-    """First Piola stress (rings, 9, angles) and the upper half (rings, 45, angles) of its derivative by F, times
-    weight (rings, angles)."""
+def stress_and_tangent(law: Hyperfoam, at: Stretches, weight: Array,
+                       negative_curvature_scale: float = 1.0) -> tuple[Array, Array]:
+    """First Piola stress (rings, 9, angles) and the upper half (rings, 45, angles) of its derivative by F, negative
+    curvatures scaled, times weight (rings, angles)."""
     rings, angles = weight.shape
-    stress, tangent = np.empty((rings, 9, angles)), np.empty((rings, ENTRIES, angles))
-    compose(at.left, at.right, by_stretch.force, by_stretch.block, by_stretch.rest, weight, stress, tangent)
+    force, block, rest = np.empty(at.log.shape), np.empty((*at.log.shape, 3)), np.empty((rings, angles, 6))
+    _derivatives(at.log, law.mu_Pa, law.alpha, law.beta, negative_curvature_scale, force, block, rest)
+    stress, tangent = np.empty((rings, 9, angles)), np.empty((rings, len(UPPER[0]), angles))
+    compose(at.left, at.right, force, block, rest, weight, stress, tangent)
     return stress, tangent
 
 

@@ -9,21 +9,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.principal_stretches import differentiate
 from matcal.laws.hyperfoam import Hyperfoam, energy_term
+from touchcal.arrays import Array
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 
 def first_piola_and_tangent(law: Hyperfoam, grad_u: Array, negative_curvature_scale: float = 1.0
                             ) -> tuple[Array, Array]:
-    """First Piola stress (..., 5) and its derivative (..., 5, 5), negative curvatures scaled, at F = 1 + grad_u.
-
-    grad_u (..., 5) has the parts rr, rz, zr, zz and hoop and must be admissible.
-    """
+    """First Piola stress (..., 5) and its derivative (..., 5, 5), negative curvatures scaled, at F = 1 + grad_u. grad_u
+    (..., 5) has the parts rr, rz, zr, zz and hoop and must be admissible."""
     points = np.ascontiguousarray(grad_u).reshape(-1, 5)
     stress, tangent = np.empty(points.shape), np.empty((*points.shape, 5))
     _first_piola_and_tangent(points, law.mu_Pa, law.alpha, law.beta, negative_curvature_scale, stress, tangent)

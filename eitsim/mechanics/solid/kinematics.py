@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def tensors(law: Hyperfoam, gradient: Array) -> dict[str, Array]:
     """Tensors (n, 9), row by row, J and ellipticity (n,) of deformation gradients (n, 3, 3) of positive determinant.
-
     Green-Lagrange strain is (F'F - 1)/2, nominal strain V - 1 with V^2 = FF'; Kirchhoff stress is J times Cauchy's.
-    elliptic is 1 where the law is strongly elliptic, else 0.
-    """
+    elliptic is 1 where the law is strongly elliptic, else 0."""
     volume = np.linalg.det(gradient)
     square, axes = np.linalg.eigh(gradient @ np.swapaxes(gradient, 1, 2))
     stretch = np.sqrt(square)

@@ -31,11 +31,9 @@ _SWEEPS, _ROUNDING = 12, 1e-16
 
 @compiled
 def differentiate(x, mean, half, mu, alpha, beta, scale, force, block, rest, work):
-    """Fill first derivatives (3,), second ones (3, 3) and those along flips, then twists, (2 pairs,) at x (3,).
-
-    mean, half (pairs,) belong to the first of the pairs (1, 2), (1, 3), (2, 3); scale multiplies negative curvatures;
-    work is (3, 3, 3).
-    """
+    """Fill first derivatives (3,), second ones (3, 3) and those along flips, then twists, (2 pairs,) at x (3,). mean,
+    half (pairs,) belong to the first of the pairs (1, 2), (1, 3), (2, 3); scale multiplies negative curvatures; work is
+    (3, 3, 3)."""
     pairs, growth, inverse = len(half), work[0, 0], work[0, 1]
     force[:] = 0.0
     block[:] = 0.0

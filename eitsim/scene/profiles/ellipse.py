@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ellipeinc
 
 from eitsim.scene.profiles.profile import SignedDistance
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # Newton's iterations towards the nearest point, which converge from one side.
 _ITERATIONS = 60

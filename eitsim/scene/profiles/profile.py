@@ -7,32 +7,27 @@ from typing import ClassVar, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 class SignedDistance(NamedTuple):
     """Points (...) and the point of the punch's outline that is nearest to each."""
 
-    # (...) depth inside the punch, negative outside
-    penetration: Array
+    penetration: Array  # (...) depth inside the punch, negative outside
     # (...) its derivatives by r and by y
     normal_r: Array
     normal_y: Array
     # (...) minus its second derivative along the outline: that of the line of equal depth, positive on a round edge
     curvature: Array
-    # (...) whether the nearest point lies on the side wall
-    wall: NDArray[np.bool_]
+    wall: NDArray[np.bool_]  # (...) whether the nearest point lies on the side wall
 
 
 class Profile(Protocol):
     """Outline of a rigid punch of revolution: radius r, height y over its lowest point; lengths in any one unit."""
 
-    # whether its face is flat but for the edge, as tables of load paths take it
-    is_flat: ClassVar[bool]
-    # whether it has a tip as sharp as its edge, about which the mesh is as fine
-    sharp_tip: ClassVar[bool]
-    # default penalty, nominal contact pressure over penetration: mu_0 over grid.feature_m
-    default_penalty: ClassVar[float]
+    is_flat: ClassVar[bool]  # whether its face is flat but for the edge, as tables of load paths take it
+    sharp_tip: ClassVar[bool]  # whether it has a tip as sharp as its edge, about which the mesh is as fine
+    default_penalty: ClassVar[float]  # nominal contact pressure over penetration: mu_0 over grid.feature_m
 
     @classmethod
     def of(cls, radius: float, fillet: float, half_angle_rad: float) -> Self:

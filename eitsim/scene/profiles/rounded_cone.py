@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.scene.profiles.profile import SignedDistance
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -20,15 +18,11 @@ class Flat:
 
     is_flat: ClassVar[bool] = True
     sharp_tip: ClassVar[bool] = False
-    # 10 MPa/mm for mu_0 = 9.53 kPa, a thickness of 10 mm and a fillet of 0.5 mm
-    default_penalty: ClassVar[float] = 525.0
+    default_penalty: ClassVar[float] = 525.0  # 10 MPa/mm for mu_0 = 9.53 kPa, 10 mm of foam and a fillet of 0.5 mm
 
-    # radius, that of the edge included
-    radius: float
-    # radius of the rounded edge and tip
-    edge_radius: float
-    # angle between the face and the horizontal, rad
-    slope: float = 0.0
+    radius: float  # that of the edge included
+    edge_radius: float  # of the rounded edge and tip
+    slope: float = 0.0  # angle between the face and the horizontal, rad
 
     @classmethod
     def of(cls, radius: float, fillet: float, half_angle_rad: float) -> Self:
@@ -62,10 +56,8 @@ class Flat:
         return SignedDistance(depth, n_r, n_y, np.where(rounded, 1 / length, 0.0), wall)
 
     def arc_length(self, r: Array, y: Array) -> Array:
-        """Length (...) of the outline from the axis to the point nearest to (r, y), outside or near the outline.
-
-        Tip and edge count their radius times the angle from the vertical.
-        """
+        """Length (...) of the outline from the axis to the point nearest to (r, y), outside or near the outline. Tip
+        and edge count their radius times the angle from the vertical."""
         sine, cosine, fillet = np.sin(self.slope), np.cos(self.slope), self.edge_radius
         inner = self.radius - fillet
         dx, dy = r - inner, fillet + inner * sine / cosine - y

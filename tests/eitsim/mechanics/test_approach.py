@@ -58,12 +58,12 @@ def test_the_next_force_towards_a_depth_stays_between_those_that_miss_it():
     def state(force, depth, slope):
         return Equilibrium(np.zeros(1), np.array([slope]), force, depth, ())
 
-    short, beyond = state(1.0, 0.30, 0.1), state(4.0, 0.50, 1e-3)
+    short, over = state(1.0, 0.30, 0.1), state(4.0, 0.50, 1e-3)
     assert load_continuation(0.305, short, None, None, np.inf) == pytest.approx(np.exp(0.05))
     assert load_continuation(0.45, short, None, None, np.inf) == pytest.approx(np.exp(0.5))
-    assert load_continuation(0.305, short, short, beyond, np.inf) == pytest.approx(np.exp(0.05))
-    assert load_continuation(0.45, beyond, short, beyond, np.inf) == pytest.approx(4 * np.exp(-0.5))
-    assert load_continuation(0.305, short, short, beyond, 6e-3) == pytest.approx(2.0)
+    assert load_continuation(0.305, short, short, over, np.inf) == pytest.approx(np.exp(0.05))
+    assert load_continuation(0.45, over, short, over, np.inf) == pytest.approx(4 * np.exp(-0.5))
+    assert load_continuation(0.305, short, short, over, 6e-3) == pytest.approx(2.0)
     flat = state(1.0, 0.30, 1e-3)
     assert load_continuation(0.45, flat, flat, state(1.2, 0.50, 1e-3), np.inf) == pytest.approx(np.sqrt(1.2))
 

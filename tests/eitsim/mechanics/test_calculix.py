@@ -1,9 +1,9 @@
-"""Depths of CalculiX on the touch of 14 mm, where its table lies beside the checkout.
+"""Depths of CalculiX on the touch of 14 mm, where its table lies next to the checkout.
 
 Its runs and ours differ in three ways, all on its side. Its contact is a penalty at nodes whose effect on the depth is
 not corrected: a tenth of the stiffness (k against K) makes the punch go 5.6 % deeper at 1 N, where the foam's plateau
 makes the depth most sensitive, and 0.8 to 1.7 % elsewhere; ours moves by 2e-4 over a hundredfold, and must lie between
-or near the two. Beyond 9 to 12 mm its foam is linear elastic, so that it never softens there. Its elements are linear:
+or near the two. Above 9 to 12 mm its foam is linear elastic, so that it never softens there. Its elements are linear:
 from 0.4 to 0.1 mm its depth at 0.1 N goes down and up again by 0.5 and 0.8 %. The last two are allowed 1 %. Runs with
 a sharp (s) or a rough (r) punch are other problems.
 """
@@ -29,7 +29,7 @@ def depths_mm(**keys):
     return [touch.depth_m * 1e3 for touch in solve_path(TABLE_1, Body(), Punch(diameter_m=0.014), FORCES_N, **keys)]
 
 
-@pytest.mark.skipif(not TABLE.exists(), reason="the table of CalculiX's runs is not beside the checkout")
+@pytest.mark.skipif(not TABLE.exists(), reason="the table of CalculiX's runs is not next to the checkout")
 def test_depths_lie_between_two_penalties_of_calculix():
     table = pd.read_csv(TABLE).set_index(["tag", "F_mN"])["delta_mm"]
     for force, ours in zip(FORCES_N, depths_mm(), strict=True):

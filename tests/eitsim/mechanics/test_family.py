@@ -1,4 +1,4 @@
-"""Load paths of drawn laws as weighted means of a few: they recover touches solved afresh within the stated error,
+"""Load paths of drawn laws as weighted means of a few: they recover touches solved anew within the stated error,
 better than the central law's own, and the rows of a sweep that they make depend on nothing but design and posterior."""
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ LAWS = [replace(FOAM, mu_Pa=mu) for mu in moduli()]
 
 @pytest.fixture(scope="module")
 def family():
-    """Its error is told by a few touches, so that it is made in seconds."""
+    """Its error comes from a few touches, so that it is made in seconds."""
     span = reduced_basis(LAWS)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(build_table, "_CHECKS", 4)

@@ -1,4 +1,4 @@
-"""Laws that are weighted means of a few: exact where stresses are, told apart by shape alone, refused beyond."""
+"""Laws that are weighted means of a few: exact where stresses are, distinguished by shape alone, refused outside."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def points(ends, count):
 
 
 def layer(contact, flat, rounding, nu, half_space=False):
-    """Depth and force at which a punch, flat within a radius and rounded beyond, touches a circle of radius `contact`.
+    """Depth and force at which a punch, flat within a radius and rounded outside, touches a circle of radius `contact`.
 
     phi(t) - (2/pi) int phi(s) int (1 - L) cos(x s) cos(x t) dx ds = (depth - profile(t))/pi, F = 2 pi int phi;
     phi(contact) = 0 gives the depth.
@@ -43,8 +43,8 @@ def layer(contact, flat, rounding, nu, half_space=False):
     x, dx = points(np.linspace(0, 40, 41), 12)
     missing = 0.0 if half_space else (1 - compliance(x, nu)) * dx
     kernel = 2 / np.pi * (np.cos(np.outer(t, x)) * missing) @ np.cos(np.outer(x, s)) * weight
-    beyond = np.maximum(t, flat)
-    profile = t / rounding * (np.sqrt(beyond**2 - flat**2) - flat * np.arccos(flat / beyond))
+    outside = np.maximum(t, flat)
+    profile = t / rounding * (np.sqrt(outside**2 - flat**2) - flat * np.arccos(flat / outside))
     system = np.eye(len(t))
     system[:, :-1] -= kernel
     unit, shaped = np.linalg.solve(system, np.column_stack([np.ones(len(t)), profile]) / np.pi).T

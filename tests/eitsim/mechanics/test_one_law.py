@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 LAW = Path("matcal", "laws", "hyperfoam.py")
 # Functions of one term that are proportional to its modulus.
 TERMS = ("energy_term", "kirchhoff_term", "stretch_tangent_term", "volume_tangent_term", "divided_difference_term")
-# All that is not the foam's own stiffness grows with `factor`: the force, the penalty and the tie beyond the rim.
+# All that is not the foam's own stiffness grows with `factor`: the force, the penalty and the tie outside the rim.
 SOLVE = """
 import json, sys
 import numpy as np

@@ -38,14 +38,14 @@ def outline(punch, count=100_001):
 
 
 def inside(punch, points):
-    """Whether points lie inside the punch: under or beside the core, within the fillet of it; or in the core."""
+    """Whether points lie inside the punch: under or next to the core, within the fillet of it; or in the core."""
     (_, low), (inner, high) = core(punch)
     in_core = (points[:, 0] <= inner) & (points[:, 1] >= low + points[:, 0] * np.tan(punch.profile.slope))
     face = np.array([inner, high - low])
     along = np.clip((points - [0, low]) @ face / max(face @ face, 1e-300), 0, 1)
     near = np.hypot(*(points - [0, low] - along[:, None] * face).T) < punch.profile.edge_radius
-    beside = (points[:, 1] >= high) & (points[:, 0] < punch.profile.radius)
-    return in_core | near | beside
+    aside = (points[:, 1] >= high) & (points[:, 0] < punch.profile.radius)
+    return in_core | near | aside
 
 
 @pytest.mark.parametrize("name", PUNCHES)

@@ -1,4 +1,4 @@
-"""What the rim changes, from a table: touches solved afresh are recovered within the error that is told for their gap
+"""What the rim changes, from a table: touches solved anew are recovered within the error stated for their gap
 and depth; where the table ends."""
 
 from __future__ import annotations
@@ -196,13 +196,13 @@ def test_cells_are_checked_in_their_middle() -> None:
     assert np.all(np.diff([middle_gaps(rim.gaps), middle_depths(rim.depths)]) > 0)
 
 
-@pytest.mark.parametrize(("diameters_m", "spans", "wanted"), [
+@pytest.mark.parametrize(("diameters_m", "spans", "requested"), [
     ((0.014,), False, [1.4]), ((0.01, 0.018), True, [1.158, 1.554]),
     ((0.01, 0.012, 0.014, 0.016, 0.018), False, [1.2, 1.6])])
 def test_changes_are_checked_at_diameters_at_which_they_are_not_solved(
-        diameters_m: tuple, spans: bool, wanted: list[float]) -> None:
+        diameters_m: tuple, spans: bool, requested: list[float]) -> None:
     shape = shape_of(FOAM, Body(), Punch(), "normal", diameters_m, spans=spans)
-    assert between(shape) == pytest.approx(wanted, rel=1e-3)
+    assert between(shape) == pytest.approx(requested, rel=1e-3)
 
 
 def rough(error_estimate: np.ndarray) -> Table:

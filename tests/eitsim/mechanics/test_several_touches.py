@@ -91,14 +91,14 @@ def test_triangles_agree_with_the_rings_of_one_touch():
 
 
 def test_two_touches_scatter_as_on_a_mesh_and_each_estimate_is_honest():
-    for gap_mm, wanted in ((20, 0.002), (45, 5e-4)):
+    for gap_mm, bound in ((20, 0.002), (45, 5e-4)):
         touches = at(-7 - gap_mm / 2, 10), at(7 + gap_mm / 2, 10)
         got, mesh = readings(*touches, method="multipole"), on_triangles(touches, 3)
         alone = np.sum([readings(t).signal_V for t in touches], axis=0)
         true = distance(got.signal_V, mesh)
         print(f"gap {gap_mm} mm: {true:.1e} off, estimate {got.signal_error:.1e}; the sum of single touches is "
               f"{distance(alone, mesh):.1e} off")
-        assert true < wanted
+        assert true < bound
         assert true / 2 < got.signal_error < 5 * true
         assert distance(alone, mesh) > 5 * true
 

@@ -40,7 +40,7 @@ def test_no_element_that_may_be_drawn_over_a_fillet_is_wider_than_half_of_it(sca
 
 
 def test_the_smallest_fillets_take_no_more_elements():
-    """Beyond what fits into the memory the elements stay as wide as they are, and the solution tells what it misses."""
+    """Above what fits into the memory the elements stay as wide as they are, and the solution says what it misses."""
     few, many = (len(lines_under(replace(SHARP, fillet_m=fillet), 1.0)) for fillet in (2.5e-5, 5e-6))
     assert few < many < 1.2 * few
 

@@ -1,4 +1,4 @@
-"""Load paths: a table recovers touches solved afresh within its stated error, scales with the moduli, and says what it
+"""Load paths: a table recovers touches solved anew within its stated error, scales with the moduli, and says what it
 does not hold."""
 
 from __future__ import annotations

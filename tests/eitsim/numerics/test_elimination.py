@@ -166,7 +166,7 @@ def renumbered(mesh: SkinMesh) -> SkinMesh:
 
 
 def shifted(mesh: SkinMesh) -> SkinMesh:
-    """The electrodes on the edges beside those that are theirs."""
+    """The electrodes on the edges next to those that are theirs."""
     return replace(mesh, under=np.roll(mesh.under, 1, axis=0))
 
 

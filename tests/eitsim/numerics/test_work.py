@@ -51,7 +51,7 @@ def unknowns(size=4.0):
 
 @pytest.fixture
 def taken(monkeypatch):
-    """Unknowns of each matrix that is factorised, counted apart from the account."""
+    """Unknowns of each matrix that is factorised, counted separately from the account."""
     sizes = []
 
     def counted(band):

@@ -72,7 +72,7 @@ def test_each_electrode_keeps_what_it_is_given_and_comes_back():
     ({"count": 3}, "count in .* must be 4 to 64, got 3"), ({"count": 65}, "4 to 64"),
     ({"kind": "ring"}, "'ring' is unknown; known: line, patch"), ({"width_mm": [10] * 15}, "width_mm.*16 numbers"),
     ({"width_mm": 39.28}, "electrodes 15 and 0|may be 39.269 wide at most"),
-    ({"width_mm": [39.0] * 15 + [60.0]}, "overlap by .* mm; place them further apart"),
+    ({"width_mm": [39.0] * 15 + [60.0]}, "overlap by .* mm; place them further from each other"),
     ({"contact_impedance_Ohm_m": 0}, "contact_impedance_Ohm_m .*positive"),
     ({"contact_impedance_Ohm_m": [1.0] * 15 + [-1.0]}, "positive, got -1"),
     ({"contact_impedance_Ohm_m": float("nan")}, "finite"), ({"contact_impedance_Ohm_m2": 1}, "no effect with kind"),
@@ -148,9 +148,9 @@ def test_the_plan_refuses_electrodes_whose_rim_is_not_solved(raw: dict, named: s
 
 def test_the_plan_tells_missing_electrodes_and_patches():
     scene = scene_from({"electrodes": {"kind": "patch", "missing": [3, 7]}})
-    told = " ".join(decision.decision for decision in make_plan(scene, CARD).decisions)
-    assert "without electrodes 3, 7" in told
-    assert "patches conduct by their untouched area" in told
+    said = " ".join(decision.decision for decision in make_plan(scene, CARD).decisions)
+    assert "without electrodes 3, 7" in said
+    assert "patches conduct by their untouched area" in said
 
 
 def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():
@@ -167,5 +167,5 @@ def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():
 def test_rings_and_mesh_agree_where_electrodes_are_wide_or_touch(electrodes: Electrodes):
     rings, mesh = (solve(Body(), Skin(), electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method)
                    for method in ("multipole", "mesh"))
-    print(f"{relative(mesh.signal_V, rings.signal_V):.1e}, told {mesh.signal_error:.1e}")
+    print(f"{relative(mesh.signal_V, rings.signal_V):.1e}, estimated {mesh.signal_error:.1e}")
     assert relative(mesh.signal_V, rings.signal_V) < min(0.004, mesh.signal_error)

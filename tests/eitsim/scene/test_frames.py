@@ -77,8 +77,8 @@ def test_frames_of_a_ring_with_a_missing_electrode_are_imaged(tmp_path: Path) ->
     rim = solve_rim(scene.body, present(scene.electrodes), 1e-3).impedance_Ohm
     baseline, touched = (read_out(scene.drive, among_all(scene.electrodes, z)) for z in (rim, rim * (1 + 1e-3)))
     write_frames(tmp_path / "frames.csv", [Readings(touched, baseline, touched - baseline, rim, 0.0, 0.0, 0, 0.0)])
-    images, told = images_of(tmp_path / "frames.csv", scene)
+    images, fitted = images_of(tmp_path / "frames.csv", scene)
     assert np.isfinite(images.change).all()
-    assert told["conductance_S"] == pytest.approx(1e-3, rel=1e-2)
+    assert fitted["conductance_S"] == pytest.approx(1e-3, rel=1e-2)
     with pytest.raises(InputFileError, match="line 2: v_002 is empty"):
         images_of(tmp_path / "frames.csv", Scene())

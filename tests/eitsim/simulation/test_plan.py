@@ -59,10 +59,10 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
 
 
 @pytest.mark.parametrize(("raw", "named"), [
-    ({"punch": {"x_mm": 98}}, "beyond the rim"),
+    ({"punch": {"x_mm": 98}}, "outside the rim"),
     ({"punch": [{"x_mm": 10}, {"x_mm": -6}]}, "1 and 2 are 2.0 mm apart"),
     ({"punch": [{"x_mm": 6}, {"x_mm": -6}]}, "overlap by 2.0 mm"),
-    ({"punch": [{"x_mm": 30}, {"x_mm": 98}]}, "touch 2: the punch's edge lies 5.0 mm beyond the rim"),
+    ({"punch": [{"x_mm": 30}, {"x_mm": 98}]}, "touch 2: the punch's edge lies 5.0 mm outside the rim"),
     ({"punch": [{"x_mm": 40}, {"x_mm": -40}], "hold": {"time_s": 5}}, "one touch"),
     ({"punch": {"x_mm": 80, "friction": "coulomb", "friction_coefficient": 0.3}}, "one that sticks"),
     ({"punch": {"friction": "stick"}, "hold": {"time_s": [60]}}, "keep the deformation"),
