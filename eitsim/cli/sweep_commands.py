@@ -1,4 +1,4 @@
-"""Commands of `eitsim` on data sets: sweep, measure, indices."""
+"""Commands of `eitsim` on data sets: sweep, measure, indices; and on results: report."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eitsim.cli.report_command import check_pdf, report_written
 from matcal.card import MaterialCard, read_card
 from touchcal.number_words import counted
 from touchcal.terminal import JsonOption, check_apart, check_out, numbers, print_json
@@ -220,3 +219,28 @@ def _range(text: str) -> tuple[str, tuple[float, float]]:
         raise ValueError(f"--within {text}: give KEY=LOW,HIGH, a key and its lowest and highest value, for example "
                          "F_N=0.9,1.1.")
     return key, (found[0], found[1])
+
+
+def report(source: Annotated[Path, typer.Argument(metavar="DIR_OR_RESULT", help="Data set or result.json.")],
+           out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
+    """Write a PDF of one result or of a whole data set.
+
+    Example: eitsim report sweep --out sweep.pdf
+    """
+    check_out(out)
+    check_pdf(out, "--out")
+    print(report_written(source, out))
+
+
+def check_pdf(place: Path | None, flag: str) -> None:
+    """ValueError where a file asked for is not named as a PDF."""
+    if place is not None and place.suffix != ".pdf":
+        raise ValueError(f"{flag} {place}: the file is a PDF; give a name that ends in .pdf.")
+
+
+def report_written(source: Path, out: Path) -> str:
+    """Write the PDF of a result or of a data set; what to tell of it."""
+    from reports.sweep.dispatch import write
+
+    write(source, out)
+    return f"report: {out}"

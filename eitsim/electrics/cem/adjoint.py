@@ -8,15 +8,12 @@ Source: Polydorides, Lionheart, Meas. Sci. Technol. 13 (2002) 1871, DOI 10.1088/
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
-from eitsim.electrics.cem.assembly import SkinMesh, contacts, gradients
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, contacts, gradients
 from eitsim.scene.drive import read_out
 from eitsim.scene.scene import Drive
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 def impedance_by_conductance(mesh: SkinMesh, potential: Array, region: Indices | None = None) -> Array:

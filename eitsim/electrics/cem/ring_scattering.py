@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, xlogy
 
-from eitsim.electrics.cem.boundary_integral import Rim
+from eitsim.electrics.cem.boundary_integral import Array, Complex, Rim
 from eitsim.electrics.cem.floating_electrodes import shunt, shunt_ends
 from eitsim.electrics.sheet.sheet_conductance import (
     admittance,
@@ -25,8 +25,6 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Indices = NDArray[np.integer]
 
 # Part of their reach over which the rings carry the whole change of conductance.

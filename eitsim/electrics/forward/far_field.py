@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import gradients, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import ring_share
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
@@ -17,8 +17,6 @@ from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
-
-Array = NDArray[np.float64]
 
 # Level of the rim's angles, rings of the fixed mesh and the width of the outermost one over the radius.
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3

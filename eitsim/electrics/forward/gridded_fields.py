@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
 from eitsim.electrics.sheet.sheet_conductance import added_metric, driving_strain, touched_conductance
-from eitsim.scene.results import Touch
+from eitsim.scene.results import Array, Touch
 from eitsim.scene.scene import Body, Punch, Scene
 from matcal.laws.conductivity import Conductivity, conductivity
 from touchcal.errors import unknown_key
 
-Array = NDArray[np.float64]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 TABLE = "fields"

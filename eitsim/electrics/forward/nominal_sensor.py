@@ -13,9 +13,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import driving_strain, surface_metric
 from eitsim.scene.drive import read_out
@@ -23,8 +22,6 @@ from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Punch
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # c(e) = exp(_SENSITIVITY e).
 _SENSITIVITY = -2.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 
-from eitsim.electrics.cem.assembly import Floating, SkinMesh, centred, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, Floating, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.cem.floating_electrodes import floating, shunts
 from eitsim.electrics.forward.solve_forward import following_mesh
 from eitsim.electrics.sheet.sheet_conductance import (
@@ -29,7 +29,6 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Scene
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 # Name of the cell in VTK, whose order of nodes is the same, and the element, by the mesh's element.

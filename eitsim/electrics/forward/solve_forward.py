@@ -9,9 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating
 from eitsim.electrics.cem.ring_scattering import (
@@ -41,7 +40,6 @@ from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 METHODS = ("auto", "multipole", "mesh")

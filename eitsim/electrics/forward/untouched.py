@@ -8,16 +8,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import impedance
+from eitsim.electrics.cem.assembly import Array, impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
 from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
-
-Array = NDArray[np.float64]
 
 TABLES = ("body", "electrodes", "drive")
 # Sheet conductance, S, that the search starts from, its steps and where it ends; readings are nearly its reciprocal.

@@ -15,20 +15,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import root_scalar
 from scipy.spatial import Delaunay, KDTree
 
 from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field, readings_by
-from eitsim.electrics.cem.assembly import SkinMesh, centred, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
 from eitsim.scene.drive import Drive, read_out
 from eitsim.scene.electrodes import among_all, contact_impedances, present
 from eitsim.scene.scene import Body, Electrodes
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 PRIORS = ("noser", "laplace")
 NOISE_FIGURE = 0.5

@@ -15,18 +15,14 @@ from typing import Any
 from zlib import error as CompressionError
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError, mat_struct
 from scipy.sparse import issparse
 
-from eitsim.electrics.cem.assembly import SkinMesh
-from eitsim.electrics.interop.sheet_model import sides
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
+from eitsim.electrics.mesh.p2_triangles import sides
 from eitsim.scene.drive import Protocol, matrices
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 @dataclass(frozen=True, eq=False)

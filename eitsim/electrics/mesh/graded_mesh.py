@@ -6,19 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, KDTree
 
-from eitsim.electrics.cem.assembly import SkinMesh
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.ring_scattering import position
-from eitsim.electrics.mesh.p2_triangles import straight, untangled
+from eitsim.electrics.mesh.p2_triangles import sides, straight, untangled
 from eitsim.electrics.mesh.ring_mesh import centred_radii, inside_rim, patch_radii, rim_angles
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 # Least distance of the other points from circles and rim, in sizes, and how often they are moved to their neighbours'
@@ -243,16 +240,10 @@ def _check_outline(circles: list[_Circle], on_rim: int, cells: Indices) -> None:
         requested.append(np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1))
         start += count
     size = int(cells.max(initial=start)) + 1
-    edges, seen = np.unique(_keys(_edges(cells), size), return_counts=True)
+    edges, seen = np.unique(_keys(sides(cells), size), return_counts=True)
     if not np.array_equal(edges[seen == 1], np.unique(_keys(np.vstack(requested), size))):
         raise NotConverged("no mesh of the skin between these touches was found; move them apart or ask for a larger "
                            "signal in [accuracy].")
-
-
-def _edges(cells: Indices) -> Indices:
-    """Edges (3 cells, 2) of triangles, lower number first: those from corner 0 to 1, then 1 to 2, then 0 to 2."""
-    one, other = cells.T[[0, 1, 0]].ravel(), cells.T[[1, 2, 2]].ravel()
-    return np.column_stack([np.minimum(one, other), np.maximum(one, other)])
 
 
 def _keys(edges: Indices, size: int) -> Indices:
@@ -267,14 +258,14 @@ def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Ind
     """
     covered = _ring_cells(loops)
     cells = np.vstack([cells, covered])
-    keys, number = np.unique(_keys(_edges(cells), len(corners)), return_inverse=True)
+    keys, number = np.unique(_keys(sides(cells), len(corners)), return_inverse=True)
     edges = np.column_stack(np.divmod(keys, len(corners)))
     middle = corners[edges].mean(axis=1)
     for circle, start, end in zip(circles, ends, ends[1:], strict=False):
         inside = (edges[:, 0] > start) & (edges[:, 1] < end)
         middle[inside] = _turned(corners[edges[inside]], circle.centre_m)
     rim = loops[0]
-    polar = np.vstack([np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1), _edges(covered)])
+    polar = np.vstack([np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1), sides(covered)])
     along = np.searchsorted(keys, _keys(polar, len(corners)))
     middle[along] = _turned(corners[polar], np.zeros(2))
     quadratic = np.column_stack([cells, len(corners) + number.reshape(3, -1).T])

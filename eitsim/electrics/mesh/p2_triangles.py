@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 
-from eitsim.electrics.cem.assembly import SkinMesh
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # How often meshes are halved at most, and the degree of exactness of the stiffness's quadrature on each part.
 HALVINGS, _DEGREE = 2, 4
-Indices = NDArray[np.integer]
 
 # Corners and middle node of each edge of a triangle, in the order of its nodes.
 EDGES = ((0, 1, 3), (1, 2, 4), (0, 2, 5))
@@ -33,6 +30,12 @@ _INSIDE = np.array([[-0.125, 0.0, -0.125, 0.5, 0.5, 0.25], [-0.125, -0.125, 0.0,
 _QUARTER = 0.25
 # A node on the rim is nearer to it than this, over its radius.
 _ON_RIM = 1e-9
+
+
+def sides(cells: Indices) -> Indices:
+    """Sides (3 cells, 2) of triangles, lower number first: those from corner 0 to 1, then 1 to 2, then 0 to 2."""
+    one, other = cells.T[[0, 1, 0]].ravel(), cells.T[[1, 2, 2]].ravel()
+    return np.column_stack([np.minimum(one, other), np.maximum(one, other)])
 
 
 def untangled(mesh: SkinMesh, plain_m: Array) -> SkinMesh:

@@ -8,16 +8,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.floating_electrodes import shunt_ends
 from eitsim.scene.electrodes import TOUCHING, arcs, widths
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 # Edges along the rim under an electrode and between two of them, on level 1, at least, and about how many on the whole
 # rim where electrodes or gaps are wide.

@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from eitsim.scene.results import RimField, Touch
+from eitsim.scene.results import Array, RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, Skin
 from matcal.laws.conductivity import Conductivity, coating_thickness, conductivity
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 # Strains closer than this to the fitted range count as inside it: far from a touch they are rounding around zero.
 NEAR_RANGE = 1e-4

@@ -13,9 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh, gradients, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, quadrature_points
 from eitsim.electrics.cem.ring_scattering import reaches
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.results import Touch
@@ -23,7 +22,6 @@ from eitsim.scene.scene import Body, Punch, Skin
 from eitsim.simulation.derivatives.tangent import Settled, shifted, varied
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
 Touches = Sequence[tuple[Punch, Touch]]
 
 # Half the difference of places, mm, and of the skin's coefficients a.

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.cem.adjoint import impedance_by_contact, impedance_by_field, readings_by
-from eitsim.electrics.cem.assembly import SkinMesh, centred, dissection, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, centred, dissection, potentials, quadrature_points
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import patch_radii
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
@@ -33,8 +32,6 @@ from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import make_plan, near_rim, together
 from matcal.card import MaterialCard
 from touchcal.csv_numbers import cells
-
-Array = NDArray[np.float64]
 
 # By how much the mesh's rings at the lines of the contact are thinner than those of the readings' own: force and law
 # change the conductance in a ring there that is as thin as the elements of the foam's mesh.

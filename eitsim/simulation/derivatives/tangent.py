@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric import surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium, system
@@ -21,11 +20,9 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_uni
 from eitsim.mechanics.contact.punch_contact import POINTS, facets_at
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, rim_change
 from eitsim.mechanics.solid.grid import tensor_grid
-from eitsim.scene.results import RimField, Touch
+from eitsim.scene.results import Array, RimField, Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
 
 # Step of the differences, over the parameter.
 STEP = 1e-5

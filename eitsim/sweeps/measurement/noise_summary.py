@@ -7,13 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.sweeps.measurement.instrument import Measurement, level_db, noise_of, reference_of
+from eitsim.sweeps.measurement.instrument import Array, Measurement, level_db, noise_of, reference_of
 from touchcal.number_words import counted
-
-Array = NDArray[np.float64]
 
 # Part of the samples from which on clipping is warned of.
 _MUCH_CLIPPED = 0.01

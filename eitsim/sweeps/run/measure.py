@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from eitsim.electrics.forward.untouched import TABLES, by_contact, conductance_of, sensor_of
 from eitsim.scene.drive import voltage_columns
@@ -19,14 +18,12 @@ from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.design.design import design_from, representative_scene
-from eitsim.sweeps.measurement.instrument import Indices, Measured, Measurement, channels_of, measured
+from eitsim.sweeps.measurement.instrument import Array, Indices, Measured, Measurement, channels_of, measured
 from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurement_from, read_measurement
 from eitsim.sweeps.measurement.noise_summary import Sums, volts
 from eitsim.sweeps.run.folder import begun, sole_writer
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # Rows whose sheet conductances agree to this, relative, share their derivatives by the contact impedances.
 _SHEETS = 0.01

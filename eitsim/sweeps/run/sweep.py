@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +16,15 @@ from eitsim.simulation.material import material_of
 from eitsim.sweeps.dataset import code_history, hdf5_fields, parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
 from eitsim.sweeps.dataset.parquet import Dataset
-from eitsim.sweeps.dataset.sweep_record import Account, Run, runs_of
+from eitsim.sweeps.dataset.sweep_record import RUNS, Account, Run, runs_of
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
 from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.folder import Standing, keep_to_table, missing, sole_writer, start_or_continue
 from eitsim.sweeps.run.load_path_choice import describe_method, method_for, table_of
-from eitsim.sweeps.run.omissions import omissions
+from eitsim.sweeps.run.omissions import LEFT_OUT, Omission, omissions
 from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
-from eitsim.sweeps.run.run_log import Spent, record
 from eitsim.sweeps.run.scene_table import as_design
 from matcal.card import MaterialCard, as_card
 from matcal.laws.conductivity import Conductivity
@@ -168,6 +169,40 @@ class _Work:
                             None if median is None or most is None else (median, most)))
 
 
+@dataclass
+class Spent:
+    """Times that add up while a sweep runs."""
+
+    wall_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    cpu_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    # of encoding parts, which is not done here
+    encoding_cpu_s: float = 0.0
+
+    @contextmanager
+    def on(self, stage: str) -> Iterator[None]:
+        """Count what this thread does meanwhile."""
+        wall, cpu = time.perf_counter(), time.thread_time()
+        try:
+            yield
+        finally:
+            self.wall_s[stage] += time.perf_counter() - wall
+            self.cpu_s[stage] += time.thread_time() - cpu
+
+    def run(self, method: str, rows: int, rows_cpu_s: float, workers: int | None, table: Table | None) -> Run:
+        """What was spent on these rows, in stages "table", "rows" and "writing"."""
+        return Run(method, rows, rows_cpu_s, self.wall_s["rows"], workers, self.wall_s["table"], self.encoding_cpu_s,
+                   self.cpu_s["writing"], self.wall_s["writing"], **_of_table(table))
+
+
+def _of_table(table: Table | None) -> dict[str, Any]:
+    if table is None:
+        return {}
+    told: dict[str, Any] = {"paths": len(table.shape.solved), "paths_cpu_s": table.cpu_s}
+    if table.rim is not None:
+        told |= {"rim": len(table.rim.diameters) * len(table.rim.gaps), "rim_cpu_s": table.rim.cpu_s}
+    return told
+
+
 def _work(design: Design, cards: Cards, folder: Path, reuse: bool | None, exact: bool, other_code: bool,
           hears: Callable[[Progress], None]) -> _Work:
     method = method_for(design, cards, reuse, exact)
@@ -187,8 +222,8 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
         kept = work.before.counts
         run = spent.run(_how(work, table, note), counts.rows - kept.rows, counts.cpu_s - kept.cpu_s,
                         count if lent is None else None, central_of(table))
-        record(work.folder, work.manifest, run,
-               omissions(work.design, work.cards, exact=work.method["exact"], table=table))
+        _record(work.folder, work.manifest, run,
+                omissions(work.design, work.cards, exact=work.method["exact"], table=table))
     parquet.settle(work.folder)
     return _account(work, counts, run)
 
@@ -234,6 +269,13 @@ def _entered(scheduler: Pool | None) -> AbstractContextManager[WorkerPool | None
     """Who works instead of processes of this machine, connected to where that is still to be done."""
     found = cluster(scheduler) if isinstance(scheduler, str) else scheduler
     return found if isinstance(found, AbstractContextManager) else nullcontext(found)
+
+
+def _record(folder: Path, manifest: Mapping[str, Any], run: Run, left_out: Sequence[Omission]) -> None:
+    """Add a run to the manifest of a folder, with what its rows leave out."""
+    kept = {key: value for key, value in manifest.items() if key != "schema"}
+    parquet.write_manifest(folder, kept | {
+        RUNS: [*manifest.get(RUNS, []), asdict(run)], LEFT_OUT: [asdict(one) for one in left_out]})
 
 
 def _keep(folder: Path, design: Design, part: Part, size: int) -> None:

@@ -19,10 +19,8 @@ from eitsim.sweeps.measurement.instrument_table import TABLE
 from eitsim.sweeps.measurement.noise_summary import volts
 from eitsim.sweeps.run.measure import Lab, lab_of, read
 from eitsim.sweeps.run.row_columns import numbered
-from eitsim.sweeps.sobol.variance_components import Shares, Variances, beside, pooled, shares, variances
+from eitsim.sweeps.sobol.variance_components import Array, Shares, Variances, beside, pooled, shares, variances
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # The axes of a block, noise only where a measurement is there.
 FACTORS = ("touch", "material", "noise")
