@@ -21,18 +21,15 @@ from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
 
-# Part of the wanted signal error that a table's own may use up.
-TABLE_SHARE = 0.25
+TABLE_SHARE = 0.25  # Part of the wanted signal error that a table's own may use up.
 # Arrays of a table and of what the rim changes.
 _PATHS = ("depths", "radius", "values", "slopes", "error_estimate")
 _CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "error_estimate")
-# Names under which arrays are kept, where they are not the fields' own.
-_KEPT_AS = {"error_estimate": "told"}
+_KEPT_AS = {"error_estimate": "told"}  # Names under which arrays are kept, where they are not the fields' own.
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
-# Part of the wanted signal error that a table of changes may use up beside the paths.
-RIM_SHARE = 1.0
+RIM_SHARE = 1.0  # Part of the wanted signal error that a table of changes may use up beside the paths.
 
 
 def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:

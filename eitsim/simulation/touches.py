@@ -16,10 +16,8 @@ from eitsim.simulation.plan import near_rim
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 
-# Part of the wanted signal error that the mechanics may use up.
-MECHANICS_SHARE = 0.8
-# Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
-_MOST_NODES = 6000
+MECHANICS_SHARE = 0.8  # Part of the wanted signal error that the mechanics may use up.
+_MOST_NODES = 6000  # Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
 
 
 def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], groups: Sequence[tuple[int, ...]],

@@ -21,8 +21,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 _LEAST_FORCE, _LEAST_DEPTH = 1e-8, 1e-8
 # Conductivities, S/m, beyond which only a slip of the unit can lie: silver has 6e7, pure water 6e-6.
 _LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
-# Strain that touches of a foam come near to: flat.
-_FLAT = -0.97
+_FLAT = -0.97  # Strain that touches of a foam come near to: flat.
 
 
 def unresolvable(scene: Scene, material: Material) -> str:

@@ -23,12 +23,9 @@ ELEMENTS = ("P1", "P2", "Q2")
 # element, degree of exactness of its quadrature, element of its edges
 _KINDS = {"P1": (ElementTriP1, 1, ElementLineP1), "P2": (ElementTriP2, 4, ElementLineP2),
           "Q2": (ElementQuad2, 5, ElementLineP2)}
-# Degree of exactness of the quadrature over areas under patches.
-_AREA_DEGREE = 6
-# Rounding of the resistance between two electrodes, relative, at most.
-_ROUNDING = 1e-4
-# Largest difference of a tensor's xy and yx over the sum of its xx and yy.
-_UNSYMMETRIC = 1e-12
+_AREA_DEGREE = 6  # Degree of exactness of the quadrature over areas under patches.
+_ROUNDING = 1e-4  # Rounding of the resistance between two electrodes, relative, at most.
+_UNSYMMETRIC = 1e-12  # Largest difference of a tensor's xy and yx over the sum of its xx and yy.
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,19 +33,14 @@ class SkinMesh:
     """The skin's reference surface cut into elements, and what of it lies under electrodes: edges under lines, whole
     elements under patches."""
 
-    # (n, 2) nodes, m; the elements are isoparametric, so middle nodes may lie on curves
-    nodes_m: Array
-    # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
-    cells: Indices
+    nodes_m: Array  # (n, 2) nodes, m; the elements are isoparametric, so middle nodes may lie on curves
+    cells: Indices  # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
     # (parts, m) node numbers of the edges under electrodes, m = 2 or 3: both ends, then the middle where the element
     # has one; or of the elements under electrodes, m = k, ordered as in `cells`
     under: Indices
-    # (parts,) the electrode each of them lies under, from 0
-    electrode: Indices
-    # how many electrodes
-    count: int
-    # one of ELEMENTS
-    element: str = "P1"
+    electrode: Indices  # (parts,) the electrode each of them lies under, from 0
+    count: int  # how many electrodes
+    element: str = "P1"  # one of ELEMENTS
 
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:
@@ -64,14 +56,10 @@ class Floating:
     """Conductors on the surface that let no current out (`eitsim.electrics.cem.floating_electrodes`), each an
     unknown after the nodes."""
 
-    # (parts, k) node numbers of the elements that each part covers, ordered as in the mesh's cells
-    under: Indices
-    # (parts,) the conductor that lies on each, from 0
-    conductor: Indices
-    # (parts, pairs) weights, 1/Ohm, of the pairs of its nodes and, last, its conductor
-    weights: Array
-    # how many conductors
-    count: int
+    under: Indices  # (parts, k) node numbers of the elements that each part covers, ordered as in the mesh's cells
+    conductor: Indices  # (parts,) the conductor that lies on each, from 0
+    weights: Array  # (parts, pairs) weights, 1/Ohm, of the pairs of its nodes and, last, its conductor
+    count: int  # how many conductors
 
 
 def quadrature_points(mesh: SkinMesh) -> Array:

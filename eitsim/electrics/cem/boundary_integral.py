@@ -27,10 +27,8 @@ _LOG_POINTS, _LOG_POWER = 32, 6
 # Points of a panel on which the potential of the other electrodes is interpolated to twelve digits where they are at
 # least _FAR panel lengths away, and the most such panels from the middle to an end.
 _SMOOTH_POINTS, _FAR, _SMOOTH_PANELS = 16, 0.95, 5
-# The most unknowns that couple electrodes which are not alike.
-_MOST_COUPLED = 4500
-# Harmonics around the rim.
-HARMONICS = 192
+_MOST_COUPLED = 4500  # The most unknowns that couple electrodes which are not alike.
+HARMONICS = 192  # Harmonics around the rim.
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +36,8 @@ class Rim:
     """A homogeneous disc with N line electrodes. Fields are Re sum_{n>0} a_n (r/R)^n exp(i n theta), theta from the
     electrodes' first angle."""
 
-    # (N, N) impedance, Ohm; rows and columns sum to zero
-    impedance_Ohm: Array
-    # (h, N) a_n, V, of 1 A into each electrode and 1/N A out of every one
-    driven: Complex
+    impedance_Ohm: Array  # (N, N) impedance, Ohm; rows and columns sum to zero
+    driven: Complex  # (h, N) a_n, V, of 1 A into each electrode and 1/N A out of every one
     # (h, h) twice: rim potential Re sum g_n exp(i n theta) of an inner source on a rim without electrodes -> the field
     # same @ g + crossed @ conj(g) that the floating electrodes add
     same: Complex
@@ -53,14 +49,10 @@ class _Alone:
     """What flows into one electrode alone on the rim, over pi S, theta from its middle, by what drives it: its own
     potential U, the potential that other electrodes raise at its smooth nodes, and exp(i n theta) on the rim."""
 
-    # (p,) smooth nodes, rad
-    theta: Array
-    # current by U
-    total: float
-    # (p,) charges at the smooth nodes by U, which is the current by the potential at each
-    charge: Array
-    # (p, p) charges by the potential at the smooth nodes
-    charges: Array
+    theta: Array  # (p,) smooth nodes, rad
+    total: float  # current by U
+    charge: Array  # (p,) charges at the smooth nodes by U, which is the current by the potential at each
+    charges: Array  # (p, p) charges by the potential at the smooth nodes
     # (h,) current and (p, h) charges by exp(i n theta)
     total_by_wave: Complex
     charge_by_wave: Complex

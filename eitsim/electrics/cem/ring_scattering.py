@@ -27,8 +27,7 @@ from matcal.laws.conductivity import Conductivity
 
 Indices = NDArray[np.integer]
 
-# Part of their reach over which the rings carry the whole change of conductance.
-FULL = 0.9
+FULL = 0.9  # Part of their reach over which the rings carry the whole change of conductance.
 
 
 def ring_share(radius_m: Array, reach_m: float) -> Array:
@@ -41,12 +40,9 @@ def ring_share(radius_m: Array, reach_m: float) -> Array:
 class Scatterer:
     """A touch as its circle sends back what comes in."""
 
-    # place of its axis, m
-    centre_m: complex
-    # radius of the circle, m
-    reach_m: float
-    # (orders,) tau_m: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out, m = 1, 2, ...
-    scattered: Array
+    centre_m: complex  # place of its axis, m
+    reach_m: float  # radius of the circle, m
+    scattered: Array  # (orders,) tau_m: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out, m = 1, 2, ...
 
 
 def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:

@@ -26,12 +26,9 @@ _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 class _Untouched:
     """Fields of the untouched skin at quadrature points of a fixed mesh."""
 
-    # (n, 2) points, m
-    points_m: Array
-    # (n,) area of each, m^2
-    area_m2: Array
-    # (n, 2, count) gradients of the potential, Ohm/m, of 1 A into each electrode
-    gradient: Array
+    points_m: Array  # (n, 2) points, m
+    area_m2: Array  # (n,) area of each, m^2
+    gradient: Array  # (n, 2, count) gradients of the potential, Ohm/m, of 1 A into each electrode
 
 
 @lru_cache(maxsize=8)

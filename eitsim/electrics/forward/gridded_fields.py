@@ -22,20 +22,16 @@ TABLE = "fields"
 # Sizes of a grid unless they are given, and the fewest and most that are taken.
 _SIZES = {"square": {"side": 64}, "polar": {"rings": 32, "angles": 64}}
 _FEWEST, _MOST = 2, 1024
-# Most points: the rows of a part are in memory together.
-_POINTS = 256 * 256
+_POINTS = 256 * 256  # Most points: the rows of a part are in memory together.
 
 
 @dataclass(frozen=True)
 class StoredFields:
     """The table [fields] of a design: fields at points, not averages over pixels."""
 
-    # some of QUANTITIES
-    names: tuple[str, ...]
-    # "square": pixels of the square about the disc, or "polar": rings of the disc
-    grid: str = "square"
-    # pixels along a side of a square grid; None: a polar one
-    side: int | None = None
+    names: tuple[str, ...]  # some of QUANTITIES
+    grid: str = "square"  # "square": pixels of the square about the disc, or "polar": rings of the disc
+    side: int | None = None  # pixels along a side of a square grid; None: a polar one
     # rings of a polar grid, and points on each; None: a square one
     rings: int | None = None
     angles: int | None = None
@@ -53,15 +49,13 @@ class StoredFields:
 class Quantity:
     """One field."""
 
-    # name of its data set, unit in it where it has one
-    dataset: str
+    dataset: str  # name of its data set, unit in it where it has one
     # unit and meaning
     unit: str
     meaning: str
     # values (n,) or, of a tensor, (n, 3) at points (n, 2), m
     values: Callable[[Array, Touches, Scene, Conductivity], Array]
-    # numbers at a point
-    parts: int = 1
+    parts: int = 1  # numbers at a point
 
 
 def _strain(points: Array, touches: Touches, scene: Scene, law: Conductivity) -> Array:

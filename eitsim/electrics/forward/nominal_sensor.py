@@ -23,10 +23,8 @@ from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Punch
 from touchcal.errors import NotConverged
 
-# c(e) = exp(_SENSITIVITY e).
-_SENSITIVITY = -2.0
-# Conductance, S, of the default skin, which the contact impedance is in proportion to.
-_DEFAULT_S = 6e-4
+_SENSITIVITY = -2.0  # c(e) = exp(_SENSITIVITY e).
+_DEFAULT_S = 6e-4  # Conductance, S, of the default skin, which the contact impedance is in proportion to.
 # Bearings of the touch from an electrode, over half the step between electrodes: a difference grows up to tenfold from
 # one to another, and mostly counts most between electrodes.
 _BEARINGS = (0.0, 0.5, 1.0)

@@ -33,12 +33,10 @@ Touches = tuple[tuple[Punch, Touch], ...]
 
 # Name of the cell in VTK, whose order of nodes is the same, and the element, by the mesh's element.
 _CELLS = {"P1": ("triangle", ElementTriP1), "P2": ("triangle6", ElementTriP2), "Q2": ("quad9", ElementQuad2)}
-# Refinement of the mesh that follows the touches.
-LEVEL = 2
+LEVEL = 2  # Refinement of the mesh that follows the touches.
 # An element's area at one of its nodes, over its mean, below which that node takes the gradient of the whole.
 _COLLAPSED = 1e-6
-# Part of the way to an element's middle at which its nodes are told to lie under a punch or beside it.
-_INWARDS = 1e-3
+_INWARDS = 1e-3  # Part of the way to an element's middle at which its nodes are told to lie under a punch or beside it.
 
 
 def write_skin_vtu(scene: Scene, touches: Sequence[Touch], law: Conductivity, path: Path | str,

@@ -48,8 +48,7 @@ ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
 # over the change by the last halving, where the rim cuts the contact and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
-# How many times the estimate a mesh must stay below the wanted error not to be halved again.
-MARGIN = 2
+MARGIN = 2  # How many times the estimate a mesh must stay below the wanted error not to be halved again.
 
 
 @dataclass(frozen=True)

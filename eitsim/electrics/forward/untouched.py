@@ -19,8 +19,7 @@ from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_fr
 TABLES = ("body", "electrodes", "drive")
 # Sheet conductance, S, that the search starts from, its steps and where it ends; readings are nearly its reciprocal.
 _START_S, _STEPS, _CLOSE = 1e-3, 40, 1e-8
-# Relative difference, 2-norm, above which readings are not those of a sensor.
-_OTHER = 1e-5
+_OTHER = 1e-5  # Relative difference, 2-norm, above which readings are not those of a sensor.
 # Step of the logarithm of a contact impedance; the central difference is off by some step^2, over the derivative.
 _STEP = 1e-3
 # Level of the mesh for patches, its rings inside them, and the width of the outermost of these over their inner radius.

@@ -28,15 +28,12 @@ from eitsim.scene.scene import Body, Electrodes
 
 PRIORS = ("noser", "laplace")
 NOISE_FIGURE = 0.5
-# Rings of the coarse mesh; it has 6 n^2 triangles.
-RINGS = 12
+RINGS = 12  # Rings of the coarse mesh; it has 6 n^2 triangles.
 # Level of the fine mesh's angles, its even rings, and those that narrow towards the rim, with the width of the last
 # over the radius.
 _LEVEL, _EVEN, _NARROWING, _LAST = 2, 28, 8, 2e-3
-# Radius of the noise figure's target, in disc radii.
-_TARGET = 0.1
-# Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
-_CONSTANT = 1e-6
+_TARGET = 0.1  # Radius of the noise figure's target, in disc radii.
+_CONSTANT = 1e-6  # Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
 # Steps towards the untouched resistance, the relative change at which they end, and the first conductance, S.
 _STEPS, _SETTLED, _FIRST_S = 20, 1e-10, 1e-3
 
@@ -45,14 +42,10 @@ _STEPS, _SETTLED, _FIRST_S = 20, 1e-10, 1e-3
 class Pixels:
     """A coarse triangulation of the disc."""
 
-    # (n, 2) corners, m
-    nodes_m: Array
-    # (t, 3) corners of each triangle, counter-clockwise
-    triangles: Indices
-    # (t, 2) centroids, m
-    centre_m: Array
-    # (t,) areas, m^2
-    area_m2: Array
+    nodes_m: Array  # (n, 2) corners, m
+    triangles: Indices  # (t, 3) corners of each triangle, counter-clockwise
+    centre_m: Array  # (t, 2) centroids, m
+    area_m2: Array  # (t,) areas, m^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +53,8 @@ class Untouched:
     """A uniform skin whose readings fit an untouched frame, and their derivatives by pixels."""
 
     pixels: Pixels
-    # sheet conductance, S
-    conductance_S: float
-    # (readings,) V; NaN where an electrode without contact is needed
-    readings_V: Array
+    conductance_S: float  # sheet conductance, S
+    readings_V: Array  # (readings,) V; NaN where an electrode without contact is needed
     # (readings, t) derivatives of the readings by the relative change of each pixel's conductance, V; 0 there
     jacobian_V: Array
 
@@ -73,8 +64,7 @@ class Imager:
     """A linear map from differences of readings to images."""
 
     untouched: Untouched
-    # (t, readings) relative change of conductance a volt
-    matrix: Array
+    matrix: Array  # (t, readings) relative change of conductance a volt
     # weight of the prior, V^2
     weight: float
     noise_figure: float

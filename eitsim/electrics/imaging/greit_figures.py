@@ -16,8 +16,7 @@ from scipy.spatial import KDTree
 
 Array = NDArray[np.float64]
 
-# Part of the largest value from which a pixel belongs to the target's image.
-_QUARTER = 0.25
+_QUARTER = 0.25  # Part of the largest value from which a pixel belongs to the target's image.
 # Part from which it belongs to a region of its own, and the distance of neighbours over the root of a pixel's area.
 _HALF, _NEIGHBOURS = 0.5, 1.6
 
@@ -29,28 +28,21 @@ class Blob:
     # centre of its area, m
     x_m: float
     y_m: float
-    # its area, m^2
-    area_m2: float
-    # largest value of the image, of the target's sign
-    peak: float
+    area_m2: float  # its area, m^2
+    peak: float  # largest value of the image, of the target's sign
 
 
 @dataclass(frozen=True)
 class FiguresOfMerit:
     """How an image shows one target; all but the position error relative."""
 
-    # integral of the image over that of the truth
-    amplitude_response: float
+    amplitude_response: float  # integral of the image over that of the truth
     # distance of the target from the middle less that of its image's centre, m; positive: drawn towards the middle
     position_error_m: float
-    # distance between the target and its image's centre, m
-    displacement_m: float
-    # square root of the image's area, its quarter-amplitude set, over that of the whole disc
-    resolution: float
-    # part of that set outside the circle of its own area about its own centre
-    shape_deformation: float
-    # integral of the opposite sign outside that circle over the integral inside
-    ringing: float
+    displacement_m: float  # distance between the target and its image's centre, m
+    resolution: float  # square root of the image's area, its quarter-amplitude set, over that of the whole disc
+    shape_deformation: float  # part of that set outside the circle of its own area about its own centre
+    ringing: float  # integral of the opposite sign outside that circle over the integral inside
 
 
 def blob(points_m: Array, area_m2: Array, image: Array, sign: int = 0) -> Blob:

@@ -34,26 +34,19 @@ _LARGEST_CHANGE = 0.3
 class Seen:
     """What one image shows."""
 
-    # its quarter-amplitude set, lengths in m; None where the image is 0
-    blob: Blob | None
-    # separate regions at half of its largest value, the largest peak first
-    regions: tuple[Blob, ...]
-    # whether it shows a clear touch, so that the blob's centre is a place
-    clear: bool
-    # in words, why there is no place, or that there are several regions; empty otherwise
-    note: str
+    blob: Blob | None  # its quarter-amplitude set, lengths in m; None where the image is 0
+    regions: tuple[Blob, ...]  # separate regions at half of its largest value, the largest peak first
+    clear: bool  # whether it shows a clear touch, so that the blob's centre is a place
+    note: str  # in words, why there is no place, or that there are several regions; empty otherwise
 
 
 @dataclass(frozen=True, eq=False)
 class Images:
     """Difference images of some frames."""
 
-    # triangles of the images: corners, centroids (m) and areas (m^2)
-    pixels: Pixels
-    # (frames, triangles) relative change of the sheet conductance
-    change: Array
-    # one a frame
-    seen: tuple[Seen, ...]
+    pixels: Pixels  # triangles of the images: corners, centroids (m) and areas (m^2)
+    change: Array  # (frames, triangles) relative change of the sheet conductance
+    seen: tuple[Seen, ...]  # one a frame
     # of the untouched skin that fits the untouched frame best: S a square, and 2-norm of what it misses over the
     # frame's
     conductance_S: float

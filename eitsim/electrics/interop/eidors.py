@@ -32,10 +32,8 @@ class Model:
     # file that it was read from, and name of its variable
     file: Path
     name: str
-    # linear triangles, with the boundary edges under each electrode; lengths in m
-    mesh: SkinMesh
-    # (electrodes,) contact impedances, Ohm m
-    contact_impedance_Ohm_m: Array
+    mesh: SkinMesh  # linear triangles, with the boundary edges under each electrode; lengths in m
+    contact_impedance_Ohm_m: Array  # (electrodes,) contact impedances, Ohm m
     # (triangles,) sheet conductances, S, or (triangles, 2, 2) tensors; None where the file holds none
     conductance_S: Array | None
     # one for each stimulation, with one pattern each, since the number of readings may differ; empty without any

@@ -29,18 +29,14 @@ ELEMENTS = ("P1", "P2")
 class Solved:
     """A model, solved."""
 
-    # (electrodes, electrodes) impedance matrix, Ohm; rows and columns sum to zero
-    impedance_Ohm: Array
-    # one (patterns, readings) a protocol, V
-    readings_V: tuple[Array, ...]
+    impedance_Ohm: Array  # (electrodes, electrodes) impedance matrix, Ohm; rows and columns sum to zero
+    readings_V: tuple[Array, ...]  # one (patterns, readings) a protocol, V
     # relative difference of linear and quadratic elements on the same triangles, 2-norms: of the impedance matrix, and
     # of all readings; None without any
     impedance_error: float
     readings_error: float | None
-    # unknowns of the linear system
-    unknowns: int
-    # CPU time spent, s
-    cpu_s: float
+    unknowns: int  # unknowns of the linear system
+    cpu_s: float  # CPU time spent, s
 
 
 def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: ArrayLike,

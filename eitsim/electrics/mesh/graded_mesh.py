@@ -42,8 +42,7 @@ class Grading:
     # growth of the triangles per unit of distance, and their largest size in disc radii
     growth: float
     largest: float
-    # part of the stretches' whole change in a ring, at most
-    steepest: float
+    steepest: float  # part of the stretches' whole change in a ring, at most
 
 
 # For fields on one mesh, and for meshes that are halved.
@@ -55,8 +54,7 @@ LEAN = Grading(3, 4, 112, 12, 3.0, 0.8, 0.4, 0.12)
 class _Circle:
     """Rings about a punch."""
 
-    # (2,) axis, m
-    centre_m: Array
+    centre_m: Array  # (2,) axis, m
     # (rings + 1,) radii from 0, m
     radii_m: Array
     sectors: int

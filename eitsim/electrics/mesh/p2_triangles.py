@@ -26,10 +26,8 @@ _HALVES = ((0, 3), (1, 3), (1, 4), (2, 4), (2, 5), (0, 5))
 _ON_EDGE = np.array([0.375, -0.125, 0.75])
 _INSIDE = np.array([[-0.125, 0.0, -0.125, 0.5, 0.5, 0.25], [-0.125, -0.125, 0.0, 0.25, 0.5, 0.5],
                     [0.0, -0.125, -0.125, 0.5, 0.25, 0.5]])
-# Part of the way along an edge that starts at the end of an electrode at which its middle node lies.
-_QUARTER = 0.25
-# A node on the rim is nearer to it than this, over its radius.
-_ON_RIM = 1e-9
+_QUARTER = 0.25  # Part of the way along an edge that starts at the end of an electrode at which its middle node lies.
+_ON_RIM = 1e-9  # A node on the rim is nearer to it than this, over its radius.
 
 
 def sides(cells: Indices) -> Indices:

@@ -18,19 +18,14 @@ from eitsim.scene.scene import Body, Electrodes, Punch
 # Edges along the rim under an electrode and between two of them, on level 1, at least, and about how many on the whole
 # rim where electrodes or gaps are wide.
 _UNDER, _BETWEEN, _AROUND = 1, 3, 64
-# Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
-_CENTRED = 0.5
-# Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
-_FARTHEST = 0.9
+_CENTRED = 0.5  # Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
+_FARTHEST = 0.9  # Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
 # Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
 # and how much wider they get per unit of distance from there.
 _AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
-# Window that the steepness of the stretches is averaged over, in fillet radii.
-_WINDOW = 0.2
-# Rings of patches from their inner edge to the rim, on level 1.
-_ALONG = 2
-# Lines of the contact closer than this share of the fillet radius are one line.
-_SAME_LINE = 0.2
+_WINDOW = 0.2  # Window that the steepness of the stretches is averaged over, in fillet radii.
+_ALONG = 2  # Rings of patches from their inner edge to the rim, on level 1.
+_SAME_LINE = 0.2  # Lines of the contact closer than this share of the fillet radius are one line.
 
 
 def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1) -> SkinMesh:

@@ -20,8 +20,7 @@ from eitsim.scene.scene import Body, Punch
 Complex = NDArray[np.complex128]
 Touches = tuple[tuple[Punch, Touch], ...]
 
-# Places are rounded to this length, m, so that rounding in a turn changes no triangle.
-_PLACE_M = 1e-9
+_PLACE_M = 1e-9  # Places are rounded to this length, m, so that rounding in a turn changes no triangle.
 # The elements outside a contact give way on this part of its radius, or of the way to the contact of a neighbour.
 _GIVES_WAY = 0.5
 

@@ -24,23 +24,19 @@ from matcal.laws.conductivity import Conductivity
 
 Touches = Sequence[tuple[Punch, Touch]]
 
-# Half the difference of places, mm, and of the skin's coefficients a.
-_PLACE_MM, _COEFFICIENT = 1e-5, 1e-6
+_PLACE_MM, _COEFFICIENT = 1e-5, 1e-6  # Half the difference of places, mm, and of the skin's coefficients a.
 
 
 @dataclass(frozen=True, eq=False)
 class Variation:
     """Two states of a touched skin, on either side of one parameter."""
 
-    # as in a data set, with its unit: "x_mm"
-    name: str
-    # half the difference between both sides, in that unit
-    step: float
+    name: str  # as in a data set, with its unit: "x_mm"
+    step: float  # half the difference between both sides, in that unit
     # touches and skin on either side
     less: tuple[Touches, Conductivity]
     more: tuple[Touches, Conductivity]
-    # (n, 2) velocity of the mesh's nodes, m a unit
-    velocity: Array
+    velocity: Array  # (n, 2) velocity of the mesh's nodes, m a unit
 
 
 def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity, free_m: float) -> Iterator[Variation]:

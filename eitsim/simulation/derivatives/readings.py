@@ -42,8 +42,7 @@ THINNER = 8
 class Sensitivity:
     """Readings and their derivatives; readings pattern-major."""
 
-    # (p,) names of the parameters as in a data set, units in them
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # (p,) names of the parameters as in a data set, units in them
     # (readings,) touched, V, and what the touches change of it, V; NaN where an electrode without contact is needed
     touched_V: Array
     signal_V: Array

@@ -24,8 +24,7 @@ from eitsim.scene.results import Array, RimField, Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 
-# Step of the differences, over the parameter.
-STEP = 1e-5
+STEP = 1e-5  # Step of the differences, over the parameter.
 # That of what the rim changes, over the parameter, and of the distance to the rim, in thicknesses.
 _RIM_STEP, _RIM_PLACE = 0.01, 0.02
 
@@ -51,8 +50,7 @@ class Varied:
     # as in a data set, for instance "d_mm"; the unit is its own
     name: str
     unit: str
-    # half the difference between both sides, in that unit
-    step: float
+    step: float  # half the difference between both sides, in that unit
     # whether it is the foam's, and so changes all touches
     shared: bool
     less: tuple[Punch, Touch]
@@ -63,12 +61,9 @@ class Varied:
 class _Parameter:
     name: str
     unit: str
-    # step in that unit
-    step: float
-    # law and punch with that many units more than given
-    at: Callable[[float], tuple[Hyperfoam, Punch]]
-    # whether it is the foam's
-    shared: bool = False
+    step: float  # step in that unit
+    at: Callable[[float], tuple[Hyperfoam, Punch]]  # law and punch with that many units more than given
+    shared: bool = False  # whether it is the foam's
 
 
 def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m: float | None = None,
@@ -203,8 +198,7 @@ class RimLine:
     radius_m: Array
     metric: Array
     normal: Array
-    # derivative of the axis's distance from the disc's centre, m a unit
-    offset_m: float
+    offset_m: float  # derivative of the axis's distance from the disc's centre, m a unit
 
     def at(self, by: float) -> RimField:
         """The field with that many units more of the parameter."""

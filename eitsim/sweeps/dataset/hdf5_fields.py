@@ -77,16 +77,11 @@ def _file(place: Path | io.BytesIO, mode: Any) -> Any:
 class FieldsOnDisk:
     """The fields of a data set, read as they are asked for."""
 
-    # folder of the data set
-    folder: Path
-    # what is stored and on which grid
-    stored: StoredFields
-    # axes of the grid, as stored_fields.coordinates
-    coordinates: Mapping[str, NDArray[np.float64]]
-    # (*shape,) which points lie on the disc
-    inside: NDArray[np.bool_]
-    # scene number -> its file, and its row in it
-    where: Mapping[int, tuple[Path, int]]
+    folder: Path  # folder of the data set
+    stored: StoredFields  # what is stored and on which grid
+    coordinates: Mapping[str, NDArray[np.float64]]  # axes of the grid, as stored_fields.coordinates
+    inside: NDArray[np.bool_]  # (*shape,) which points lie on the disc
+    where: Mapping[int, tuple[Path, int]]  # scene number -> its file, and its row in it
 
     def read(self, name: str, scenes: Sequence[int]) -> NDArray[np.float32]:
         """Field (scenes, *shape) or (scenes, *shape, parts); NaN beside the disc and where a scene was not solved.

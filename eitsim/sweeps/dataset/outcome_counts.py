@@ -11,22 +11,18 @@ import pandas as pd
 
 _TOLD = ["scene", "outcome", "message"]
 COLUMNS = [*_TOLD, "signal_error", "cpu_s"]
-# Errors fall into bins of this width in their logarithm.
-_BIN = 0.01
+_BIN = 0.01  # Errors fall into bins of this width in their logarithm.
 
 
 @dataclass(frozen=True)
 class OutcomeCounts:
     """What became of some rows."""
 
-    # outcome -> number of rows
-    outcomes: Mapping[str, int] = field(default_factory=dict)
+    outcomes: Mapping[str, int] = field(default_factory=dict)  # outcome -> number of rows
     # outcome other than "ok" -> its first scene and the message there
     first: Mapping[str, tuple[int, str]] = field(default_factory=dict)
-    # round(log(signal_error) / _BIN) -> number of ok rows
-    errors: Mapping[int, int] = field(default_factory=dict)
-    # their CPU time, s
-    cpu_s: float = 0.0
+    errors: Mapping[int, int] = field(default_factory=dict)  # round(log(signal_error) / _BIN) -> number of ok rows
+    cpu_s: float = 0.0  # their CPU time, s
 
     @property
     def rows(self) -> int:

@@ -41,14 +41,10 @@ FIXED = ("scene", "outcome", *TOUCH, *OUTPUTS, "card_sample", "signal_error", "c
 class Dataset:
     """A data set of scenes on disk, whose rows are read when they are first asked for."""
 
-    # where it lies
-    folder: Path
-    # the manifest: schema, design, card, versions
-    manifest: Mapping[str, Any]
-    # columns that `table` has next to FIXED; None: all that are stored
-    columns: Sequence[str] | None = None
-    # what the call of `sweep` did that returned the set; None of one that was opened
-    account: Account | None = None
+    folder: Path  # where it lies
+    manifest: Mapping[str, Any]  # the manifest: schema, design, card, versions
+    columns: Sequence[str] | None = None  # columns that `table` has next to FIXED; None: all that are stored
+    account: Account | None = None  # what the call of `sweep` did that returned the set; None of one that was opened
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -25,14 +25,10 @@ class Distribution:
 
     # "chance": a quantile each row; "list": each combination with other lists once, over and over; "rows": one a row
     order: Literal["chance", "list", "rows"]
-    # value at a number of [0, 1); of "chance" only
-    quantile: Quantile | None
-    # all values, in the order given; empty where they are a continuum
-    values: tuple[Any, ...]
-    # least and largest number, infinite where there is none; NaN where values are no numbers
-    ends: tuple[float, float]
-    # for people
-    words: str
+    quantile: Quantile | None  # value at a number of [0, 1); of "chance" only
+    values: tuple[Any, ...]  # all values, in the order given; empty where they are a continuum
+    ends: tuple[float, float]  # least and largest number, infinite where there is none; NaN where values are no numbers
+    words: str  # for people
 
 
 def distribution_of(where: str, value: Any) -> Distribution | None:

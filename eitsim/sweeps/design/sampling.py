@@ -17,12 +17,10 @@ from eitsim.sweeps.design.variables import Layout, Variable
 
 # Samplers whose points are chosen together, so that their number is fixed; any other draws each row for itself.
 FIXED = ("lhs", "sobol")
-# Places that are tried for a touch that would overlap another.
-_TRIES = 1000
+_TRIES = 1000  # Places that are tried for a touch that would overlap another.
 
 Circle = tuple[float, float, float]
-# a touch that has its place, and how far others keep from its edge, mm
-Standing = tuple[Circle, float]
+Standing = tuple[Circle, float]  # a touch that has its place, and how far others keep from its edge, mm
 
 
 def row_tables(layout: Layout, sampler: str, scenes: int, seed: int, index: int) -> dict[str, Any]:

@@ -23,10 +23,8 @@ _UNIT = Distribution("chance", lambda u: u, (), (0.0, 1.0), "uniform from 0 to 1
 class Variable:
     """A key whose value is drawn."""
 
-    # table of a scene file; "" for the number of touches
-    table: str
-    # number of the touch, from 0; 0 in other tables than "punch"
-    touch: int
+    table: str  # table of a scene file; "" for the number of touches
+    touch: int  # number of the touch, from 0; 0 in other tables than "punch"
     # key of the table, or "place" for both x_mm and y_mm, or "touches"
     key: str
     distribution: Distribution
@@ -38,10 +36,8 @@ class Layout:
 
     # tables of a scene file with their plain values alone; "punch" a list of as many as a row may have at most
     plain: Mapping[str, Any]
-    # in the order in which they take their random numbers
-    variables: tuple[Variable, ...]
-    # one a touch: where it stands; None where x_mm or y_mm are given as keys
-    places: tuple[Places | None, ...]
+    variables: tuple[Variable, ...]  # in the order in which they take their random numbers
+    places: tuple[Places | None, ...]  # one a touch: where it stands; None where x_mm or y_mm are given as keys
 
     @property
     def free(self) -> int:

@@ -25,26 +25,20 @@ BITS = 32
 # What the draws of a term begin with; they are a scene's, or one for all scenes.
 _GAIN, _OFFSET, _CONTACT, _DRIFT, _DRIFT_CHANNEL, _DRIFT_V, _DRIFT_CHANNEL_V, _NOISE = range(1, 9)
 _BASELINE, _TOUCHED = range(2)
-# Keeps these draws apart from those of designs, which may have the same seed.
-_DOMAIN = 0x6D656173
+_DOMAIN = 0x6D656173  # Keeps these draws apart from those of designs, which may have the same seed.
 
 
 @dataclass(frozen=True)
 class Measurement:
     """An instrument, applied to clean readings; a term of 0 is switched off. Draws are normal, sizes are rms."""
 
-    # seed of every draw
-    seed: int = 0
-    # white noise of one frame, V; 0 where it is given by snr_db
-    noise_V: float = 0.0
+    seed: int = 0  # seed of every draw
+    noise_V: float = 0.0  # white noise of one frame, V; 0 where it is given by snr_db
     # 20 log10 of the reference voltage over the noise of one frame; None: the noise is noise_V
     snr_db: float | None = None
-    # that voltage: one of REFERENCES, or a number of V
-    relative_to: str | float | None = None
-    # relative error of each channel's gain, one draw for all scenes and frames
-    gain: float = 0.0
-    # offset of each channel, V, one draw for all scenes and frames
-    offset_V: float = 0.0
+    relative_to: str | float | None = None  # that voltage: one of REFERENCES, or a number of V
+    gain: float = 0.0  # relative error of each channel's gain, one draw for all scenes and frames
+    offset_V: float = 0.0  # offset of each channel, V, one draw for all scenes and frames
     # relative change of all readings, and of each channel's, from the untouched frame to the touched one
     drift: float = 0.0
     drift_channel: float = 0.0
@@ -56,15 +50,13 @@ class Measurement:
     # 2^bits steps from -full_scale_V to full_scale_V, V, beyond which readings are clipped; None: no such range
     bits: int | None = None
     full_scale_V: float | None = None
-    # or one step without a range, V
-    lsb_V: float = 0.0
+    lsb_V: float = 0.0  # or one step without a range, V
     # frames averaged, each with its own noise and quantised by itself; of the untouched one, None: as many
     frames: int = 1
     baseline_frames: int | None = None
     # whether the untouched frame has neither noise nor steps, as if averaged over very many
     clean_baseline: bool = False
-    # what has one gain, offset and drift: every reading, or all readings of one electrode
-    channels: str = "reading"
+    channels: str = "reading"  # what has one gain, offset and drift: every reading, or all readings of one electrode
 
     @property
     def step_V(self) -> float:
@@ -81,8 +73,7 @@ class Measured:
     # (rows, readings) of the touched and the untouched skin, V
     touched_V: Array
     baseline_V: Array
-    # (rows,) samples that were clipped at the full scale, of all frames averaged
-    clipped: NDArray[np.int64]
+    clipped: NDArray[np.int64]  # (rows,) samples that were clipped at the full scale, of all frames averaged
 
     @property
     def signal_V(self) -> Array:

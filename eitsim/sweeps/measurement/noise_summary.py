@@ -12,8 +12,7 @@ from eitsim.scene.drive import voltage_columns
 from eitsim.sweeps.measurement.instrument import Array, Measurement, level_db, noise_of, reference_of
 from touchcal.number_words import counted
 
-# Part of the samples from which on clipping is warned of.
-_MUCH_CLIPPED = 0.01
+_MUCH_CLIPPED = 0.01  # Part of the samples from which on clipping is warned of.
 
 
 @dataclass(frozen=True)
@@ -29,12 +28,9 @@ class Told:
     # noise of one frame, and the voltage that an SNR refers to, means over the rows; None where no SNR is given
     noise_V: float
     reference_V: float | None
-    # noise of the signal: of both frames, after averaging
-    signal_noise_V: float
-    # everything that the measurement changes of the signals
-    signal_error_V: float
-    # step of the quantisation; 0 without one
-    step_V: float
+    signal_noise_V: float  # noise of the signal: of both frames, after averaging
+    signal_error_V: float  # everything that the measurement changes of the signals
+    step_V: float  # step of the quantisation; 0 without one
     # samples clipped at the full scale, and part of all
     clipped: int
     clipped_share: float

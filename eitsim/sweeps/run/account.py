@@ -27,12 +27,9 @@ _COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, *parquet.COS
 class Stage:
     """One stage of making a data set."""
 
-    # what was done, in words
-    name: str
-    # how often: paths, places on the rim, or rows
-    count: int
-    # CPU time, s
-    cpu_s: float
+    name: str  # what was done, in words
+    count: int  # how often: paths, places on the rim, or rows
+    cpu_s: float  # CPU time, s
 
 
 @dataclass(frozen=True)
@@ -43,10 +40,8 @@ class Errors:
     # what 95 % lie below, and the largest
     p95: float
     largest: float
-    # part of the rows whose error is above the wanted one
-    share_above: float
-    # the wanted one; None where it differs between rows
-    wanted: float | None
+    share_above: float  # part of the rows whose error is above the wanted one
+    wanted: float | None  # the wanted one; None where it differs between rows
 
 
 @dataclass(frozen=True)
@@ -56,10 +51,8 @@ class Accounted:
     # rows that are there, and scenes of the design
     rows: int
     scenes: int
-    # outcome -> number of rows
-    outcomes: Mapping[str, int]
-    # None without rows that are ok
-    errors: Errors | None
+    outcomes: Mapping[str, int]  # outcome -> number of rows
+    errors: Errors | None  # None without rows that are ok
     # in the order of the work; CPU time of all rows, and of tables and of encoding and writing parts as far as runs
     # are on record
     stages: tuple[Stage, ...]
@@ -68,8 +61,7 @@ class Accounted:
     field_bytes_per_row: float
     # calls that came to an end, the first one first; empty of sets that were made before these were kept
     runs: tuple[Run, ...]
-    # the costliest first, with the last run
-    left_out: tuple[Omission, ...]
+    left_out: tuple[Omission, ...]  # the costliest first, with the last run
 
     @property
     def cpu_s(self) -> float:

@@ -146,12 +146,9 @@ def _both(old: Any, new: Any) -> str:
 class Standing:
     """Rows that are there and stay."""
 
-    # (scenes,) whether a scene has one
-    there: NDArray[np.bool_]
-    # what became of them
-    counts: OutcomeCounts
-    # rows "crashed", which are as if not there: too little memory, or a kill, may not come again
-    crashed: int
+    there: NDArray[np.bool_]  # (scenes,) whether a scene has one
+    counts: OutcomeCounts  # what became of them
+    crashed: int  # rows "crashed", which are as if not there: too little memory, or a kill, may not come again
 
 
 def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:

@@ -35,10 +35,8 @@ from touchcal.errors import NotConverged
 from touchcal.parallel.checkpoint import CheckpointedMap
 from touchcal.parallel.pool import WorkerPool
 
-# Touches from which on a table repays its cost, for each of its diameters.
-REPAYS = 60
-# Most diameters that are each solved; a choice of more is served as a range.
-_MOST = 9
+REPAYS = 60  # Touches from which on a table repays its cost, for each of its diameters.
+_MOST = 9  # Most diameters that are each solved; a choice of more is served as a range.
 # Drawn keys that one table serves, whatever their values.
 _SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch", "depth_mm"), ("punch", "conductor"),
            ("punch", "contact_impedance_Ohm_m2"), ("punch", "diameter_mm"), ("skin", "thickness_um"),

@@ -34,10 +34,8 @@ class _Skin:
     """One sensor, and where its rows' sheet conductances are told from."""
 
     sensor: Scene
-    # (readings,) untouched readings of the first ok row, V
-    baseline_V: Array
-    # the sheet conductance that they tell, S
-    conductance_S: float
+    baseline_V: Array  # (readings,) untouched readings of the first ok row, V
+    conductance_S: float  # the sheet conductance that they tell, S
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,7 @@ class Lab:
 
     measurement: Measurement
     channels: Indices
-    # what the derivatives by contact impedances are taken on; None where no term asks for it
-    skin: _Skin | None
+    skin: _Skin | None  # what the derivatives by contact impedances are taken on; None where no term asks for it
 
 
 def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measurement | Path | str | None = None, *,

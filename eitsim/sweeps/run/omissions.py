@@ -18,8 +18,7 @@ from touchcal.number_words import counted
 # Rows whose plans are made.
 _ROWS = 64
 LEFT_OUT = "left_out"
-# Rows whose plans are made.
-_DRAWN_ROWS = 128
+_DRAWN_ROWS = 128  # Rows whose plans are made.
 
 
 @dataclass(frozen=True)
@@ -27,12 +26,9 @@ class Omission:
     """A decision of plans that may cost accuracy; a stored load path is none of them."""
 
     decision: str
-    # of the row where it may cost most
-    reason: str
-    # relative error of the signal that it may cost there
-    error_bound: float
-    # whether what it costs is unknown
-    unbounded: bool
+    reason: str  # of the row where it may cost most
+    error_bound: float  # relative error of the signal that it may cost there
+    unbounded: bool  # whether what it costs is unknown
     # rows that it is made in, of all that were looked at
     rows: int
     of: int

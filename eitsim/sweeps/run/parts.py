@@ -19,23 +19,19 @@ from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.rows import crashed_row, solve_rows
 from touchcal.parallel.pool import Failed, WorkerPool, answers
 
-# Workers that may be lost on a whole part, and on one row of it.
-_TRIES, _ROW_TRIES = 2, 3
+_TRIES, _ROW_TRIES = 2, 3  # Workers that may be lost on a whole part, and on one row of it.
 
 
 @dataclass(frozen=True)
 class Part:
     """Some neighbouring rows."""
 
-    # their scenes
-    scenes: range
+    scenes: range  # their scenes
     # a Parquet file of them
     content: bytes
     counts: OutcomeCounts
-    # an HDF5 file of their fields; None where the design stores none
-    fields: bytes | None = None
-    # CPU time that it took to encode them, s
-    encoding_cpu_s: float = 0.0
+    fields: bytes | None = None  # an HDF5 file of their fields; None where the design stores none
+    encoding_cpu_s: float = 0.0  # CPU time that it took to encode them, s
 
 
 def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[range], *, exact: bool,

@@ -11,10 +11,8 @@ from eitsim.scene.scene import Punch
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.design import Design, most_touches, varied_keys
 
-# key of [punch] -> its column
-OWN = {"x_mm": "x_mm", "y_mm": "y_mm", "diameter_mm": "d_mm", "force_N": "F_N"}
-# columns that every touch of a row has
-EACH_TOUCH = (*parquet.TOUCH, *parquet.OUTPUTS, "wall_contact_mm2")
+OWN = {"x_mm": "x_mm", "y_mm": "y_mm", "diameter_mm": "d_mm", "force_N": "F_N"}  # key of [punch] -> its column
+EACH_TOUCH = (*parquet.TOUCH, *parquet.OUTPUTS, "wall_contact_mm2")  # columns that every touch of a row has
 
 
 def numbered(column: str, touch: int) -> str:

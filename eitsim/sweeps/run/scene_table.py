@@ -18,28 +18,22 @@ from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
-# Touches that a table may have columns for.
-MOST_TOUCHES = 20
-# Keys that hold lists, which no cell can.
-_LISTS = (*MATRICES, "angles_deg", "missing")
+MOST_TOUCHES = 20  # Touches that a table may have columns for.
+_LISTS = (*MATRICES, "angles_deg", "missing")  # Keys that hold lists, which no cell can.
 # What a scene file may hold for the sake of a design.
 _BESIDE = ("seed", "material", "measurement", "fields")
 _RIVALS = {"force_N": "depth_mm", "depth_mm": "force_N"}
 
-# table, touch from 0, key
-Where = tuple[str, int, str]
+Where = tuple[str, int, str]  # table, touch from 0, key
 
 
 @dataclass(frozen=True)
 class _Cells:
     """A table's cells."""
 
-    # column -> where its values belong
-    columns: Mapping[str, Where]
-    # one a scene: where -> value; empty cells are not there
-    rows: tuple[Mapping[Where, Any], ...]
-    # line of each row in the file, from 1
-    lines: tuple[int, ...]
+    columns: Mapping[str, Where]  # column -> where its values belong
+    rows: tuple[Mapping[Where, Any], ...]  # one a scene: where -> value; empty cells are not there
+    lines: tuple[int, ...]  # line of each row in the file, from 1
 
 
 def as_design(design: Design | Path | str, scenes: int | None = None, scene: Path | str | None = None) -> Design:

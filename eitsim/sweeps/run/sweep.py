@@ -47,12 +47,9 @@ class Progress:
     # rows of the data set, and scenes of its design
     done: int
     scenes: int
-    # rows that stood there before
-    kept: int
-    # outcome -> number of rows
-    outcomes: Mapping[str, int]
-    # "table" while load paths are solved, else "rows"
-    stage: str = "rows"
+    kept: int  # rows that stood there before
+    outcomes: Mapping[str, int]  # outcome -> number of rows
+    stage: str = "rows"  # "table" while load paths are solved, else "rows"
     # estimated relative signal errors of ok rows so far, the median and what 95 % lie below; None without such rows
     signal_error: tuple[float, float] | None = None
 
@@ -152,10 +149,8 @@ class _Work:
     folder: Path
     manifest: Mapping[str, Any]
     before: Standing
-    # scenes without a row, by part
-    todo: list[range]
-    # who hears how far it is
-    hears: Callable[[Progress], None]
+    todo: list[range]  # scenes without a row, by part
+    hears: Callable[[Progress], None]  # who hears how far it is
 
     @property
     def method(self) -> Mapping[str, Any]:
@@ -175,8 +170,7 @@ class Spent:
 
     wall_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     cpu_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
-    # of encoding parts, which is not done here
-    encoding_cpu_s: float = 0.0
+    encoding_cpu_s: float = 0.0  # of encoding parts, which is not done here
 
     @contextmanager
     def on(self, stage: str) -> Iterator[None]:

@@ -22,12 +22,9 @@ from eitsim.sweeps.run.row_columns import numbered
 from eitsim.sweeps.sobol.variance_components import Array, Shares, Variances, beside, pooled, shares, variances
 from touchcal.errors import InputFileError
 
-# The axes of a block, noise only where a measurement is there.
-FACTORS = ("touch", "material", "noise")
-# Vectors that are told as a whole: prefix of their columns.
-VECTORS = ("dv", "v")
-# Share by which a key may differ between the cards of one touch and still be the touch's.
-_SAME = 1e-6
+FACTORS = ("touch", "material", "noise")  # The axes of a block, noise only where a measurement is there.
+VECTORS = ("dv", "v")  # Vectors that are told as a whole: prefix of their columns.
+_SAME = 1e-6  # Share by which a key may differ between the cards of one touch and still be the touch's.
 
 
 @dataclass(frozen=True)
@@ -36,34 +33,24 @@ class Blocks:
 
     # (n, 2, 2, P) outputs by touch and card, or (n, 2, 2, 2, P) by touch, card and noise; units as the names say, V
     values: Array
-    # (P,) names of the outputs
-    names: tuple[str, ...]
-    # key of the touch or the depth -> (n, 2, 2) its values by touch and card
-    keys: Mapping[str, Array]
+    names: tuple[str, ...]  # (P,) names of the outputs
+    keys: Mapping[str, Array]  # key of the touch or the depth -> (n, 2, 2) its values by touch and card
     # (n, 2) numbers of the two cards of each block in the posterior's file, which come again in other blocks
     cards: NDArray[np.int64]
-    # blocks dropped because a row of theirs did not end ok
-    failed: int
-    # blocks of the design whose rows are not all there yet
-    unfinished: int
+    failed: int  # blocks dropped because a row of theirs did not end ok
+    unfinished: int  # blocks of the design whose rows are not all there yet
 
 
 @dataclass(frozen=True)
 class Indices:
     """Shares of the variance of every output, and of the readings together."""
 
-    # some of FACTORS
-    factors: tuple[str, ...]
-    # outputs, then VECTORS, rms over their readings
-    names: tuple[str, ...]
-    # mean of each output; rms of each vector
-    mean: Array
-    # indices, deviations and spreads of all of them
-    shares: Shares
-    # spread by the material alone among the touches asked for, (names,); None where none were
-    within: Array | None
-    # touches that it is told from
-    touches: int
+    factors: tuple[str, ...]  # some of FACTORS
+    names: tuple[str, ...]  # outputs, then VECTORS, rms over their readings
+    mean: Array  # mean of each output; rms of each vector
+    shares: Shares  # indices, deviations and spreads of all of them
+    within: Array | None  # spread by the material alone among the touches asked for, (names,); None where none were
+    touches: int  # touches that it is told from
 
 
 def read_blocks(folder: Path, measurement: Measurement | None = None) -> Blocks:

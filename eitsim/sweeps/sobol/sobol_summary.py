@@ -17,8 +17,7 @@ from eitsim.sweeps.sobol.sobol_indices import VECTORS, Blocks, Indices
 # Columns of the terminal that the table takes, so that a number and its interval stay on one line.
 _WIDTH = 150
 _UNITS = {"mm2": "mm2", "mm": "mm", "kPa": "kPa"}
-# Cards below which 95 % intervals were seen to cover 81 % of the time only.
-_FEW_CARDS = 20
+_FEW_CARDS = 20  # Cards below which 95 % intervals were seen to cover 81 % of the time only.
 
 
 def document(found: Indices, blocks: Blocks) -> dict[str, Any]:

@@ -20,20 +20,16 @@ from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 
-# Share of the rms below which a spread is rounding.
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # Share of the rms below which a spread is rounding.
 
 
 @dataclass(frozen=True)
 class Variances:
     """Parts of the variance as told by each of n blocks for P outputs; their means over the blocks are unbiased."""
 
-    # (k, n, P) variance by each factor alone, V[E[y | factor]]
-    first: Array
-    # (k, n, P) variance by each factor and all it acts together with, E[V[y | the others]]
-    total: Array
-    # (n, P) the whole variance
-    whole: Array
+    first: Array  # (k, n, P) variance by each factor alone, V[E[y | factor]]
+    total: Array  # (k, n, P) variance by each factor and all it acts together with, E[V[y | the others]]
+    whole: Array  # (n, P) the whole variance
 
 
 @dataclass(frozen=True)
