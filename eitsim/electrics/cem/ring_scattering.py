@@ -15,12 +15,7 @@ from scipy.special import gammaln, xlogy
 
 from eitsim.electrics.cem.boundary_integral import Array, Complex, Rim
 from eitsim.electrics.cem.floating_electrodes import shunt, shunt_ends
-from eitsim.electrics.sheet.sheet_conductance import (
-    admittance,
-    principal_conductances,
-    stretches,
-    untouched_conductance,
-)
+from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
@@ -86,12 +81,12 @@ def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_
     stops = np.unique(np.concatenate([[0.0], stops[stops < reach_m], [reach_m]]))
     radii = np.interp(np.arange(parts * (len(stops) - 1) + 1) / parts, np.arange(len(stops)), stops)
     middle = (radii[1:] + radii[:-1]) / 2
-    along, across, normal = stretches(touch, middle)
-    free, share = untouched_conductance(law, skin), ring_share(middle, reach_m)
-    meridian, hoop = (free + share * (s - free) for s in principal_conductances(law, skin, along, across, normal))
+    along, across, normal = sheet.stretches(touch, middle)
+    free, share = sheet.untouched_conductance(law, skin), ring_share(middle, reach_m)
+    meridian, hoop = (free + share * (s - free) for s in sheet.principal_conductances(law, skin, along, across, normal))
     m = np.arange(1, orders + 1)[:, None]
     k = np.sqrt(meridian * (m**2 * hoop + shunt(punch, touch, middle, along * across) * middle**2))
-    y = admittance(k[:, 0], k[:, 1:], meridian[1:], radii[1:])
+    y = sheet.admittance(k[:, 0], k[:, 1:], meridian[1:], radii[1:])
     return (free * m[:, 0] - y) / (free * m[:, 0] + y)
 
 

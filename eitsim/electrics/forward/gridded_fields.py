@@ -73,14 +73,6 @@ def _conductance(points: Array, touches: Touches, scene: Scene, law: Conductivit
     return np.stack([sheet[:, 0, 0], sheet[:, 1, 1], sheet[:, 0, 1]], axis=-1)
 
 
-def _pressure(points: Array, touches: Touches, scene: Scene, law: Conductivity) -> Array:
-    return contact_pressure(points, touches) / 1e3
-
-
-def _displacement(points: Array, touches: Touches, scene: Scene, law: Conductivity) -> Array:
-    return surface_displacement(points, touches)[:, 2] * 1e3
-
-
 QUANTITIES = {
     "strain": Quantity("driving_strain", "1", "strain that drives the skin, the one of [skin] strain", _strain),
     "conductivity": Quantity("conductivity_change", "1", "c(e)/c(0) - 1 of the coating's conductivity",
@@ -88,8 +80,10 @@ QUANTITIES = {
     "conductance": Quantity("sheet_conductance_S", "S", "xx, yy, xy of the sheet conductance on the untouched surface",
                             _conductance, 3),
     "pressure": Quantity("contact_pressure_kPa", "kPa", "contact pressure on the deformed surface, facet averages; of "
-                         "the touch alone where the rim or a neighbour changes it", _pressure),
-    "displacement": Quantity("normal_displacement_mm", "mm", "displacement along z, down negative", _displacement)}
+                         "the touch alone where the rim or a neighbour changes it",
+                         lambda points, touches, *_: contact_pressure(points, touches) / 1e3),
+    "displacement": Quantity("normal_displacement_mm", "mm", "displacement along z, down negative",
+                             lambda points, touches, *_: surface_displacement(points, touches)[:, 2] * 1e3)}
 
 
 def fields_from(raw: Any) -> StoredFields:
@@ -153,7 +147,7 @@ def inside(stored: StoredFields, body: Body) -> NDArray[np.bool_]:
 
 def values(stored: StoredFields, scene: Scene, touches: Sequence[Touch],
            law: Conductivity) -> dict[str, NDArray[np.float32]]:
-    """Name -> field (*shape,) or (*shape, parts) of a solved scene, units as QUANTITIES say; NaN beside the disc."""
+    """Name -> field (*shape,) or (*shape, parts) of a solved scene, units as QUANTITIES say; NaN outside the disc."""
     pairs = tuple(zip(scene.punches, touches, strict=True))
     there = inside(stored, scene.body)
     points = places(stored, scene.body)[there]

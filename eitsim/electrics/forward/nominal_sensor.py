@@ -1,4 +1,4 @@
-"""How far the signals of a nominal sensor are apart by two fields that change one axisymmetric touch.
+"""How far the signals of a nominal sensor differ by two fields that change one axisymmetric touch.
 
 The skin's conductivity is c(e) = exp(-2 e), its sensor the default one in proportion to the disc: which of them a scene
 has is not known where tables are made. The sensor matters little: drive, contact impedance and width of electrodes by a
@@ -34,7 +34,10 @@ def signal_difference(body: Body, punch: Punch, touch: Touch, rough: RimField, f
     """Relative difference, 2-norm, of the signals dV by a touch with either field, at the bearing from an electrode
     where it is largest; infinite where a field leaves no skin (its metric is not positive), or no bearing has a mesh of
     the skin."""
-    electrodes, touches = _in_proportion(body), [replace(touch, rim=part) for part in (rough, field)]
+    size, given = body.radius_m / Body().radius_m, Electrodes()
+    width, impedance_Ohm_m = (float(np.mean(part)) for part in (given.width_m, given.contact_impedance_Ohm_m))
+    electrodes = replace(given, width_m=width * size, contact_impedance_Ohm_m=impedance_Ohm_m * _DEFAULT_S * size)
+    touches = [replace(touch, rim=part) for part in (rough, field)]
     half_step, bearing = np.pi / electrodes.count, np.arctan2(punch.y_m, punch.x_m)
     found = []
     for share in _BEARINGS:
@@ -42,13 +45,6 @@ def signal_difference(body: Body, punch: Punch, touch: Touch, rough: RimField, f
             turned = _turned(punch, touches, share * half_step - bearing)
             found.append(_difference(body, electrodes, *turned, strain))
     return max(found, default=math.inf)
-
-
-def _in_proportion(body: Body) -> Electrodes:
-    """Default electrodes, scaled with the disc."""
-    size, given = body.radius_m / Body().radius_m, Electrodes()
-    width, impedance_Ohm_m = (float(np.mean(part)) for part in (given.width_m, given.contact_impedance_Ohm_m))
-    return replace(given, width_m=width * size, contact_impedance_Ohm_m=impedance_Ohm_m * _DEFAULT_S * size)
 
 
 def _turned(punch: Punch, touches: list[Touch], angle: float) -> tuple[Punch, list[Touch]]:

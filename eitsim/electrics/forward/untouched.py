@@ -1,4 +1,4 @@
-"""The sensor of a data set: its disc, electrodes and drive, and the sheet conductance that its frames tell."""
+"""The sensor of a data set: its disc, electrodes and drive, and the sheet conductance that its frames imply."""
 
 from __future__ import annotations
 
@@ -87,15 +87,13 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
 
 def _impedance_by(body: Body, electrodes: Electrodes, conductance_S: float, k: int) -> Array:
     """dZ/dlog z_k (N, N), Ohm."""
-    more, less = (untouched_impedance(body, _scaled(electrodes, k, np.exp(step)), conductance_S)
-                  for step in (_STEP, -_STEP))
-    return (more - less) / (2 * _STEP)
-
-
-def _scaled(electrodes: Electrodes, k: int, factor: float) -> Electrodes:
-    z = contact_impedances(electrodes)
-    z[k] *= factor
-    return replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple(z.tolist())})
+    sides = []
+    for step in (_STEP, -_STEP):
+        z = contact_impedances(electrodes)
+        z[k] *= np.exp(step)
+        scaled = replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple(z.tolist())})
+        sides.append(untouched_impedance(body, scaled, conductance_S))
+    return (sides[0] - sides[1]) / (2 * _STEP)
 
 
 def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
@@ -107,10 +105,10 @@ def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float
 
 
 @lru_cache(maxsize=8)
-def _with_patches(body: Body, electrodes: Electrodes, conductance_S: float, level: int = _LEVEL) -> Array:
-    angles, electrode = rim_angles(body, electrodes, level)
-    patches = patch_radii(body, electrodes, level)
-    inside = 1 - np.geomspace(1, _LAST, _RINGS * level // _LEVEL)
+def _with_patches(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
+    angles, electrode = rim_angles(body, electrodes, _LEVEL)
+    patches = patch_radii(body, electrodes, _LEVEL)
+    inside = 1 - np.geomspace(1, _LAST, _RINGS)
     radii = np.concatenate([patches[0] * inside, patches])
     mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
     z = impedance(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))

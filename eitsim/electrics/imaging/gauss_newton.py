@@ -32,6 +32,7 @@ RINGS = 12  # Rings of the coarse mesh; it has 6 n^2 triangles.
 # Level of the fine mesh's angles, its even rings, and those that narrow towards the rim, with the width of the last
 # over the radius.
 _LEVEL, _EVEN, _NARROWING, _LAST = 2, 28, 8, 2e-3
+_SIDE = 64  # Squares along a side of the grid of `on_grid`.
 _TARGET = 0.1  # Radius of the noise figure's target, in disc radii.
 _CONSTANT = 1e-6  # Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
 # Steps towards the untouched resistance, the relative change at which they end, and the first conductance, S.
@@ -142,13 +143,13 @@ def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float 
     return Imager(untouched, matrix(log_weight), float(np.exp(log_weight)), excess(log_weight) + noise_figure)
 
 
-def on_grid(mosaic: Pixels, images: Array, side: int = 64) -> tuple[Array, Array, Array]:
-    """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a side x side grid inside the disc."""
+def on_grid(mosaic: Pixels, images: Array) -> tuple[Array, Array, Array]:
+    """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a grid inside the disc."""
     radius = _radius(mosaic)
-    middle = radius * ((2 * np.arange(side) + 1) / side - 1)
+    middle = radius * ((2 * np.arange(_SIDE) + 1) / _SIDE - 1)
     points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
     points = points[np.hypot(*points.T) < radius]
-    return points, np.full(len(points), (2 * radius / side)**2), images[..., _places(points, mosaic)]
+    return points, np.full(len(points), (2 * radius / _SIDE)**2), images[..., _places(points, mosaic)]
 
 
 def _fine(body: Body, electrodes: Electrodes) -> SkinMesh:

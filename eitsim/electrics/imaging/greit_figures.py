@@ -50,10 +50,7 @@ def blob(points_m: Array, area_m2: Array, image: Array, sign: int = 0) -> Blob:
 
     sign: 1 or -1, the target's; 0: that of the largest magnitude. ValueError where no pixel has the target's sign.
     """
-    where, peak = _quarter(image, sign)
-    area = area_m2[where]
-    x, y = (area @ points_m[where] / area.sum()).tolist()
-    return Blob(x, y, float(area.sum()), peak)
+    return _blob(points_m, area_m2, *_quarter(image, sign))
 
 
 def regions(points_m: Array, area_m2: Array, image: Array) -> list[Blob]:
@@ -65,14 +62,15 @@ def regions(points_m: Array, area_m2: Array, image: Array) -> list[Blob]:
     joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(where),) * 2)
     count, label = connected_components(joined, directed=False)
     parts = [where[label == k] for k in range(count)]
-    found = [_whole(image, points_m, area_m2, part, sign) for part in parts]
+    found = [_blob(points_m, area_m2, part, sign * float(np.max(sign * image[part]))) for part in parts]
     return sorted(found, key=lambda one: -abs(one.peak))
 
 
-def _whole(image: Array, points_m: Array, area_m2: Array, part: NDArray[np.int64], sign: int) -> Blob:
-    """A region as one blob, about its centroid."""
-    x, y = (area_m2[part] @ points_m[part] / area_m2[part].sum()).tolist()
-    return Blob(x, y, float(area_m2[part].sum()), sign * float(np.max(sign * image[part])))
+def _blob(points_m: Array, area_m2: Array, part: NDArray[np.bool_] | NDArray[np.int64], peak: float) -> Blob:
+    """Some pixels as one blob, about its centroid."""
+    area = area_m2[part]
+    x, y = (area @ points_m[part] / area.sum()).tolist()
+    return Blob(x, y, float(area.sum()), peak)
 
 
 def figures_of_merit(points_m: Array, area_m2: Array, image: Array, target_m: Array, strength_m2: float

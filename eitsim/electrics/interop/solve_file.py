@@ -44,7 +44,7 @@ def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_
     """Solve linear triangles as they are ("P1", as EIDORS does) or with middle nodes on their straight edges ("P2").
 
     Conductance: one number, S, or (cells,), or (cells, 2, 2) tensors; contact impedance one number or (electrodes,).
-    The errors told are the difference between both elements: close to that of P1, well above that of P2 but for a
+    The errors are the difference between both elements: close to that of P1, well above that of P2 but for a
     curved rim, whose straight edges neither knows. ValueError for another element or mesh, and as in `cem.impedance`.
     """
     start = time.process_time()
@@ -90,7 +90,7 @@ def solve_sheet_model(model: Model | Path | str, *, variable: str | None = None,
     InputFileError
         Where the file holds no model of a sheet, or conductances that are not positive.
     ValueError
-        Where neither the model nor an argument tells the conductance, and for an unknown element.
+        Where neither the model nor an argument gives the conductance, and for an unknown element.
 
     Examples
     --------
@@ -128,13 +128,18 @@ def solved_document(path: Path, model: Model, conductance_S: float | None, eleme
 
 
 def _conductance(model: Model, given_S: float | None) -> Array | float:
-    """The sheet conductances that a model is solved with, S."""
+    """The sheet conductances that a model is solved with, S; InputFileError names the first that is not positive."""
     if given_S is not None:
         return given_S
     if model.conductance_S is None:
         raise InputFileError(model.file, f"'{model.name}' holds no elem_data; give one sheet conductance with "
                                          "--conductance-S, or save the image.")
-    _check_elements(model.file, model.conductance_S)
+    least = model.conductance_S if model.conductance_S.ndim == 1 else np.linalg.eigvalsh(model.conductance_S)[:, 0]
+    wrong = np.flatnonzero(~((least > 0) & np.isfinite(least)))
+    if wrong.size:
+        raise InputFileError(model.file, f"elem_data of triangle {wrong[0] + 1} is {least[wrong[0]]:g} S; sheet "
+                                         "conductances must be positive and finite. Fix it, or give one value with "
+                                         "--conductance-S.")
     return model.conductance_S
 
 
@@ -148,15 +153,6 @@ def unused_tables(scene: Path) -> list[str]:
     """Tables and keys of a scene file that solve-mesh does not use, as they are written there."""
     return [f"[{key}]" if isinstance(value, dict | list) else key for key, value in read_toml(scene).items()
             if key != "drive"]
-
-
-def _check_elements(path: Path, conductance_S: Array) -> None:
-    """InputFileError names the first triangle whose elem_data is not positive."""
-    least = conductance_S if conductance_S.ndim == 1 else np.linalg.eigvalsh(conductance_S)[:, 0]
-    wrong = np.flatnonzero(~((least > 0) & np.isfinite(least)))
-    if wrong.size:
-        raise InputFileError(path, f"elem_data of triangle {wrong[0] + 1} is {least[wrong[0]]:g} S; sheet conductances "
-                                   "must be positive and finite. Mend it, or give one value with --conductance-S.")
 
 
 def check_element(element: str) -> None:

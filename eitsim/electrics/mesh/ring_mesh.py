@@ -41,7 +41,8 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     touch, gap = inside_rim(punch, touch, patches)
     angles, electrode = rim_angles(body, electrodes, level)
     inner = centred_radii(punch, touch, gap, level)
-    blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * _narrowest(body, electrodes) / level)
+    narrowest = min(float(widths(electrodes).min()), 2 * np.pi * body.radius_m / _AROUND)
+    blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * narrowest / level)
     radii = np.concatenate([inner, inner[-1] + blend * (patches[0] - inner[-1]), patches[1:]])
     shift = np.concatenate([np.ones(len(inner)), 1 - blend, np.zeros(len(patches) - 1)])
     return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count,
@@ -175,11 +176,6 @@ def _with_middles(values: Array) -> Array:
     out = np.repeat(values, 2, axis=0)[:-1]
     out[1::2] = (values[1:] + values[:-1]) / 2
     return out
-
-
-def _narrowest(body: Body, electrodes: Electrodes) -> float:
-    """Width of the narrowest electrode or, where all are wide, of an edge on the whole rim, m."""
-    return min(float(widths(electrodes).min()), 2 * np.pi * body.radius_m / _AROUND)
 
 
 def _graded(count: int, *, wide: bool = False) -> Array:

@@ -75,24 +75,20 @@ def with_contact_lines(mesh: SkinMesh, body: Body, electrodes: Electrodes,
     for k, (punch, touch) in enumerate(touches):
         drawn = inside_rim(punch, touch, radii)[0].contact_radius_m
         if drawn < touch.contact_radius_m:
-            moved = _moved_out(moved, punch, touch, drawn, float(radii[0]), _outside(touches, k))
+            own = touch.contact_radius_m
+            separation = [
+                abs(position(punch) - position(other)) - own - max(other.diameter_m / 2, pressed.contact_radius_m)
+                for other, pressed in (*touches[:k], *touches[k + 1:])]
+            moved = _moved_out(moved, punch, touch, drawn, float(radii[0]), own + _GIVES_WAY * min([own, *separation]))
     if moved is nodes:
         return mesh
     line = replace(mesh, nodes_m=np.column_stack([moved.real, moved.imag]))
     return untangled(line, straight(line))
 
 
-def _outside(touches: Touches, k: int) -> float:
-    """Radius, m, about touch k beyond which nodes stay."""
-    punch, own = touches[k][0], touches[k][1].contact_radius_m
-    separation = [abs(position(punch) - position(other)) - own - max(other.diameter_m / 2, pressed.contact_radius_m)
-                  for other, pressed in (*touches[:k], *touches[k + 1:])]
-    return own + _GIVES_WAY * min([own, *separation])
-
-
 def _moved_out(nodes: Complex, punch: Punch, touch: Touch, drawn: float, rim: float, outside: float) -> Complex:
     """Nodes (n,), m, on the radii of the touch: its circle `drawn` goes to the end of contact, what lies between the
-    punch's edge and `outside` or the rim in proportion."""
+    punch's edge and the radius `outside`, from which on nodes stay, or the rim in proportion."""
     edge, centre = punch.diameter_m / 2, position(punch)
     away = np.abs(nodes - centre)
     along = np.divide(nodes - centre, away, out=np.ones_like(nodes), where=away > 0)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-_TOLD = ["scene", "outcome", "message"]
-COLUMNS = [*_TOLD, "signal_error", "cpu_s"]
+_NAMED = ["scene", "outcome", "message"]
+COLUMNS = [*_NAMED, "signal_error", "cpu_s"]
 _BIN = 0.01  # Errors fall into bins of this width in their logarithm.
 
 
@@ -47,7 +47,7 @@ def count_outcomes(table: pd.DataFrame) -> OutcomeCounts:
     """Count a table that has COLUMNS, sorted by scene."""
     ok = (table["outcome"] == "ok").to_numpy()
     first: dict[str, tuple[int, str]] = {}
-    for scene, outcome, message in zip(*(table.loc[~ok, name].tolist() for name in _TOLD), strict=True):
+    for scene, outcome, message in zip(*(table.loc[~ok, name].tolist() for name in _NAMED), strict=True):
         first.setdefault(outcome, (scene, message))
     errors = table.loc[ok, "signal_error"].to_numpy(dtype=float)
     bins = np.rint(np.log(errors[errors > 0]) / _BIN).astype(int)

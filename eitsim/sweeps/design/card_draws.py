@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 PARTS = ("hyperfoam", "prony", "conductivity")
 _CHOICE, _ORDER, _SPECIMEN = 1, 2, 3  # What the seed is split for.
-_DOMAIN = 0x63617264  # Keeps these draws apart from those of scenes and measurements of the same seed.
+_DOMAIN = 0x63617264  # Keeps these draws separate from those of scenes and measurements of the same seed.
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def material_from(raw: Any) -> Material | None:
 
 
 def cards_for(material: Material | None, seed: int, card: MaterialCard, *, in_pairs: bool = False) -> Cards:
-    """The cards of a design, read from the posterior beside the card once.
+    """The cards of a design, read from the posterior next to the card once.
 
     Which draws are chosen, and a specimen's factor exp(omega z) on the moduli, follow from seed and number in the file
     alone. in_pairs: whether numbers 2 b and 2 b + 1 meet cards that differ. ValueError where the card has no posterior
@@ -96,7 +96,11 @@ def cards_for(material: Material | None, seed: int, card: MaterialCard, *, in_pa
         raise ValueError(f"{card_path}: its posterior did not converge, so that its draws are not the material's. Fit "
                          "it again as the fit advises, or leave out [material].")
     held = read_draws(card_path)
-    parts = _parts(material, held, card_path)
+    there = tuple(held_by(held))
+    if missing := [part for part in material.parts if part not in there]:
+        raise ValueError(f"parts in [material] names {missing[0]}, and the posterior of {card_path} holds "
+                         f"{', '.join(there)}. Leave it out, or fit the card again with its test and --posterior.")
+    parts = material.parts or there
     if material.draws > len(held):
         raise ValueError(f"draws in [material] is {material.draws}, and the posterior of {card_path} holds "
                          f"{len(held)}. Ask for {len(held)} or fewer.")
@@ -183,14 +187,6 @@ def held_by(draws: Draws) -> Iterator[str]:
         yield "prony"
     if draws.conductivity_S_per_m is not None:
         yield "conductivity"
-
-
-def _parts(material: Material, held: Draws, path: Path) -> tuple[str, ...]:
-    there = tuple(held_by(held))
-    if missing := [part for part in material.parts if part not in there]:
-        raise ValueError(f"parts in [material] names {missing[0]}, and the posterior of {path} holds "
-                         f"{', '.join(there)}. Leave it out, or fit the card again with its test and --posterior.")
-    return material.parts or there
 
 
 def _taken(held: Draws, chosen: NDArray[np.int64], parts: tuple[str, ...]) -> Draws:
