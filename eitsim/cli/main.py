@@ -251,5 +251,4 @@ def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
 
 
 def main() -> None:
-    """Entry point."""
     run(app, "eitsim")

@@ -13,8 +13,8 @@ from touchcal.terminal import counter
 
 @contextmanager
 def shown(scenes: int, log_every_s: float = 0.0) -> Iterator[Callable[[Progress], None]]:
-    """A function that shows a Progress on standard error: on a terminal, and elsewhere in lines at least `log_every_s`
-    apart; 0 for none."""
+    """A function that shows a Progress on standard error: on a terminal, and elsewhere in lines, one each `log_every_s`
+    at most; 0 for none."""
     if not log_every_s >= 0:
         raise ValueError(f"--log-every must be 0 (no lines) or a number of seconds above it, got {log_every_s:g}.")
     begun = said = time.monotonic()

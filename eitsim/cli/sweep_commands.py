@@ -192,7 +192,6 @@ def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:
-    """Key and ends of a range KEY=LOW,HIGH."""
     key, _, ends = text.partition("=")
     found = numbers(ends, "--within", "F_N=0.9,1.1") if key and ends else []
     if len(found) != 2 or found[0] > found[1]:

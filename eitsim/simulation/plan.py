@@ -92,8 +92,8 @@ def _refusal(scene: Scene) -> str:
     problems = [_punch_refusal(scene, punch) for punch in scene.punches]
     if len(problems) == 1:
         return problems[0]
-    named = [f"touch {i}: {problem}" for i, problem in enumerate(problems, 1) if problem]
-    return named[0] if named else _neighbour_refusal(scene)
+    named = (f"touch {i}: {problem}" for i, problem in enumerate(problems, 1) if problem)
+    return next(named, "") or _neighbour_refusal(scene)
 
 
 def _neighbour_refusal(scene: Scene) -> str:

@@ -63,7 +63,7 @@ class Floating:
 
 
 def quadrature_points(mesh: SkinMesh) -> Array:
-    """Points (cells, q, 2), m, where the conductance is wanted."""
+    """Points (cells, q, 2), m, where the conductance is needed."""
     return np.einsum("qk,ekx->eqx", _reference(mesh.element)[0], mesh.nodes_m[mesh.cells])
 
 
@@ -157,15 +157,15 @@ def _with_floating(weights: Array, floating: Floating | None) -> Array:
 
 def _torn(mesh: SkinMesh, lost: Detached, floating: Floating | None) -> ValueError:
     return ValueError(f"the sheet is torn: no current flows between {_named(mesh, lost.unknown, floating)} and "
-                      f"electrode {mesh.count - 1} (from 0), or none that counts beside others; join the parts of the "
+                      f"electrode {mesh.count - 1} (from 0), or none that counts against others; join the parts of the "
                       "mesh or leave what is torn off, with its electrodes, out of it.")
 
 
 def _named(mesh: SkinMesh, unknown: int, floating: Floating | None) -> str:
-    beyond = unknown - len(mesh.nodes_m)
-    if beyond >= 0:
-        electrode = beyond - _conductors(floating)
-        return f"floating conductor {beyond}" if electrode < 0 else f"electrode {electrode}"
+    place = unknown - len(mesh.nodes_m)
+    if place >= 0:
+        electrode = place - _conductors(floating)
+        return f"floating conductor {place}" if electrode < 0 else f"electrode {electrode}"
     x, y = mesh.nodes_m[unknown] * 1e3
     return f"the node at ({x:.3g}, {y:.3g}) mm"
 
@@ -178,7 +178,7 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
     its form, and its relative error is about twice that of Y. With refinements Z is the electrodes' rows of
     `potentials`, symmetric to rounding only: their substitution sums over all nodes, so that they can lose digits:
     one of Q2 elements, two where tensors differ much in their axes (benchmarks/electrics_stiff.py).
-    ValueError where the resistance between two electrodes keeps fewer than four digits beside that between others.
+    ValueError where the resistance between two electrodes keeps fewer than four digits next to that between others.
     """
     if refinements > 0:
         return centred(mesh, potentials(mesh, conductance_S, contact_impedance, order=order, refinements=refinements,
@@ -220,7 +220,7 @@ def _resolved(z: Array) -> Array:
     between = (own[:, None] + own - 2 * z)[~np.eye(len(z), dtype=bool)]
     if not between.min() > np.finfo(float).eps / _ROUNDING * np.abs(z).max():
         raise ValueError(f"the sheet is all but torn, or an electrode all but without contact: resistances between "
-                         f"electrodes reach {between.max():.1e} Ohm, beside which the least of them keeps fewer than "
+                         f"electrodes reach {between.max():.1e} Ohm, next to which the least of them keeps fewer than "
                          "four digits; leave out what is torn off, or give cut and contacts a larger conductance.")
     return z
 

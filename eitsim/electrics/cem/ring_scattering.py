@@ -53,8 +53,8 @@ def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
     for (i, (one, a)), (j, (other, b)) in itertools.combinations(enumerate(touches), 2):
         gap = abs(position(one) - position(other)) - a.contact_radius_m - b.contact_radius_m
         if gap <= 0:
-            raise ValueError(f"the contacts of touches {i + 1} and {j + 1} overlap by {-gap * 1e3:.1f} mm; move them "
-                             "apart.")
+            raise ValueError(f"the contacts of touches {i + 1} and {j + 1} overlap by {-gap * 1e3:.1f} mm; leave a gap "
+                             "between them.")
         out[i], out[j] = min(out[i], a.contact_radius_m + gap / 2), min(out[j], b.contact_radius_m + gap / 2)
     return out
 

@@ -31,7 +31,7 @@ _CELLS = {"P1": ("triangle", ElementTriP1), "P2": ("triangle6", ElementTriP2), "
 LEVEL = 2  # Refinement of the mesh that follows the touches.
 # An element's area at one of its nodes, over its mean, below which that node takes the gradient of the whole.
 _COLLAPSED = 1e-6
-_INWARDS = 1e-3  # Part of the way to an element's middle at which its nodes are told to lie under a punch or beside it.
+_INWARDS = 1e-3  # Part of the way to an element's middle at which its nodes are taken to lie under a punch or not.
 
 
 def write_skin_vtu(scene: Scene, touches: Sequence[Touch], law: Conductivity, path: Path | str,
@@ -55,7 +55,7 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     current_density_A_per_m_<pattern>, -sigma grad V per length of the untouched surface. A node where its cell is
     collapsed takes what the cell has at its middle; taken_from_middle tells where. The mesh follows the touches, also
     where the scene's own readings are solved without one, so that both differ by its error.
-    Where punches conduct: contact_conductance_S_per_m2 to them, per area of the untouched surface, 0 beside their
+    Where punches conduct: contact_conductance_S_per_m2 to them, per area of the untouched surface, 0 outside their
     contacts; into_punch_A_per_m2_<pattern>, the current density into them; and shorted_potential_V_<pattern>, the
     punch's potential where it touches, the skin's elsewhere.
 
@@ -151,13 +151,13 @@ def _gradients(element: Any, place: Array, value: Array) -> tuple[Array, NDArray
 
 
 def contact_pressure(points_m: Array, touches: Touches) -> Array:
-    """Pressure (n,), Pa, at points (n, 2), interpolated between facet averages; none beyond a touch's samples."""
+    """Pressure (n,), Pa, at points (n, 2), interpolated between facet averages; none outside a touch's samples."""
     return np.sum([np.interp(np.linalg.norm(points_m - np.array([punch.x_m, punch.y_m]), axis=1), touch.radius_m,
                              touch.pressure_Pa, right=0.0) for punch, touch in touches], axis=0)
 
 
 def surface_displacement(points_m: Array, touches: Touches) -> Array:
-    """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 beyond their samples."""
+    """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 outside their samples."""
     return np.sum([_displacement(points_m, punch, touch) for punch, touch in touches], axis=0)
 
 

@@ -46,7 +46,7 @@ def untouched_readings(sensor: Scene, conductance_S: float) -> Array:
 def conductance_of(sensor: Scene, baseline_V: Array) -> float:
     """The sheet conductance, S, whose untouched readings come closest to these (readings,), V, in the 2-norm.
 
-    ValueError where they are further apart than rounding.
+    ValueError where they are further from them than rounding.
     """
     read = np.isfinite(baseline_V)
     sheet = _START_S
@@ -67,7 +67,7 @@ def conductance_of(sensor: Scene, baseline_V: Array) -> float:
 def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: float) -> Array:
     """dV/dlog z_e (readings, electrodes), V, of the untouched skin of a sheet conductance, S, by a central difference.
 
-    0 by an electrode without contact, NaN for readings that need one. Electrodes that are alike take two solutions,
+    0 by an electrode without contact, NaN for readings that need one. Identical electrodes take two solutions,
     others two each.
     """
     kept = np.flatnonzero(there(electrodes))

@@ -2,7 +2,7 @@
 
 Fields as in EIDORS 3 (Adler and Lionheart, doi:10.1088/0967-3334/27/5/S03; eidors3d.sourceforge.net): a fwd_model has
 nodes, elems, electrode(k).nodes or .faces, electrode(k).z_contact, and optionally boundary and
-stimulation(k).stim_pattern and .meas_pattern; an image has elem_data beside its fwd_model. Numbers of nodes count
+stimulation(k).stim_pattern and .meas_pattern; an image has elem_data with its fwd_model. Numbers of nodes count
 from 1 in the file, from 0 here.
 """
 

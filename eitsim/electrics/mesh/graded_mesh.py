@@ -108,7 +108,7 @@ def _gaps(touches: Touches, patches: Array) -> tuple[Touches, Array]:
     separation = np.abs(np.subtract.outer(centre, centre)) - np.add.outer(radius, radius)
     np.fill_diagonal(separation, np.inf)
     if separation.min() <= 0:
-        raise ValueError(f"two punches or their contacts overlap by {-separation.min() * 1e3:.1f} mm; move them apart.")
+        raise ValueError(f"two punches or their contacts overlap by {-separation.min() * 1e3:.1f} mm; leave a gap.")
     return touches, np.minimum(to_rim, separation.min(axis=1) / 2)
 
 
@@ -222,7 +222,6 @@ def _kept(circles: list[_Circle], outline: Array, fill: Array) -> Indices:
 
 
 def _smoothed(fill: Array, points: Array, cells: Indices) -> Array:
-    """Points moved to the mean of their neighbours."""
     one, other = np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]).T
     count = np.bincount(one, minlength=len(points)) + np.bincount(other, minlength=len(points))
     mean = [(np.bincount(one, points[other, i], len(points)) + np.bincount(other, points[one, i], len(points)))
@@ -240,8 +239,8 @@ def _check_outline(circles: list[_Circle], on_rim: int, cells: Indices) -> None:
     size = int(cells.max(initial=start)) + 1
     edges, seen = np.unique(_keys(sides(cells), size), return_counts=True)
     if not np.array_equal(edges[seen == 1], np.unique(_keys(np.vstack(requested), size))):
-        raise NotConverged("no mesh of the skin between these touches was found; move them apart or ask for a larger "
-                           "signal in [accuracy].")
+        raise NotConverged("no mesh of the skin between these touches was found; leave a larger gap or ask for a "
+                           "larger signal in [accuracy].")
 
 
 def _keys(edges: Indices, size: int) -> Indices:
@@ -252,7 +251,7 @@ def _keys(edges: Indices, size: int) -> Indices:
 def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Indices, loops: Indices,
                electrode: Indices, count: int) -> SkinMesh:
     """Middle nodes on every edge, in polar coordinates about its circle or, along the rim and in the rings between the
-    loops (rings + 1, m), about the disc; halfway where a circle's edges bulge more than what lies beside them is wide.
+    loops (rings + 1, m), about the disc; halfway where a circle's edges bulge more than what lies next to them is wide.
     """
     covered = _ring_cells(loops)
     cells = np.vstack([cells, covered])

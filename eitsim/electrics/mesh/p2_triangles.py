@@ -65,7 +65,7 @@ def straight(mesh: SkinMesh) -> Array:
 def _folded(nodes: Array) -> NDArray[np.bool_]:
     """Which of the triangles (n, 6, 2) are folded over.
 
-    The Jacobian is a quadratic, told by its values at the nodes, and no less than the least of its Bezier coefficients.
+    The Jacobian is a quadratic, given by its nodal values, and no less than the least of its Bezier coefficients.
     """
     xr, xs, yr, ys = (nodes[..., i] @ slope for i in (0, 1) for slope in _slopes())
     side = nodes[:, 1:3] - nodes[:, :1]

@@ -29,7 +29,7 @@ def alike_mesh(body: Body, electrodes: Electrodes, touches: Touches,
                level: int = 1, thinner: int = 1) -> SkinMesh:
     """As a lean `triangulation`, `with_contact_lines` and `with_quarter_points`.
 
-    Where the electrodes are alike it is made with the first touch at an angle of 0 to half a step from the first
+    Where the electrodes are identical it is made with the first touch at an angle of 0 to half a step from the first
     electrode, then turned and mirrored back: equal scenes have equal errors.
     """
     if not identical(electrodes):

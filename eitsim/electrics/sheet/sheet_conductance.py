@@ -189,12 +189,12 @@ def _interpolate(local, disc, offset, by_neighbour, radii, shares, cubics, uncha
         radius = max(radius, radii[0])
         ring = min(np.searchsorted(radii, radius, side="right"), len(radii) - 1) - 1
         sector = min(np.searchsorted(shares, share, side="right"), len(shares) - 1) - 1
-        way, beyond = share - shares[sector], (radius - radii[ring]) / (radii[ring + 1] - radii[ring])
+        way, outwards = share - shares[sector], (radius - radii[ring]) / (radii[ring + 1] - radii[ring])
         one, other = cubics[ring, sector], cubics[ring + 1, sector]
         for part in range(out.shape[1]):
             inner = ((one[0, part] * way + one[1, part]) * way + one[2, part]) * way + one[3, part]
             outer = ((other[0, part] * way + other[1, part]) * way + other[2, part]) * way + other[3, part]
-            out[p, part] = inner + (outer - inner) * beyond
+            out[p, part] = inner + (outer - inner) * outwards
 
 
 @compiled

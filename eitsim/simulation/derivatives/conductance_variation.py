@@ -83,8 +83,7 @@ def moved(mesh: SkinMesh, velocity: Array, by: float) -> SkinMesh:
 
 
 def _share(points_m: Array, punch: Punch, touch: Touch, room_m: float) -> Array:
-    """Part (n, 1) of a punch's motion that points follow: all of it in its contact, nothing beyond the room about it.
-    """
+    """Part (n, 1) of a punch's motion that points follow: all of it in its contact, none outside the room about it."""
     radius = np.hypot(*(points_m - np.array([punch.x_m, punch.y_m])).T)
     contact = max(punch.diameter_m / 2, touch.contact_radius_m)
     t = np.clip((radius - contact) / (room_m - contact), 0, 1)

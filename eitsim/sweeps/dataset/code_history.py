@@ -51,12 +51,10 @@ def by_this_code(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any], t
 
 
 def _stated(manifest: Mapping[str, Any]) -> str:
-    """Versions and the beginning of the hash."""
     return ", ".join([*(f"{name} {value}" for name, value in manifest["versions"].items()), manifest["code"][:12]])
 
 
 def _runs(scenes: NDArray[np.bool_]) -> list[list[int]]:
-    """First and last of each run of neighbours."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], scenes, [False]])))
     return [[int(first), int(stop) - 1] for first, stop in edges.reshape(-1, 2)]
 

@@ -26,7 +26,6 @@ class OutcomeCounts:
 
     @property
     def rows(self) -> int:
-        """How many there are."""
         return sum(self.outcomes.values())
 
     def error_below(self, share: float) -> float | None:

@@ -190,7 +190,6 @@ def held_by(draws: Draws) -> Iterator[str]:
 
 
 def _taken(held: Draws, chosen: NDArray[np.int64], parts: tuple[str, ...]) -> Draws:
-    """The chosen rows of the parts that vary."""
     none = np.empty((len(chosen), 0))
     mu, alpha, nu = (a[chosen] if "hyperfoam" in parts else none for a in (held.mu_Pa, held.alpha, held.nu))
     g, tau = (a[chosen] if a is not None and "prony" in parts else None for a in (held.g, held.tau_s))

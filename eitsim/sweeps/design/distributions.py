@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 Quantile = Callable[[float], Any]
 
-# law -> what it takes beside its name, and what it may take
+# law -> what it takes next to its name, and what it may take
 LAWS = {"uniform": (("lo", "hi"), ()), "loguniform": (("lo", "hi"), ()), "integer": (("lo", "hi"), ()),
         "normal": (("mean", "sd"), ("lo", "hi")), "lognormal": (("mean", "sd"), ("lo", "hi"))}
 _FORMS = ("a range [lowest, highest], {choice = [...]}, {list = [...]} or {dist = \"" + "\"|\"".join(LAWS)
@@ -66,7 +66,6 @@ def is_number(value: Any) -> bool:
 
 
 def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Distribution:
-    """A law with checked parameters."""
     if not isinstance(name, str) or name not in LAWS:
         raise ValueError(f"{where}: dist '{name}' is unknown; known: {', '.join(LAWS)}.")
     needed, allowed = LAWS[name]

@@ -25,7 +25,7 @@ BITS = 32
 # What the draws of a term begin with; they are a scene's, or one for all scenes.
 _GAIN, _OFFSET, _CONTACT, _DRIFT, _DRIFT_CHANNEL, _DRIFT_V, _DRIFT_CHANNEL_V, _NOISE = range(1, 9)
 _BASELINE, _TOUCHED = range(2)
-_DOMAIN = 0x6D656173  # Keeps these draws apart from those of designs, which may have the same seed.
+_DOMAIN = 0x6D656173  # Keeps these draws separate from those of designs, which may have the same seed.
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def measured(measurement: Measurement, touched_V: ArrayLike, baseline_V: ArrayLi
     scenes: (rows,) numbers of the scenes; by_contact_V: (readings, electrodes) or (rows, readings, electrodes), V, for
     contact_impedance (contact_slopes.by_contact); channels: (readings,) number of each reading's channel (channels_of),
     by default its own. NaN stays NaN. ValueError for frames of other shapes, or where by_contact_V or channels are
-    wanted and missing.
+    needed and missing.
     """
     touched, baseline = (np.asarray(values, dtype=float) for values in (touched_V, baseline_V))
     numbers = np.asarray(scenes, dtype=np.int64)
@@ -106,7 +106,10 @@ def measured(measurement: Measurement, touched_V: ArrayLike, baseline_V: ArrayLi
     own = np.arange(touched.shape[1]) if channels is None else np.asarray(channels)
     noise = noise_of(measurement, baseline)
     changed = _amplified(measurement, _changed(measurement, touched, numbers, own, by_contact_V), own)
-    changed = _drifted(measurement, changed, numbers, own)
+    if measurement.drift_V:
+        changed = changed + measurement.drift_V * _draws(measurement, _DRIFT_V, numbers, 1)
+    if measurement.drift_channel_V:
+        changed = changed + measurement.drift_channel_V * _by_channel(measurement, _DRIFT_CHANNEL_V, numbers, own)
     still = _amplified(measurement, baseline, own)
     frames = measurement.frames
     touched, clipped = _read(measurement, changed, numbers, _TOUCHED, noise, frames)
@@ -174,15 +177,6 @@ def _amplified(measurement: Measurement, volts: Array, channels: Indices) -> Arr
         volts = volts * (1 + measurement.gain * _by_channel(measurement, _GAIN, None, channels))
     if measurement.offset_V:
         volts = volts + measurement.offset_V * _by_channel(measurement, _OFFSET, None, channels)
-    return volts
-
-
-def _drifted(measurement: Measurement, volts: Array, scenes: Indices, channels: Indices) -> Array:
-    """Touched readings with the drift of the channels' offsets."""
-    if measurement.drift_V:
-        volts = volts + measurement.drift_V * _draws(measurement, _DRIFT_V, scenes, 1)
-    if measurement.drift_channel_V:
-        volts = volts + measurement.drift_channel_V * _by_channel(measurement, _DRIFT_CHANNEL_V, scenes, channels)
     return volts
 
 

@@ -41,7 +41,7 @@ _MOST = 9  # Most diameters that are each solved; a choice of more is served as 
 _SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch", "depth_mm"), ("punch", "conductor"),
            ("punch", "contact_impedance_Ohm_m2"), ("punch", "diameter_mm"), ("skin", "thickness_um"),
            ("accuracy", "signal")}
-_APART = ("electrodes", "drive")
+_NEUTRAL = ("electrodes", "drive")  # Tables whose keys change no touch.
 # Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
 RIM_REPAYS, _ROWS = 25, 200
 
@@ -134,7 +134,7 @@ def describe_method(method: Mapping[str, Any], found: Table | Family | None, not
 def design_shape(design: Design, card: MaterialCard) -> DimensionlessProblem:
     """The shape that serves every row of a design, whatever their number; ValueError where none does."""
     for table, key in drawn_keys(design):
-        if table not in _APART and (table, key) not in _SERVED:
+        if table not in _NEUTRAL and (table, key) not in _SERVED:
             raise ValueError(f"{key} in [{table}] is drawn, and a table of load paths holds one value of it.")
     punches = design.tables.get("punch", {})
     found = [_diameters(p) for p in (punches if isinstance(punches, list) else [punches])]
@@ -188,13 +188,11 @@ def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
     """What of a table is fine enough for any row of a design, and why the rest is not, whose touches are then solved
     afresh."""
-    wanted = max((scene.accuracy.signal for scene in valid_scenes(design, _ROWS)), default=np.inf)
-    if table.error.signal > TABLE_SHARE * wanted:
-        return None, (
-            f"no table: its signals are up to {table.error.signal:.1e} off, more than {TABLE_SHARE:.0%} of the "
-            f"{wanted:g} wanted"
-        )
-    return _rim_fine_enough(table, RIM_SHARE * wanted) if table.rim is not None else (table, "")
+    requested = max((scene.accuracy.signal for scene in valid_scenes(design, _ROWS)), default=np.inf)
+    if table.error.signal > TABLE_SHARE * requested:
+        return None, (f"no table: its signals are up to {table.error.signal:.1e} off, more than {TABLE_SHARE:.0%} of "
+                      f"the {requested:g} requested")
+    return _rim_fine_enough(table, RIM_SHARE * requested) if table.rim is not None else (table, "")
 
 
 def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
@@ -205,7 +203,7 @@ def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
     before, after = (np.isfinite(rim.error_estimate).all(axis=-1) for rim in (table.rim, kept))
     if not after.any():
         return replace(table, rim=None), (f"no table of what the rim changes: its signals are up to "
-                                          f"{table.rim.error.signal:.1e} off, more than the {allowed:g} wanted")
+                                          f"{table.rim.error.signal:.1e} off, more than the {allowed:g} requested")
     if after.all():
         return replace(table, rim=kept), ""
     off, left = int(np.sum(before & ~after)), int(np.sum(~after))
@@ -242,9 +240,8 @@ def family_repays(design: Design, shape: DimensionlessProblem, span: ReducedBasi
     return design.scenes * len(representative_scene(design).punches) >= cost
 
 
-def family_for(
-    shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, *, rim: bool = False
-) -> tuple[Family, str]:
+def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, *,
+               rim: bool = False) -> tuple[Family, str]:
     """The family of a span's laws, from the cache or solved and put there; as reuse.table_for."""
     table, note = table_for(shape, run, rim=rim)
     key = {"shape": asdict(shape), "depths": reuse.DEPTHS,
@@ -252,11 +249,13 @@ def family_for(
            "held_out": [_plain(law) for law in span.held_out]}
     alone = replace(table, rim=None)
     arrays, _ = cache.kept(cache.key_of(key), lambda: _arrays(build_family(alone, span, run)))
-    family = _family(alone, span, arrays)
+    deep = replace(as_deep_as(alone, int(arrays["count"])), error=Deviation(*arrays["error"].tolist()),
+                   checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
+    family = Family(deep, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))
     if table.rim is None:
         return family, note
     key |= {"rim": asdict(reuse.GRID)}
-    arrays, _ = cache.kept(cache.key_of(key), lambda: _rim_told(with_rim(family, table, run)))
+    arrays, _ = cache.kept(cache.key_of(key), lambda: _rim_error(with_rim(family, table, run)))
     changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
     return replace(family, table=replace(family.table, rim=changes)), note
 
@@ -272,13 +271,7 @@ def _arrays(family: Family) -> dict[str, Any]:
             "checks": np.array(table.checks), "error": np.array(astuple(table.error)), "cpu_s": np.array(table.cpu_s)}
 
 
-def _rim_told(family: Family) -> dict[str, Any]:
+def _rim_error(family: Family) -> dict[str, Any]:
     rim = family.table.rim
     assert rim is not None
     return {"told": rim.error_estimate, "cpu_s": np.array(rim.cpu_s)}
-
-
-def _family(table: Table, span: ReducedBasis, arrays: Mapping[str, Any]) -> Family:
-    table = replace(as_deep_as(table, int(arrays["count"])), error=Deviation(*arrays["error"].tolist()),
-                    checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
-    return Family(table, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))

@@ -50,7 +50,8 @@ def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[
             yield found
     for scenes in separation:
         found = dict(answers(pool, solve, [range(i, i + 1) for i in scenes], _ROW_TRIES))
-        rows = [_crashed(design, cards, one, part.reason) if isinstance(part, Failed) else part
+        rows = [_encoded(design, one, [crashed_row(design, cards, one.start, part.reason)])
+                if isinstance(part, Failed) else part
                 for one, part in sorted(found.items(), key=lambda pair: pair[0].start)]
         kept = None if design.fields is None else hdf5_fields.joined(
             design.fields, representative_scene(design).body, [row.fields for row in rows if row.fields is not None])
@@ -69,7 +70,3 @@ def _encoded(design: Design, scenes: range, rows: list[dict[str, Any]]) -> Part:
     kept = None if design.fields is None else hdf5_fields.encoded(
         design.fields, representative_scene(design).body, found)
     return Part(scenes, parquet.encoded(table), count_outcomes(table), kept, time.process_time() - begun)
-
-
-def _crashed(design: Design, cards: Cards, scenes: range, reason: str) -> Part:
-    return _encoded(design, scenes, [crashed_row(design, cards, scenes.start, reason)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -22,12 +22,11 @@ from eitsim.sweeps.design.card_draws import Cards, cards_for
 from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.folder import Standing, keep_to_table, missing, sole_writer, start_or_continue
 from eitsim.sweeps.run.load_path_choice import describe_method, method_for, table_of
-from eitsim.sweeps.run.omissions import LEFT_OUT, Omission, omissions
+from eitsim.sweeps.run.omissions import LEFT_OUT, omissions
 from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
 from eitsim.sweeps.run.scene_table import as_design
 from matcal.card import MaterialCard, as_card
-from matcal.laws.conductivity import Conductivity
 from touchcal.parallel.dask_cluster import cluster
 from touchcal.parallel.pool import WorkerPool
 from touchcal.parallel.processes import processes
@@ -124,20 +123,16 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}.")
     if exact and reuse:
-        raise ValueError("exact solves every touch afresh; leave out reuse.")
-    _check_card(card, design)
+        raise ValueError("exact solves every touch itself; leave out reuse.")
+    _ = material_of(representative_scene(design), card).skin  # ValueError where the card lacks what every row needs
     cards = cards_for(design.material, design.seed, card, in_pairs=design.sampler == nested_design.SAMPLER)
     folder = Path(out)
     with _entered(scheduler) as pool:
         folder.mkdir(parents=True, exist_ok=True)
         with sole_writer(folder):
-            work = _work(design, cards, folder, reuse, exact, other_code, progress or _silent)
+            work = _work(design, cards, folder, reuse, exact, other_code, progress or (lambda step: None))
             account = _done(work, pool, workers)
     return replace(parquet.open_dataset(folder), account=account)
-
-
-def _silent(step: Progress) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,17 +179,11 @@ class Spent:
 
     def run(self, method: str, rows: int, rows_cpu_s: float, workers: int | None, table: Table | None) -> Run:
         """What was spent on these rows, in stages "table", "rows" and "writing"."""
+        tables: dict[str, Any] = {} if table is None else {"paths": len(table.shape.solved), "paths_cpu_s": table.cpu_s}
+        if table is not None and table.rim is not None:
+            tables |= {"rim": len(table.rim.diameters) * len(table.rim.gaps), "rim_cpu_s": table.rim.cpu_s}
         return Run(method, rows, rows_cpu_s, self.wall_s["rows"], workers, self.wall_s["table"], self.encoding_cpu_s,
-                   self.cpu_s["writing"], self.wall_s["writing"], **_of_table(table))
-
-
-def _of_table(table: Table | None) -> dict[str, Any]:
-    if table is None:
-        return {}
-    told: dict[str, Any] = {"paths": len(table.shape.solved), "paths_cpu_s": table.cpu_s}
-    if table.rim is not None:
-        told |= {"rim": len(table.rim.diameters) * len(table.rim.gaps), "rim_cpu_s": table.rim.cpu_s}
-    return told
+                   self.cpu_s["writing"], self.wall_s["writing"], **tables)
 
 
 def _work(design: Design, cards: Cards, folder: Path, reuse: bool | None, exact: bool, other_code: bool,
@@ -216,8 +205,9 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
         kept = work.before.counts
         run = spent.run(_how(work, table, note), counts.rows - kept.rows, counts.cpu_s - kept.cpu_s,
                         count if lent is None else None, central_of(table))
-        _record(work.folder, work.manifest, run,
-                omissions(work.design, work.cards, exact=work.method["exact"], table=table))
+        left_out = omissions(work.design, work.cards, exact=work.method["exact"], table=table)
+        parquet.write_manifest(work.folder, {key: value for key, value in work.manifest.items() if key != "schema"} | {
+            RUNS: [*work.manifest.get(RUNS, []), asdict(run)], LEFT_OUT: [asdict(one) for one in left_out]})
     parquet.settle(work.folder)
     return _account(work, counts, run)
 
@@ -265,30 +255,18 @@ def _entered(scheduler: Pool | None) -> AbstractContextManager[WorkerPool | None
     return found if isinstance(found, AbstractContextManager) else nullcontext(found)
 
 
-def _record(folder: Path, manifest: Mapping[str, Any], run: Run, left_out: Sequence[Omission]) -> None:
-    """Add a run to the manifest of a folder, with what its rows leave out."""
-    kept = {key: value for key, value in manifest.items() if key != "schema"}
-    parquet.write_manifest(folder, kept | {
-        RUNS: [*manifest.get(RUNS, []), asdict(run)], LEFT_OUT: [asdict(one) for one in left_out]})
-
-
 def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
     """Put a part in its place, its fields first; what stands there of other scenes stays."""
     place, content = parquet.part_path(folder, part.scenes[0] // size * size), part.content
-    beside, fields = place.with_suffix(hdf5_fields.SUFFIX), part.fields
+    fields_at, fields = place.with_suffix(hdf5_fields.SUFFIX), part.fields
     if place.exists():
         content = parquet.with_rows(place.read_bytes(), content)
         if design.fields is not None and fields is not None:
-            fields = hdf5_fields.continued(beside, design.fields, representative_scene(design).body, fields)
+            fields = hdf5_fields.continued(fields_at, design.fields, representative_scene(design).body, fields)
     try:
         if fields is not None:
-            parquet.put(beside, fields)
+            parquet.put(fields_at, fields)
         parquet.put(place, content)
     except OSError as error:
         raise OSError(error.errno, f"{error.strerror}. What is finished is kept; the same command goes on from there",
                       str(place)) from None
-
-
-def _check_card(card: MaterialCard, design: Design) -> Conductivity:
-    """The skin's law; ValueError before the first row where the card lacks what every row needs."""
-    return material_of(representative_scene(design), card).skin
