@@ -40,8 +40,8 @@ from eitsim.sweeps.dataset.parquet import parts, read_dataset, read_manifest
 from eitsim.sweeps.design.card_draws import Material, card_at, cards_for
 from eitsim.sweeps.design.design import Design, card_number, design_from, read_design, scene_at
 from eitsim.sweeps.run.account import Accounted, account_of
+from eitsim.sweeps.run.load_path_choice import design_shape
 from eitsim.sweeps.run.sweep import Progress, sweep
-from eitsim.sweeps.run.table_choice import design_shape
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony

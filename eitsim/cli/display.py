@@ -40,7 +40,11 @@ def show_result(result: Result, document: dict[str, Any]) -> None:
         if result.outcome == "ok" and result.message:
             print(f"note: {result.message}")
     if result.moments:
-        Console().print(_hold_table(document["times"]))
+        keys = ("time_s", "delta_max_mm", "force_N", "sigma_ave_kPa", "sigma_max_kPa", "A_c_mm2")
+        table = Table(*keys, title="hold, from the end of loading")
+        for block in document["times"]:
+            table.add_row(*(f"{block[key]:.5g}" for key in keys))
+        Console().print(table)
 
 
 def show_solved(document: dict[str, Any], out: Path | None) -> None:
@@ -74,24 +78,14 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
         print(f"images: {out}")
 
 
-def _hold_table(times: list[dict[str, Any]]) -> Table:
-    """The hold, one row a time after loading."""
-
-    keys = ("time_s", "delta_max_mm", "force_N", "sigma_ave_kPa", "sigma_max_kPa", "A_c_mm2")
-    table = Table(*keys, title="hold, from the end of loading")
-    for block in times:
-        table.add_row(*(f"{block[key]:.5g}" for key in keys))
-    return table
-
-
 def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
-    """Rows that set the least strain against the fitted ones; beyond them the laws are extrapolated."""
+    """Rows that set the least strain against the fitted ones; below them the laws are extrapolated."""
     table.add_row("least strain of the surface", f"{stability['least_strain']:.3f}")
     for part in ("foam", "skin"):
         fitted = stability[f"fitted_{part}_strain"]
-        told = "not stated by the card"
+        words = "not stated by the card"
         if fitted is not None:
-            told = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
-        beyond = fitted is not None and stability["least_strain"] < fitted[0]
-        table.add_row(f"{part} law fitted over", told + (", extrapolated" if beyond else ""))
-    table.add_row("skin beyond its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc")
+            words = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
+            words += ", extrapolated" if stability["least_strain"] < fitted[0] else ""
+        table.add_row(f"{part} law fitted over", words)
+    table.add_row("skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc")

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eitsim.cli.report_command import check_pdf, report, report_written
-from eitsim.cli.sweep_commands import indices, measure, sweep
+from eitsim.cli.sweep_commands import check_pdf, indices, measure, report, report_written, sweep
 from eitsim.scene.scene import Scene, read_scene
 from matcal.card import MaterialCard, read_card
 from touchcal.errors import NotConverged
@@ -158,28 +157,22 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
     Example: eitsim solve-mesh model.mat --conductance-S 1e-3 --out solved.json
     """
     from eitsim.cli.display import show_solved
+    from eitsim.electrics.interop import solve_file
     from eitsim.electrics.interop.eidors import read_eidors
-    from eitsim.electrics.interop.sheet_model import check_element
-    from eitsim.electrics.interop.solve_file import (
-        check_conductance,
-        solve_sheet_model,
-        solved_document,
-        unused_tables,
-    )
 
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [path for path in (model, scene) if path is not None])
-    check_element(element)
+    solve_file.check_element(element)
     if conductance is not None:
-        check_conductance(conductance, "--conductance-S")
-    if scene is not None and (unused := unused_tables(scene)):
+        solve_file.check_conductance(conductance, "--conductance-S")
+    if scene is not None and (unused := solve_file.unused_tables(scene)):
         print(f"{scene}: of this file only [drive] is used; {', '.join(unused)} left out, since the model has its own.",
               file=sys.stderr)
     held = read_eidors(model, variable)
-    solved = solve_sheet_model(held, conductance_S=conductance, element=element,
-                               drive=read_scene(scene).drive if scene is not None else None)
-    document = solved_document(model, held, conductance, element, solved)
+    solved = solve_file.solve_sheet_model(held, conductance_S=conductance, element=element,
+                                          drive=read_scene(scene).drive if scene is not None else None)
+    document = solve_file.solved_document(model, held, conductance, element, solved)
     if out is not None:
         write_json(document, out)
     if as_json:
@@ -258,5 +251,4 @@ def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
 
 
 def main() -> None:
-    """Entry point."""
     run(app, "eitsim")

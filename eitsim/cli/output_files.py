@@ -15,16 +15,11 @@ from matcal.card import MaterialCard
 class OutputFiles:
     """Where each file goes; None: it is not written."""
 
-    # stress and strain inside the foam, VTU
-    fields: Path | None = None
-    # voltages, CSV
-    frames: Path | None = None
-    # fields on the skin, VTU
-    skin: Path | None = None
-    # drive patterns of the skin's fields, from 0; None: all
-    patterns: Sequence[int] | None = None
-    # derivatives of the readings, CSV
-    sensitivity: Path | None = None
+    fields: Path | None = None  # stress and strain inside the foam, VTU
+    frames: Path | None = None  # voltages, CSV
+    skin: Path | None = None  # fields on the skin, VTU
+    patterns: Sequence[int] | None = None  # drive patterns of the skin's fields, from 0; None: all
+    sensitivity: Path | None = None  # derivatives of the readings, CSV
 
     @property
     def places(self) -> dict[str, Path | None]:

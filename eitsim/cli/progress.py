@@ -13,8 +13,8 @@ from touchcal.terminal import counter
 
 @contextmanager
 def shown(scenes: int, log_every_s: float = 0.0) -> Iterator[Callable[[Progress], None]]:
-    """A function that shows a Progress on standard error: on a terminal, and elsewhere in lines at least `log_every_s`
-    apart; 0 for none."""
+    """A function that shows a Progress on standard error: on a terminal, and elsewhere in lines, one each `log_every_s`
+    at most; 0 for none."""
     if not log_every_s >= 0:
         raise ValueError(f"--log-every must be 0 (no lines) or a number of seconds above it, got {log_every_s:g}.")
     begun = said = time.monotonic()
@@ -39,23 +39,21 @@ def line(step: Progress, spent_s: float) -> str:
     """Done, rate, time left, outcomes and signal errors, in words; `spent_s` on the rows of this call."""
     rate = _rate(step, spent_s)
     left = f"{(step.scenes - step.done) / rate / 60:.1f} min left" if rate else "time left unknown"
-    errors = [] if step.signal_error is None else [
-        "signal error {:.3g} % in the median, 95 % below {:.3g} %".format(*_percent(step.signal_error))]
-    return "; ".join([f"{step.done} of {step.scenes} scenes, {rate:.3g} a second, {left}",
-                      *([in_words(step.outcomes)] if step.outcomes else []), *errors])
+    parts = [f"{step.done} of {step.scenes} scenes, {rate:.3g} a second, {left}", in_words(step.outcomes)]
+    if step.signal_error is not None:
+        median, most = step.signal_error
+        parts.append(f"signal error {100 * median:.3g} % in the median, 95 % below {100 * most:.3g} %")
+    return "; ".join(filter(None, parts))
 
 
 def bar_text(step: Progress, spent_s: float) -> str:
     """What of a line the bar on a terminal does not tell, as short as 80 columns ask; errors are the median and what
     95 % lie below."""
     rate = _rate(step, spent_s)
-    errors = [] if step.signal_error is None else ["error {:.2g} < {:.2g} %".format(*_percent(step.signal_error))]
-    return ", ".join([*([f"{rate:.3g}/s"] if rate else []), *([in_words(step.outcomes)] if step.outcomes else []),
-                      *errors])
-
-
-def _percent(fractions: tuple[float, float]) -> tuple[float, float]:
-    return 100 * fractions[0], 100 * fractions[1]
+    parts = [f"{rate:.3g}/s" if rate else "", in_words(step.outcomes)]
+    if step.signal_error is not None:
+        parts.append(f"error {100 * step.signal_error[0]:.2g} < {100 * step.signal_error[1]:.2g} %")
+    return ", ".join(filter(None, parts))
 
 
 def _rate(step: Progress, spent_s: float) -> float:

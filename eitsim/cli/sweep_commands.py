@@ -1,4 +1,4 @@
-"""Commands of `eitsim` on data sets: sweep, measure, indices."""
+"""Commands of `eitsim` on data sets: sweep, measure, indices; and on results: report."""
 
 from __future__ import annotations
 
@@ -12,15 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eitsim.cli.report_command import check_pdf, report_written
 from matcal.card import MaterialCard, read_card
 from touchcal.number_words import counted
 from touchcal.terminal import JsonOption, check_apart, check_out, numbers, print_json
 
 if TYPE_CHECKING:
-    from eitsim.sweeps.dataset.sweep_record import Account
     from eitsim.sweeps.design.design import Design
-    from eitsim.sweeps.run.account import Accounted
     from eitsim.sweeps.run.sweep import Progress
 
 
@@ -51,8 +48,8 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
 
     A design begins with scenes = 200, seed = 1 and sampler = "random" (its count may grow), "lhs", "sobol" (both fix
     it) or "nested" (for `eitsim indices`); then come the tables of a scene file. [accuracy] signal = 0.01 is the
-    relative error of the signal that is wanted. [material] draws = 200 takes cards of the posterior, [measurement] is
-    what `eitsim measure` adds, [fields] names = ["strain"] stores images of the skin beside the rows.
+    requested relative error of the signal. [material] draws = 200 takes cards of the posterior, [measurement] is
+    what `eitsim measure` adds, [fields] names = ["strain"] stores images of the skin next to the rows.
 
     Any scalar of a scene may be a range [lo, hi], {choice = [...]} or {dist = "normal", mean = , sd = } (or
     lognormal, uniform, loguniform, integer; lo and hi cut off), by chance, or {list = [...]}, whose combinations are
@@ -65,11 +62,19 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
 
     Example: eitsim sweep scenes.csv --scene scene.toml --card card.json --out sweep
     """
-    from eitsim.sweeps.run.account import account_of
+    from eitsim.cli.progress import in_words
+    from eitsim.sweeps.run.account import account_of, document, lines
     from eitsim.sweeps.run.scene_table import as_design
     from eitsim.sweeps.run.sweep import sweep as solve_design
 
-    _check_sweep(design, card, scene, out, report, workers, scheduler)
+    check_out(out, folder=True)
+    if report is not None:
+        check_out(report, "--report")
+        check_apart({"--report": report}, [path for path in (design, card, scene) if path is not None])
+        check_pdf(report, "--report")
+    if workers is not None and scheduler is not None:
+        raise ValueError("--workers and --scheduler exclude each other: a cluster has workers of its own. Leave one "
+                         "out.")
     count = workers if workers is not None else os.cpu_count() or 1
     rows, begun = as_design(design, scenes, scene), time.perf_counter()
     material = read_card(card)
@@ -79,27 +84,20 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     assert account is not None
     spent, found = time.perf_counter() - begun, account_of(out)
     if as_json:
-        _print_document(out, spent, account, found)
+        print_json({"out": out, "wall_s": spent, "solved": account.solved, "kept": account.kept,
+                    "method": account.method, "reasons": dict(account.reasons)} | document(found))
     else:
-        _print_words(out, spent, counted(count, "worker") if scheduler is None else scheduler, account, found)
+        by = counted(count, "worker") if scheduler is None else scheduler
+        print(f"{out}: {counted(account.solved, 'scene')} finished in {spent:.1f} s on {by}, {account.kept} were "
+              f"there; outcomes: {in_words(account.outcomes)}.")
+        print(account.method)
+        for name, message in sorted(account.reasons.items()):
+            print(f"first \"{name}\": {message}")
+        print("\n".join(lines(found)))
     if report is not None:
         written = report_written(out, report)
         if not as_json:
             print(written)
-
-
-def _check_sweep(design: Path, card: Path, scene: Path | None, out: Path, report: Path | None, workers: int | None,
-                 scheduler: str | None) -> None:
-    check_out(out, folder=True)
-    if report is not None:
-        check_out(report, "--report")
-        check_apart({"--report": report}, [path for path in (design, card, scene) if path is not None])
-        check_pdf(report, "--report")
-    if workers is not None and scheduler is not None:
-        raise ValueError("--workers and --scheduler exclude each other: a cluster has workers of its own. Leave one "
-                         "out.")
-    if scene is not None and design.suffix != ".csv":
-        raise ValueError(f"--scene goes with a table of scenes (.csv); {design} holds the tables of a scene itself.")
 
 
 @contextmanager
@@ -127,25 +125,6 @@ def _followed(rows: Design, card: MaterialCard, log_every: float, out: Path) -> 
         raise typer.Exit(stop.status) from None
 
 
-def _print_document(out: Path, spent_s: float, account: Account, found: Accounted) -> None:
-    from eitsim.sweeps.run.account import document
-
-    print_json({"out": out, "wall_s": spent_s, "solved": account.solved, "kept": account.kept,
-                "method": account.method, "reasons": dict(account.reasons)} | document(found))
-
-
-def _print_words(out: Path, spent_s: float, by: str, account: Account, found: Accounted) -> None:
-    from eitsim.cli.progress import in_words
-    from eitsim.sweeps.run.account import lines
-
-    print(f"{out}: {counted(account.solved, 'scene')} finished in {spent_s:.1f} s on {by}, {account.kept} were there; "
-          f"outcomes: {in_words(account.outcomes)}.")
-    print(account.method)
-    for name, message in sorted(account.reasons.items()):
-        print(f"first \"{name}\": {message}")
-    print("\n".join(lines(found)))
-
-
 def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set of clean rows, as `sweep` writes it.")],
             out: Annotated[Path, typer.Option(help="Folder of the measured data set; an unfinished one is continued.")],
             model: Annotated[Path | None, typer.Option(help="Measurement (TOML) with one table [measurement]; else the "
@@ -169,11 +148,11 @@ def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set 
     check_out(out, folder=True)
     asked = read_measurement(model) if model is not None else None
     with counter(read_manifest(clean)["design"]["scenes"], "rows") as advance:
-        told = measure_rows(clean, out, asked, progress=advance).manifest["measured"]
+        found = measure_rows(clean, out, asked, progress=advance).manifest["measured"]
     if as_json:
-        print_json({"out": out, **told})
+        print_json({"out": out, **found})
     else:
-        print(f"{out}: measured from {clean}\n{in_words(Told(**told))}")
+        print(f"{out}: measured from {clean}\n{in_words(Told(**found))}")
 
 
 def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set of a design with sampler = \"nested\" "
@@ -182,7 +161,7 @@ def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set
             model: Annotated[Path | None, typer.Option(help="Measurement (TOML) with one table [measurement], whose "
                                                             "noise is a factor; else the design's own.")] = None,
             within: Annotated[list[str] | None, typer.Option(help="KEY=LOW,HIGH: touches over which the spread "
-                                                                  "by the card alone is told; repeatable.")] = None,
+                                                                  "by the card alone is given; repeatable.")] = None,
             as_json: JsonOption = False) -> None:
     """Tell how much of each output's variance touch, material and noise make: what calibration would buy.
 
@@ -197,26 +176,50 @@ def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set
 
     if out is not None:
         check_out(out)
-        check_apart({"--out": out}, [path for path in (model,) if path is not None])
+        check_apart({"--out": out}, [model] if model is not None else [])
     ranges = dict(_range(text) for text in within or [])
     blocks = read_blocks(folder, read_measurement(model) if model is not None else None)
     found = indices_of(blocks, within=ranges)
-    told = document(found, blocks)
+    shares = document(found, blocks)
     if out is not None:
         write_csv(found, out)
     if as_json:
-        print_json(told)
+        print_json(shares)
     else:
-        show(told)
+        show(shares)
         if out is not None:
             print(f"indices: {out}")
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:
-    """Key and ends of a range KEY=LOW,HIGH."""
     key, _, ends = text.partition("=")
     found = numbers(ends, "--within", "F_N=0.9,1.1") if key and ends else []
     if len(found) != 2 or found[0] > found[1]:
         raise ValueError(f"--within {text}: give KEY=LOW,HIGH, a key and its lowest and highest value, for example "
                          "F_N=0.9,1.1.")
     return key, (found[0], found[1])
+
+
+def report(source: Annotated[Path, typer.Argument(metavar="DIR_OR_RESULT", help="Data set or result.json.")],
+           out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
+    """Write a PDF of one result or of a whole data set.
+
+    Example: eitsim report sweep --out sweep.pdf
+    """
+    check_out(out)
+    check_pdf(out, "--out")
+    print(report_written(source, out))
+
+
+def check_pdf(place: Path | None, flag: str) -> None:
+    """ValueError where a file asked for is not named as a PDF."""
+    if place is not None and place.suffix != ".pdf":
+        raise ValueError(f"{flag} {place}: the file is a PDF; give a name that ends in .pdf.")
+
+
+def report_written(source: Path, out: Path) -> str:
+    """Write the PDF of a result or of a data set; what to tell of it."""
+    from reports.sweep.dispatch import write
+
+    write(source, out)
+    return f"report: {out}"

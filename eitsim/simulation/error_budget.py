@@ -1,4 +1,4 @@
-"""The error told with a result: what is numerical of it, what the plan left out, and what misses the wanted one."""
+"""The error of a result: what is numerical of it, what the plan left out, and what misses the requested one."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from eitsim.scene.results import Plan, Readings, Touch
 
 def error_budget(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None
                  ) -> dict[str, float]:
-    """`numerical_errors`, with what the plan left out and what neighbours may change beyond that."""
+    """`numerical_errors`, with what the plan left out and what neighbours may change more than that."""
     return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
             + (unplanned or {}).get(key, 0.0) for key, value in numerical.items()}
 
 
 def numerical_errors(touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
     """Relative errors of the worst touch by what was solved: "signal", its electrics added, and "depth", and
-    "sigma_max", "A_c" and "strain" where every touch tells them."""
+    "sigma_max", "A_c" and "strain" where every touch has them."""
     out = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
            "depth": max(t.depth_error for t in touches)}
     for key, error_estimate in {"sigma_max": [t.sigma_max_error for t in touches],

@@ -8,15 +8,12 @@ from typing import Any
 
 import meshio
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.rim.half_disc_fields import volume_fields
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.mechanics.solid.kinematics import tensors
-from eitsim.scene.results import Section, Touch
-
-Array = NDArray[np.float64]
+from eitsim.scene.results import Array, Section, Touch
 
 # By order of the elements, the cell's name and the places of its nodes among order + 1 in each direction: corners
 # counter-clockwise, middles of the edges from the first on, centre, as in VTK.

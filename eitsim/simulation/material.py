@@ -15,8 +15,7 @@ from matcal.laws.prony import Prony
 class Material:
     """The foam and the skin of a scene."""
 
-    # the card they are from
-    card: MaterialCard
+    card: MaterialCard  # the card they are from
     # the foam's law: with the moduli that the scene asks for, or instantaneous ones where there is a hold
     law: Hyperfoam
 

@@ -23,9 +23,8 @@ from eitsim.simulation.validity import positive_from, unresolvable
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 
+ONE_CARD = "one card, not its uncertainty"  # What scenes with one card leave out, whatever it is.
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
-# What scenes with one card leave out, whatever it is.
-ONE_CARD = "one card, not its uncertainty"
 # by the rim of depth, of the strain that drives the skin (2-norm) and of dV (2-norm), for 8 mm and 0.3 N, 14 mm and 1
 # and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py). In-plane strains change more than the normal one.
 # Beyond the last point it decays with the last two points' rate.
@@ -33,7 +32,7 @@ _GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
 _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.029, 0.008]),
                "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
                "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
-# Parts of the wanted signal error that neglecting the rim and solving touches apart may use up.
+# Parts of the requested signal error that neglecting the rim and solving touches separately may use up.
 _RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
 STEEL_E_PA = 210e9
 # Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
@@ -64,15 +63,17 @@ def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fals
     """The plan of a scene with a card or its material; what cannot be solved is a refusal in it, never an exception.
 
     exact: turn off every omission that can be, and say of the others that they stay; reused: for each punch what a
-    stored load path may cost, None where it is solved afresh.
+    stored load path may cost, None where it is solved.
     """
     material = material_of(scene, card)
     decisions = _decisions(scene, material, reused or [None] * len(scene.punches), exact)
-    return Plan(tuple(_exactly(scene, decisions) if exact else decisions),
-                unresolvable(scene, material) or _electrode_refusal(scene, material.card) or _refusal(scene))
+    refusal, skin = unresolvable(scene, material), material.card.conductivity
+    if not refusal and scene.electrodes.kind == "line" and skin is not None:
+        refusal = unsolvable(scene.body, present(scene.electrodes), untouched_conductance(skin, scene.skin))
+    return Plan(tuple(_exactly(decisions) if exact else decisions), refusal or _refusal(scene))
 
 
-def _exactly(scene: Scene, decisions: Iterable[Decision]) -> Iterator[Decision]:
+def _exactly(decisions: Iterable[Decision]) -> Iterator[Decision]:
     yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for",
                    0.0)
     for made in decisions:
@@ -91,14 +92,8 @@ def _refusal(scene: Scene) -> str:
     problems = [_punch_refusal(scene, punch) for punch in scene.punches]
     if len(problems) == 1:
         return problems[0]
-    named = [f"touch {i}: {problem}" for i, problem in enumerate(problems, 1) if problem]
-    return named[0] if named else _neighbour_refusal(scene)
-
-
-def _electrode_refusal(scene: Scene, card: MaterialCard) -> str:
-    if scene.electrodes.kind != "line" or card.conductivity is None:
-        return ""
-    return unsolvable(scene.body, present(scene.electrodes), untouched_conductance(card.conductivity, scene.skin))
+    named = (f"touch {i}: {problem}" for i, problem in enumerate(problems, 1) if problem)
+    return next(named, "") or _neighbour_refusal(scene)
 
 
 def _neighbour_refusal(scene: Scene) -> str:
@@ -106,8 +101,8 @@ def _neighbour_refusal(scene: Scene) -> str:
     gap, i, j = min((edge_gap_m(scene.punches[i], scene.punches[j]), i, j) for i, j in pairs)
     where = f"the edges of touches {i + 1} and {j + 1}"
     if gap <= 0:
-        return (f"{where} overlap by {max(-gap, 0.0) * 1e3:.1f} mm; move the punches apart by that and, for punches "
-                "solved together, a gap of 3 mm more.")
+        return (f"{where} overlap by {max(-gap, 0.0) * 1e3:.1f} mm; move the punches from each other by that and, for "
+                "punches solved together, a gap of 3 mm more.")
     if scene.hold.time_s:
         return (f"a hold (time_s in [hold]) is built for one touch, {len(scene.punches)} are given; give one [punch] "
                 "or leave out time_s.")
@@ -134,12 +129,10 @@ def _apart_refusal(scene: Scene, group: Sequence[int], problem: str) -> str:
                     for i, j in itertools.combinations(group, 2))
     allowed = _NEIGHBOUR_SHARE * scene.accuracy.signal
     separation = gap_for(allowed / (len(scene.punches) - 1), scene.body.thickness_m) * 1e3
-    return (
-        f"the edges of touches {i + 1} and {j + 1} are {gap * 1e3:.1f} mm apart: solving each touch as if it were "
-        f"alone may cost {expected(scene.body, scene.punches):.2g} of the signal, allowed is {allowed:.2g} (half "
-        f"of signal in [accuracy]), and {problem}. Move them apart to {separation:.0f} mm or ask for less accuracy (a "
-        "larger signal in [accuracy])."
-    )
+    return (f"{gap * 1e3:.1f} mm lie between the edges of touches {i + 1} and {j + 1}: solving each touch as if it "
+            f"were alone may cost {expected(scene.body, scene.punches):.2g} of the signal, allowed is {allowed:.2g} "
+            f"(half of signal in [accuracy]), and {problem}. Leave {separation:.0f} mm between them or ask for less "
+            "accuracy (a larger signal in [accuracy]).")
 
 
 def together(scene: Scene, *, exact: bool = False) -> tuple[tuple[int, ...], ...]:
@@ -152,23 +145,16 @@ def together(scene: Scene, *, exact: bool = False) -> tuple[tuple[int, ...], ...
 
 def _punch_refusal(scene: Scene, punch: Punch) -> str:
     if punch.depth_m is not None and punch.depth_m > _DEEPEST * scene.body.thickness_m:
-        return (f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is beyond {_DEEPEST:.0%} of the foam's thickness, "
+        return (f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is above {_DEEPEST:.0%} of the foam's thickness, "
                 f"which squeezes it flat; give at most {_DEEPEST * scene.body.thickness_m * 1e3:g}.")
-    if scene.electrodes.kind == "patch" and (problem := _patch_refusal(scene, punch)):
-        return problem
+    if scene.electrodes.kind == "patch" and (onto := scene.electrodes.length_m - rim_gap_m(scene.body, punch)) >= 0:
+        return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {scene.electrodes.length_m * 1e3:g} mm "
+                "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than "
+                "that, or make length_mm in [electrodes] smaller.")
     if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:
         return (f"friction = \"{punch.friction}\" in [punch] is built for holds that keep the deformation only: "
                 "control = \"depth\" and loading_s = 0 in [hold]. Ask for such a hold, or for friction = \"none\".")
     return _rim_refusal(scene, punch)
-
-
-def _patch_refusal(scene: Scene, punch: Punch) -> str:
-    onto = scene.electrodes.length_m - rim_gap_m(scene.body, punch)
-    if onto < 0:
-        return ""
-    return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {scene.electrodes.length_m * 1e3:g} mm "
-            "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than that, "
-            "or make length_mm in [electrodes] smaller.")
 
 
 def _rim_refusal(scene: Scene, punch: Punch) -> str:
@@ -183,11 +169,11 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
         return problem and f"{problem}."
     return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
             f"rim may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
-            f"of signal in [accuracy]). There, {problem}; {_mend(scene, allowed)}.")
+            f"of signal in [accuracy]). There, {problem}; {_advice(scene, allowed)}.")
 
 
 def near_rim(scene: Scene, punch: Punch) -> bool:
-    """Whether neglecting the rim may cost more of the signal than its share of the wanted error."""
+    """Whether neglecting the rim may cost more of the signal than its share of the requested error."""
     return rim_gap_m(scene.body, punch) <= 0 or _rim_effect(scene, punch) > _RIM_SHARE * scene.accuracy.signal
 
 
@@ -195,16 +181,12 @@ def _rim_effect(scene: Scene, punch: Punch) -> float:
     return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
 
 
-def _mend(scene: Scene, allowed: float) -> str:
-    gap = _gap_for(allowed, scene.body.thickness_m, scene.skin.strain)
+def _advice(scene: Scene, allowed: float) -> str:
+    thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
+    effects = np.array([rim_effect(g * thickness, thickness, scene.skin.strain) for g in gaps])
+    gap = float(gaps[np.argmax(effects <= allowed)] * thickness) if effects[-1] <= allowed else math.inf
     inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.radius_m else ""
     return f"{inwards}ask for less accuracy (a larger signal in [accuracy])"
-
-
-def _gap_for(effect: float, thickness_m: float, strain: str) -> float:
-    gaps = np.arange(0.0, 10.0, 0.01)
-    effects = np.array([rim_effect(g * thickness_m, thickness_m, strain) for g in gaps])
-    return float(gaps[np.argmax(effects <= effect)] * thickness_m) if effects[-1] <= effect else math.inf
 
 
 def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | None],
@@ -222,17 +204,16 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
         yield _neighbour_decision(scene, groups)
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, material)]
     yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
-                   "may compress the foam further than its test; the result tells both strains, the cost is unknown "
+                   "may compress the foam further than its test; the result holds both strains, the cost is unknown "
                    "and not in the bound", 0.0, unbounded=True)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Decision("the skin's law is positive over part of what touches reach", f"its cubic is 0 at the strain "
                        f"{least:.3g}; whether the touch compresses the skin that far is known once its mechanics is "
                        "solved, and refused then", 0.0)
-    yield Decision(ONE_CARD, "the card's own laws are taken as exact; not in the bound", 0.0,
-                   unbounded=True)
+    yield Decision(ONE_CARD, "the card's own laws are taken as exact; not in the bound", 0.0, unbounded=True)
     yield from (_friction_decision(punch, near_rim(scene, punch)) for punch in scene.punches)
-    yield Decision("coating of constant thickness, real currents", "fixed choices of this version; the "
-                   "bound does not hold them", 0.0, unbounded=True)
+    yield Decision("coating of constant thickness, real currents", "fixed choices of this version; the bound does not "
+                   "hold them", 0.0, unbounded=True)
     yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
                    law.E_0_Pa / STEEL_E_PA)
     yield Decision("electrodes do not stiffen the rim", "what they touch is at most the rim's own effect",
@@ -246,8 +227,8 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
                    (scene.skin.thickness_m / sharpest) ** 2)
     yield from _electrode_decisions(scene)
     patterns, _ = protocol(scene.drive, scene.electrodes.count).shape
-    yield Decision(f"one impedance matrix serves all {patterns} patterns",
-                   "every pattern is a linear read-out of it", 0.0)
+    yield Decision(f"one impedance matrix serves all {patterns} patterns", "every pattern is a linear read-out of it",
+                   0.0)
 
 
 def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[Decision]:
@@ -276,7 +257,7 @@ def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
                        "touch beside them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
     else:
         yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
-                       "wanted error, a mesh that follows the touch takes over; the estimate counts in the result's "
+                       "requested error, a mesh that follows the touch takes over; the estimate counts in the result's "
                        "own error", 0.0)
     if scene.electrodes.missing:
         yield Decision(f"without electrode{'s' if len(scene.electrodes.missing) > 1 else ''} "

@@ -21,18 +21,15 @@ from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
 
-# Part of the wanted signal error that a table's own may use up.
-TABLE_SHARE = 0.25
+TABLE_SHARE = 0.25  # Part of the requested signal error that a table's own may use up.
 # Arrays of a table and of what the rim changes.
 _PATHS = ("depths", "radius", "values", "slopes", "error_estimate")
 _CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "error_estimate")
-# Names under which arrays are kept, where they are not the fields' own.
-_KEPT_AS = {"error_estimate": "told"}
+_KEPT_AS = {"error_estimate": "told"}  # Names under which arrays are kept, where they are not the fields' own.
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
-# Part of the wanted signal error that a table of changes may use up beside the paths.
-RIM_SHARE = 1.0
+RIM_SHARE = 1.0  # Part of the requested signal error that a table of changes may use up in addition to the paths.
 
 
 def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:
@@ -46,20 +43,18 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
     if not rim:
         return table, note
     key |= {"rim": asdict(GRID)}
-    arrays, note = cache.kept(cache.key_of(key), lambda: _rim_arrays(build_rim(table, run, GRID)))
+    arrays, note = cache.kept(cache.key_of(key), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
     part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _CHANGES}
     return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note
 
 
 def _arrays(table: Table) -> dict[str, Any]:
-    kept = {_KEPT_AS.get(name, name): getattr(table, name) for name in _PATHS}
-    return kept | {"error": np.array(astuple(table.error)), "checks": np.array(table.checks),
-                   "cpu_s": np.array(table.cpu_s)}
+    return _kept(table, _PATHS) | {"error": np.array(astuple(table.error)), "checks": np.array(table.checks)}
 
 
-def _rim_arrays(rim: RimTable) -> dict[str, Any]:
-    kept = {_KEPT_AS.get(name, name): getattr(rim, name) for name in _CHANGES}
-    return kept | {"cpu_s": np.array(rim.cpu_s)}
+def _kept(table: Table | RimTable, names: tuple[str, ...]) -> dict[str, Any]:
+    kept = {_KEPT_AS.get(name, name): getattr(table, name) for name in names}
+    return kept | {"cpu_s": np.array(table.cpu_s)}
 
 
 def scene_shape(scene: Scene, card: MaterialCard) -> DimensionlessProblem:
@@ -68,7 +63,7 @@ def scene_shape(scene: Scene, card: MaterialCard) -> DimensionlessProblem:
     try:
         return shape_for(scene, law, sorted({punch.diameter_m for punch in scene.punches}), False)
     except ValueError as error:
-        raise ValueError(f"{error} Leave out --reuse: the touch is then solved afresh.") from None
+        raise ValueError(f"{error} Leave out --reuse: the touch is then solved from rest.") from None
 
 
 def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> DimensionlessProblem:
@@ -89,7 +84,7 @@ def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: boo
 
 
 def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
-    """The touches of a scene that a table holds to the wanted error; None for each that is to be solved afresh."""
+    """The touches of a scene that a table holds to the requested error; None for each that is to be solved."""
     if table is None or scene.hold.time_s or table.error.signal > TABLE_SHARE * scene.accuracy.signal:
         return (None,) * len(scene.punches)
     return tuple(_served(table, law, scene, punch) for punch in scene.punches)
@@ -118,11 +113,9 @@ def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
         rim = (f"; what the rim changes, from a table too, was at most {depth:.1e} off in depth and {signal:.1e} in "
                "signal about this gap and depth")
     bound *= _SAFETY
-    error_estimate = (
-        f"the bound is {_SAFETY:g} times the larger of depth and response; the table took {table.whole_cpu_s:.0f} "
-        "CPU s, once, not counted in the cost of a touch"
-    )
     return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
                     f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
                     f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "
-                    f"{error.strain:.1e} in L2{rim}; {error_estimate}", bound, strain_bound=_SAFETY * error.strain)
+                    f"{error.strain:.1e} in L2{rim}; the bound is {_SAFETY:g} times the larger of "
+                    f"depth and response; the table took {table.whole_cpu_s:.0f} CPU s, once, not counted in the cost "
+                    "of a touch", bound, strain_bound=_SAFETY * error.strain)

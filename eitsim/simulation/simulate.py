@@ -14,7 +14,7 @@ from eitsim.mechanics.load_paths.law_family import Family, table_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch
-from eitsim.scene.scene import Body, Scene, as_scene
+from eitsim.scene.scene import Scene, as_scene
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, together
@@ -26,8 +26,7 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
 
-# Part of the wanted signal error, or of what the touches themselves miss where that is more, that the electrics may use
-# up.
+# Part of the requested signal error, or of what the touches themselves miss where more, that electrics may use up.
 ELECTRICS_SHARE = 0.2
 
 
@@ -42,16 +41,16 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     card
         A `MaterialCard`, or the file of one.
     exact
-        Turn off what the plan leaves out where that is built; the plan tells what stays.
+        Turn off what the plan leaves out where that is built; the plan says what stays.
     reuse
         Take touches from a stored load path of their punch; the first one solves and keeps it. Not with `exact`.
 
     Returns
     -------
     Result
-        Its `outcome` is "ok", or it names a refusal or a failure of a solver, which `message` tells; `touches` hold the
-        mechanics of each punch (m, N, Pa), `readings` the voltages (V; patterns x readings), `error_estimate` relative
-        errors. `result_document` makes of it what `eitsim run --out` writes.
+        Its `outcome` is "ok", or it names a refusal or a failure of a solver, which `message` explains; `touches` hold
+        the mechanics of each punch (m, N, Pa), `readings` the voltages (V; patterns x readings), `error_estimate`
+        relative errors. `result_document` makes of it what `eitsim run --out` writes.
 
     Raises
     ------
@@ -117,8 +116,8 @@ def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fa
     """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, which its
     message explains.
 
-    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan tells; table: load
-    paths, or a family of them, that serve the touches they hold to the wanted error (reuse.served), never with exact.
+    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan says; table: load
+    paths, or a family of them, that serve the touches they hold to the requested error (reuse.served), not with exact.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu = time.perf_counter(), time.process_time()
@@ -147,7 +146,7 @@ def _stored(table: Table | None, law: Hyperfoam, scene: Scene) -> list[Touch | N
 
 
 class _Refused(ValueError):
-    """What only the solved touch tells."""
+    """What only the solved touch shows."""
 
 
 def _solved(plan: Plan, material: Material, skin_law: Conductivity, scene: Scene, stored: list[Touch | None],
@@ -156,9 +155,9 @@ def _solved(plan: Plan, material: Material, skin_law: Conductivity, scene: Scene
     try:
         if scene.hold.time_s:
             moments = _moments(material, skin_law, scene, exact)
-            return _told(scene, plan, (moments[-1].touch,), moments[-1].readings, moments, exact)
+            return _result(scene, plan, (moments[-1].touch,), moments[-1].readings, moments, exact)
         touches = solved_touches(material.law, scene, stored, together(scene, exact=exact), exact)
-        return _told(scene, plan, touches, readings_of(scene, touches, skin_law, exact), (), exact)
+        return _result(scene, plan, touches, readings_of(scene, touches, skin_law, exact), (), exact)
     except _Refused as error:
         return Result("refused", plan, message=str(error))
     except NotConverged as error:
@@ -166,24 +165,18 @@ def _solved(plan: Plan, material: Material, skin_law: Conductivity, scene: Scene
                       residuals=error.residuals, load_fraction=error.load_fraction)
 
 
-def _told(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Readings, moments: tuple[Moment, ...],
-          exact: bool) -> Result:
+def _result(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Readings, moments: tuple[Moment, ...],
+            exact: bool) -> Result:
     """What was solved, with its errors, and what is wrong with it."""
     neighbours, unplanned = _neighbours(scene, touches, exact)
     numerical = numerical_errors(touches, readings)
     error_estimate = error_budget(plan, numerical, unplanned)
-    too_deep = _too_deep(touches, scene.body)
-    return Result(
-        "bottomed_out" if too_deep else "ok",
-        plan,
-        touches,
-        readings,
-        moments,
-        too_deep or explain_excess(scene.accuracy.signal, error_estimate["signal"], numerical["signal"], plan),
-        interaction=neighbours,
-        error_estimate=error_estimate,
-        numerical_error=numerical,
-    )
+    deepest, too_deep = max(touch.depth_m for touch in touches), ""
+    if deepest > BOTTOM * scene.body.thickness_m:
+        too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the foam's thickness."
+    note = too_deep or explain_excess(scene.accuracy.signal, error_estimate["signal"], numerical["signal"], plan)
+    return Result("bottomed_out" if too_deep else "ok", plan, touches, readings, moments, note, interaction=neighbours,
+                  error_estimate=error_estimate, numerical_error=numerical)
 
 
 def _neighbours(scene: Scene, touches: tuple[Touch, ...], exact: bool) -> tuple[dict[str, float], dict[str, float]]:
@@ -194,14 +187,6 @@ def _neighbours(scene: Scene, touches: tuple[Touch, ...], exact: bool) -> tuple[
     found = interaction(tuple(zip(scene.punches, touches, strict=True)), groups)
     planned = expected(scene.body, scene.punches, groups)
     return found, {key: max(value - planned, 0.0) for key, value in found.items()}
-
-
-def _too_deep(touches: tuple[Touch, ...], body: Body) -> str:
-    """In words, that a touch is beyond what the foam's mesh resolves; empty where none is."""
-    deepest = max(touch.depth_m for touch in touches)
-    if deepest <= BOTTOM * body.thickness_m:
-        return ""
-    return f"the punch is {deepest * 1e3:.3f} mm deep, beyond {BOTTOM:.0%} of the foam's thickness."
 
 
 def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM
 from eitsim.mechanics.axisymmetric.hold import kept, solve_hold
@@ -16,10 +17,8 @@ from eitsim.simulation.plan import near_rim
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 
-# Part of the wanted signal error that the mechanics may use up.
-MECHANICS_SHARE = 0.8
-# Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
-_MOST_NODES = 6000
+MECHANICS_SHARE = 0.8  # Part of the requested signal error that the mechanics may use up.
+_MOST_NODES = 6000  # Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
 
 
 def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], groups: Sequence[tuple[int, ...]],
@@ -35,14 +34,16 @@ def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None],
 
 
 def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: bool = False) -> Touch:
-    """A touch on the default mesh, and on one of half its element size where that misses the wanted error or is not
+    """A touch on the default mesh, and on one of half its element size where that misses the requested error or is not
     exact; in three dimensions near the rim and, where that is built and no neighbour is solved together with it, to be
     exact."""
     if near_rim(scene, punch) or (exact and not paired and not rim_problem(scene.body, punch)):
         return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain, whole=exact)
-    touch = None if exact else _resolved(law, scene, punch)
-    if touch is not None and (fine_enough([touch], scene) or not _refinable(touch, punch)):
-        return touch
+    if not exact:
+        with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge or tip
+            touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
+            if fine_enough([touch], scene) or not _refinable(touch, punch):
+                return touch
     return solve_touch(law, scene.body, punch, strain=scene.skin.strain,
                        element_m=default_element_m(scene.body, punch) / 2)
 
@@ -52,14 +53,6 @@ def _refinable(touch: Touch, punch: Punch) -> bool:
     may have to be loaded again from rest on the finer mesh at fifty times the cost."""
     within_memory = touch.section is None or len(touch.section.nodes_m) <= _MOST_NODES
     return within_memory and punch.friction == "none"
-
-
-def _resolved(law: Hyperfoam, scene: Scene, punch: Punch) -> Touch | None:
-    """The touch on the default mesh; None where that is too coarse to show the foam at the punch's edge or tip."""
-    try:
-        return solve_touch(law, scene.body, punch, strain=scene.skin.strain)
-    except Unresolved:
-        return None
 
 
 def held_touch(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch, exact: bool) -> list[tuple[float, Touch]]:

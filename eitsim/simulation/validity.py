@@ -16,17 +16,15 @@ from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 
 # Force over the foam's modulus times the square of the thickness or of the diameter, the larger, and depth over the
-# thickness, below which a touch is lost in rounding; a hundredth of
-# either was still solved (Table 1, 14 mm).
+# thickness, below which a touch is lost in rounding; a hundredth of either was still solved (Table 1, 14 mm).
 _LEAST_FORCE, _LEAST_DEPTH = 1e-8, 1e-8
-# Conductivities, S/m, beyond which only a slip of the unit can lie: silver has 6e7, pure water 6e-6.
+# Conductivities, S/m, outside which only a slip of the unit can lie: silver has 6e7, pure water 6e-6.
 _LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
-# Strain that touches of a foam come near to: flat.
-_FLAT = -0.97
+_FLAT = -0.97  # Strain that touches of a foam come near to: flat.
 
 
 def unresolvable(scene: Scene, material: Material) -> str:
-    """Why a touch or the card's conductivity is beyond what numbers resolve, with the mend; empty where none is."""
+    """Why a touch or the card's conductivity is more than numbers resolve, with the remedy; empty where none is."""
     problems = (_too_light(scene.body, punch, material.law) for punch in scene.punches)
     return _conductivity_problem(material.card) or next((problem for problem in problems if problem), "")
 
@@ -47,7 +45,7 @@ def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> 
         conductivity(law, driving)
     except ValueError as error:
         raise ValueError(f"the touch strains the skin further than its law goes, which its solved mechanics alone "
-                         f"tells. Press less, or mend the card: {error}") from None
+                         f"tells. Press less, or fix the card: {error}") from None
 
 
 def _conductivity_problem(card: MaterialCard) -> str:

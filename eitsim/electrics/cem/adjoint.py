@@ -8,15 +8,12 @@ Source: Polydorides, Lionheart, Meas. Sci. Technol. 13 (2002) 1871, DOI 10.1088/
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
-from eitsim.electrics.cem.assembly import SkinMesh, contacts, gradients
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, contacts, gradients
 from eitsim.scene.drive import read_out
 from eitsim.scene.scene import Drive
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 def impedance_by_conductance(mesh: SkinMesh, potential: Array, region: Indices | None = None) -> Array:
@@ -25,12 +22,6 @@ def impedance_by_conductance(mesh: SkinMesh, potential: Array, region: Indices |
     potential is that of cem.potentials; region (cells, q) numbers the mesh's quadrature points from 0, by default by
     cell.
     """
-    by_tensor = impedance_by_tensor(mesh, potential, region)
-    return by_tensor[:, 0] + by_tensor[:, 1]
-
-
-def impedance_by_tensor(mesh: SkinMesh, potential: Array, region: Indices | None = None) -> Array:
-    """As `impedance_by_conductance` for the components xx, yy and xy = yx of S, (regions, 3, N, N)."""
     gradient, area = gradients(mesh, potential[:len(mesh.nodes_m)])
     if region is None:
         region = np.broadcast_to(np.arange(len(mesh.cells))[:, None], area.shape)
@@ -38,12 +29,7 @@ def impedance_by_tensor(mesh: SkinMesh, potential: Array, region: Indices | None
     regions = int(region.max()) + 1
     gather = csr_matrix((area.ravel(), (region.ravel(), np.arange(points))), shape=(regions, points))
     x, y = np.moveaxis(gradient.reshape(points, 2, count), 1, 0)
-    out = np.empty((regions, 3, count, count))
-    for k in range(count):
-        x_k, y_k = x[:, k, None], y[:, k, None]
-        for part, product in enumerate((x_k * x, y_k * y, x_k * y + y_k * x)):
-            out[:, part, k] = -(gather @ product)
-    return out
+    return np.stack([-(gather @ (x[:, k, None] * x)) - gather @ (y[:, k, None] * y) for k in range(count)], axis=1)
 
 
 def impedance_by_field(mesh: SkinMesh, potential: Array, change_S: Array) -> Array:

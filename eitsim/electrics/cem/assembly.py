@@ -23,12 +23,9 @@ ELEMENTS = ("P1", "P2", "Q2")
 # element, degree of exactness of its quadrature, element of its edges
 _KINDS = {"P1": (ElementTriP1, 1, ElementLineP1), "P2": (ElementTriP2, 4, ElementLineP2),
           "Q2": (ElementQuad2, 5, ElementLineP2)}
-# Degree of exactness of the quadrature over areas under patches.
-_AREA_DEGREE = 6
-# Rounding of the resistance between two electrodes, relative, at most.
-_ROUNDING = 1e-4
-# Largest difference of a tensor's xy and yx over the sum of its xx and yy.
-_UNSYMMETRIC = 1e-12
+_AREA_DEGREE = 6  # Degree of exactness of the quadrature over areas under patches.
+_ROUNDING = 1e-4  # Rounding of the resistance between two electrodes, relative, at most.
+_UNSYMMETRIC = 1e-12  # Largest difference of a tensor's xy and yx over the sum of its xx and yy.
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,19 +33,14 @@ class SkinMesh:
     """The skin's reference surface cut into elements, and what of it lies under electrodes: edges under lines, whole
     elements under patches."""
 
-    # (n, 2) nodes, m; the elements are isoparametric, so middle nodes may lie on curves
-    nodes_m: Array
-    # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
-    cells: Indices
+    nodes_m: Array  # (n, 2) nodes, m; the elements are isoparametric, so middle nodes may lie on curves
+    cells: Indices  # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
     # (parts, m) node numbers of the edges under electrodes, m = 2 or 3: both ends, then the middle where the element
     # has one; or of the elements under electrodes, m = k, ordered as in `cells`
     under: Indices
-    # (parts,) the electrode each of them lies under, from 0
-    electrode: Indices
-    # how many electrodes
-    count: int
-    # one of ELEMENTS
-    element: str = "P1"
+    electrode: Indices  # (parts,) the electrode each of them lies under, from 0
+    count: int  # how many electrodes
+    element: str = "P1"  # one of ELEMENTS
 
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:
@@ -64,18 +56,14 @@ class Floating:
     """Conductors on the surface that let no current out (`eitsim.electrics.cem.floating_electrodes`), each an
     unknown after the nodes."""
 
-    # (parts, k) node numbers of the elements that each part covers, ordered as in the mesh's cells
-    under: Indices
-    # (parts,) the conductor that lies on each, from 0
-    conductor: Indices
-    # (parts, pairs) weights, 1/Ohm, of the pairs of its nodes and, last, its conductor
-    weights: Array
-    # how many conductors
-    count: int
+    under: Indices  # (parts, k) node numbers of the elements that each part covers, ordered as in the mesh's cells
+    conductor: Indices  # (parts,) the conductor that lies on each, from 0
+    weights: Array  # (parts, pairs) weights, 1/Ohm, of the pairs of its nodes and, last, its conductor
+    count: int  # how many conductors
 
 
 def quadrature_points(mesh: SkinMesh) -> Array:
-    """Points (cells, q, 2), m, where the conductance is wanted."""
+    """Points (cells, q, 2), m, where the conductance is needed."""
     return np.einsum("qk,ekx->eqx", _reference(mesh.element)[0], mesh.nodes_m[mesh.cells])
 
 
@@ -169,15 +157,15 @@ def _with_floating(weights: Array, floating: Floating | None) -> Array:
 
 def _torn(mesh: SkinMesh, lost: Detached, floating: Floating | None) -> ValueError:
     return ValueError(f"the sheet is torn: no current flows between {_named(mesh, lost.unknown, floating)} and "
-                      f"electrode {mesh.count - 1} (from 0), or none that counts beside others; join the parts of the "
+                      f"electrode {mesh.count - 1} (from 0), or none that counts against others; join the parts of the "
                       "mesh or leave what is torn off, with its electrodes, out of it.")
 
 
 def _named(mesh: SkinMesh, unknown: int, floating: Floating | None) -> str:
-    beyond = unknown - len(mesh.nodes_m)
-    if beyond >= 0:
-        electrode = beyond - _conductors(floating)
-        return f"floating conductor {beyond}" if electrode < 0 else f"electrode {electrode}"
+    place = unknown - len(mesh.nodes_m)
+    if place >= 0:
+        electrode = place - _conductors(floating)
+        return f"floating conductor {place}" if electrode < 0 else f"electrode {electrode}"
     x, y = mesh.nodes_m[unknown] * 1e3
     return f"the node at ({x:.3g}, {y:.3g}) mm"
 
@@ -190,7 +178,7 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
     its form, and its relative error is about twice that of Y. With refinements Z is the electrodes' rows of
     `potentials`, symmetric to rounding only: their substitution sums over all nodes, so that they can lose digits:
     one of Q2 elements, two where tensors differ much in their axes (benchmarks/electrics_stiff.py).
-    ValueError where the resistance between two electrodes keeps fewer than four digits beside that between others.
+    ValueError where the resistance between two electrodes keeps fewer than four digits next to that between others.
     """
     if refinements > 0:
         return centred(mesh, potentials(mesh, conductance_S, contact_impedance, order=order, refinements=refinements,
@@ -232,7 +220,7 @@ def _resolved(z: Array) -> Array:
     between = (own[:, None] + own - 2 * z)[~np.eye(len(z), dtype=bool)]
     if not between.min() > np.finfo(float).eps / _ROUNDING * np.abs(z).max():
         raise ValueError(f"the sheet is all but torn, or an electrode all but without contact: resistances between "
-                         f"electrodes reach {between.max():.1e} Ohm, beside which the least of them keeps fewer than "
+                         f"electrodes reach {between.max():.1e} Ohm, next to which the least of them keeps fewer than "
                          "four digits; leave out what is torn off, or give cut and contacts a larger conductance.")
     return z
 

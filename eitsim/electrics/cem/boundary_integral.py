@@ -27,10 +27,8 @@ _LOG_POINTS, _LOG_POWER = 32, 6
 # Points of a panel on which the potential of the other electrodes is interpolated to twelve digits where they are at
 # least _FAR panel lengths away, and the most such panels from the middle to an end.
 _SMOOTH_POINTS, _FAR, _SMOOTH_PANELS = 16, 0.95, 5
-# The most unknowns that couple electrodes which are not alike.
-_MOST_COUPLED = 4500
-# Harmonics around the rim.
-HARMONICS = 192
+_MOST_COUPLED = 4500  # The most unknowns that couple electrodes which are not identical.
+HARMONICS = 192  # Harmonics around the rim.
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +36,8 @@ class Rim:
     """A homogeneous disc with N line electrodes. Fields are Re sum_{n>0} a_n (r/R)^n exp(i n theta), theta from the
     electrodes' first angle."""
 
-    # (N, N) impedance, Ohm; rows and columns sum to zero
-    impedance_Ohm: Array
-    # (h, N) a_n, V, of 1 A into each electrode and 1/N A out of every one
-    driven: Complex
+    impedance_Ohm: Array  # (N, N) impedance, Ohm; rows and columns sum to zero
+    driven: Complex  # (h, N) a_n, V, of 1 A into each electrode and 1/N A out of every one
     # (h, h) twice: rim potential Re sum g_n exp(i n theta) of an inner source on a rim without electrodes -> the field
     # same @ g + crossed @ conj(g) that the floating electrodes add
     same: Complex
@@ -53,14 +49,10 @@ class _Alone:
     """What flows into one electrode alone on the rim, over pi S, theta from its middle, by what drives it: its own
     potential U, the potential that other electrodes raise at its smooth nodes, and exp(i n theta) on the rim."""
 
-    # (p,) smooth nodes, rad
-    theta: Array
-    # current by U
-    total: float
-    # (p,) charges at the smooth nodes by U, which is the current by the potential at each
-    charge: Array
-    # (p, p) charges by the potential at the smooth nodes
-    charges: Array
+    theta: Array  # (p,) smooth nodes, rad
+    total: float  # current by U
+    charge: Array  # (p,) charges at the smooth nodes by U, which is the current by the potential at each
+    charges: Array  # (p, p) charges by the potential at the smooth nodes
     # (h,) current and (p, h) charges by exp(i n theta)
     total_by_wave: Complex
     charge_by_wave: Complex
@@ -75,7 +67,7 @@ def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
 
     The inflow j on the electrodes satisfies z j - (R/(pi S)) int log|2 sin((t - t')/2)| j(t') dt' = U - g, for given
     net currents. Each electrode is solved alone; what the others do to it is smooth there, and its values at a few
-    nodes couple them: in one dense system, or by a Fourier transform over electrodes that are alike.
+    nodes couple them: in one dense system, or by a Fourier transform over electrodes that are identical.
 
     ValueError for patches, and what `unsolvable` tells.
     """
@@ -117,7 +109,7 @@ def _together(alone: list[_Alone], middle: Array, couple: Callable[..., Array]) 
 
 
 def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
-    """Why `solve_rim` refuses these line electrodes, with the mend; empty where it does not.
+    """Why `solve_rim` refuses these line electrodes, with the remedy; empty where it does not.
 
     Electrodes that touch with so low a contact impedance that the current between them crowds on less, S z, than is
     resolved; or unlike ones that are too many and too close for the dense system that couples them.
@@ -134,13 +126,12 @@ def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
                 f"{finest[k] * body.radius_m / conductance_S:.1g} Ohm m.")
     own = [len(_smooth_nodes(_panels(h), *panels)[0]) for h, panels in zip(half, _smooth_panels(ends), strict=True)]
     if sum(own) > _MOST_COUPLED and not identical(electrodes):
-        return (f"{len(ends)} electrodes that are not alike and this close to each other need {sum(own)} coupled "
-                f"unknowns, at most {_MOST_COUPLED} are solved; leave wider gaps between them, or make them alike.")
+        return (f"{len(ends)} electrodes that are not identical and this close to each other need {sum(own)} "
+                f"coupled unknowns, at most {_MOST_COUPLED} are solved; leave wider gaps, or make them identical.")
     return ""
 
 
 def _gaps(ends: Array) -> Array:
-    """Angle from each electrode to the next."""
     return np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi) - ends[:, 1]
 
 
@@ -152,7 +143,7 @@ def _smooth_panels(ends: Array) -> list[tuple[int, int]]:
 
 
 def _panels_to(gap: float, width: float) -> int:
-    """Panels from the middle of an electrode to the end beside a gap on which another electrode's potential is smooth:
+    """Panels from the middle of an electrode to the end next to a gap on which another electrode's potential is smooth:
     0 for one on the whole electrode, each next half as long; -1 where only the electrode's own panels will do."""
     far = gap / (width / 2)
     if far >= 2 * _FAR:
@@ -197,7 +188,7 @@ def _coupled(theta: list[Array], charges: list[Array], sources: Array) -> Array:
 
 
 def _coupled_alike(theta: list[Array], charges: list[Array], sources: Array) -> Array:
-    """As `_coupled` for electrodes that are alike, evenly spaced: one small system for each mode around the ring."""
+    """As `_coupled` for identical electrodes, evenly spaced: one small system for each mode around the ring."""
     count, p = len(theta), len(theta[0])
     kernels = np.stack([np.zeros((p, p)), *(_kernel(t, theta[0]) for t in theta[1:])])
     modes, driven = np.fft.rfft(kernels, axis=0), np.fft.rfft(sources.reshape(count, p, -1), axis=0)
@@ -232,7 +223,6 @@ def _panels(half: float) -> tuple[float, ...]:
 
 
 def _nodes(ends: Array, points: int = _POINTS) -> tuple[Array, Array]:
-    """Gauss nodes and weights on panels."""
     x, w = leggauss(points)
     middle, reach = (ends[1:] + ends[:-1]) / 2, np.diff(ends) / 2
     return (middle[:, None] + reach[:, None] * x).ravel(), (reach[:, None] * w).ravel()

@@ -12,14 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import Floating, SkinMesh, area_points, joined_over_areas
+from eitsim.electrics.cem.assembly import Array, Floating, SkinMesh, area_points, joined_over_areas
 from eitsim.electrics.sheet.sheet_conductance import added_metric
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch
 
-Array = NDArray[np.float64]
 Touches = Sequence[tuple[Punch, Touch]]
 
 

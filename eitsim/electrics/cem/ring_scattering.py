@@ -13,24 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, xlogy
 
-from eitsim.electrics.cem.boundary_integral import Rim
+from eitsim.electrics.cem.boundary_integral import Array, Complex, Rim
 from eitsim.electrics.cem.floating_electrodes import shunt, shunt_ends
-from eitsim.electrics.sheet.sheet_conductance import (
-    admittance,
-    principal_conductances,
-    stretches,
-    untouched_conductance,
-)
+from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Indices = NDArray[np.integer]
 
-# Part of their reach over which the rings carry the whole change of conductance.
-FULL = 0.9
+FULL = 0.9  # Part of their reach over which the rings carry the whole change of conductance.
 
 
 def ring_share(radius_m: Array, reach_m: float) -> Array:
@@ -43,12 +35,9 @@ def ring_share(radius_m: Array, reach_m: float) -> Array:
 class Scatterer:
     """A touch as its circle sends back what comes in."""
 
-    # place of its axis, m
-    centre_m: complex
-    # radius of the circle, m
-    reach_m: float
-    # (orders,) tau_m: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out, m = 1, 2, ...
-    scattered: Array
+    centre_m: complex  # place of its axis, m
+    reach_m: float  # radius of the circle, m
+    scattered: Array  # (orders,) tau_m: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out, m = 1, 2, ...
 
 
 def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
@@ -64,8 +53,8 @@ def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
     for (i, (one, a)), (j, (other, b)) in itertools.combinations(enumerate(touches), 2):
         gap = abs(position(one) - position(other)) - a.contact_radius_m - b.contact_radius_m
         if gap <= 0:
-            raise ValueError(f"the contacts of touches {i + 1} and {j + 1} overlap by {-gap * 1e3:.1f} mm; move them "
-                             "apart.")
+            raise ValueError(f"the contacts of touches {i + 1} and {j + 1} overlap by {-gap * 1e3:.1f} mm; leave a gap "
+                             "between them.")
         out[i], out[j] = min(out[i], a.contact_radius_m + gap / 2), min(out[j], b.contact_radius_m + gap / 2)
     return out
 
@@ -92,12 +81,12 @@ def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_
     stops = np.unique(np.concatenate([[0.0], stops[stops < reach_m], [reach_m]]))
     radii = np.interp(np.arange(parts * (len(stops) - 1) + 1) / parts, np.arange(len(stops)), stops)
     middle = (radii[1:] + radii[:-1]) / 2
-    along, across, normal = stretches(touch, middle)
-    free, share = untouched_conductance(law, skin), ring_share(middle, reach_m)
-    meridian, hoop = (free + share * (s - free) for s in principal_conductances(law, skin, along, across, normal))
+    along, across, normal = sheet.stretches(touch, middle)
+    free, share = sheet.untouched_conductance(law, skin), ring_share(middle, reach_m)
+    meridian, hoop = (free + share * (s - free) for s in sheet.principal_conductances(law, skin, along, across, normal))
     m = np.arange(1, orders + 1)[:, None]
     k = np.sqrt(meridian * (m**2 * hoop + shunt(punch, touch, middle, along * across) * middle**2))
-    y = admittance(k[:, 0], k[:, 1:], meridian[1:], radii[1:])
+    y = sheet.admittance(k[:, 0], k[:, 1:], meridian[1:], radii[1:])
     return (free * m[:, 0] - y) / (free * m[:, 0] + y)
 
 

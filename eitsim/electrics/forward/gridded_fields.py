@@ -11,32 +11,27 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
 from eitsim.electrics.sheet.sheet_conductance import added_metric, driving_strain, touched_conductance
-from eitsim.scene.results import Touch
+from eitsim.scene.results import Array, Touch
 from eitsim.scene.scene import Body, Punch, Scene
 from matcal.laws.conductivity import Conductivity, conductivity
 from touchcal.errors import unknown_key
 
-Array = NDArray[np.float64]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 TABLE = "fields"
 # Sizes of a grid unless they are given, and the fewest and most that are taken.
 _SIZES = {"square": {"side": 64}, "polar": {"rings": 32, "angles": 64}}
 _FEWEST, _MOST = 2, 1024
-# Most points: the rows of a part are in memory together.
-_POINTS = 256 * 256
+_POINTS = 256 * 256  # Most points: the rows of a part are in memory together.
 
 
 @dataclass(frozen=True)
 class StoredFields:
     """The table [fields] of a design: fields at points, not averages over pixels."""
 
-    # some of QUANTITIES
-    names: tuple[str, ...]
-    # "square": pixels of the square about the disc, or "polar": rings of the disc
-    grid: str = "square"
-    # pixels along a side of a square grid; None: a polar one
-    side: int | None = None
+    names: tuple[str, ...]  # some of QUANTITIES
+    grid: str = "square"  # "square": pixels of the square about the disc, or "polar": rings of the disc
+    side: int | None = None  # pixels along a side of a square grid; None: a polar one
     # rings of a polar grid, and points on each; None: a square one
     rings: int | None = None
     angles: int | None = None
@@ -54,15 +49,13 @@ class StoredFields:
 class Quantity:
     """One field."""
 
-    # name of its data set, unit in it where it has one
-    dataset: str
+    dataset: str  # name of its data set, unit in it where it has one
     # unit and meaning
     unit: str
     meaning: str
     # values (n,) or, of a tensor, (n, 3) at points (n, 2), m
     values: Callable[[Array, Touches, Scene, Conductivity], Array]
-    # numbers at a point
-    parts: int = 1
+    parts: int = 1  # numbers at a point
 
 
 def _strain(points: Array, touches: Touches, scene: Scene, law: Conductivity) -> Array:
@@ -80,14 +73,6 @@ def _conductance(points: Array, touches: Touches, scene: Scene, law: Conductivit
     return np.stack([sheet[:, 0, 0], sheet[:, 1, 1], sheet[:, 0, 1]], axis=-1)
 
 
-def _pressure(points: Array, touches: Touches, scene: Scene, law: Conductivity) -> Array:
-    return contact_pressure(points, touches) / 1e3
-
-
-def _displacement(points: Array, touches: Touches, scene: Scene, law: Conductivity) -> Array:
-    return surface_displacement(points, touches)[:, 2] * 1e3
-
-
 QUANTITIES = {
     "strain": Quantity("driving_strain", "1", "strain that drives the skin, the one of [skin] strain", _strain),
     "conductivity": Quantity("conductivity_change", "1", "c(e)/c(0) - 1 of the coating's conductivity",
@@ -95,8 +80,10 @@ QUANTITIES = {
     "conductance": Quantity("sheet_conductance_S", "S", "xx, yy, xy of the sheet conductance on the untouched surface",
                             _conductance, 3),
     "pressure": Quantity("contact_pressure_kPa", "kPa", "contact pressure on the deformed surface, facet averages; of "
-                         "the touch alone where the rim or a neighbour changes it", _pressure),
-    "displacement": Quantity("normal_displacement_mm", "mm", "displacement along z, down negative", _displacement)}
+                         "the touch alone where the rim or a neighbour changes it",
+                         lambda points, touches, *_: contact_pressure(points, touches) / 1e3),
+    "displacement": Quantity("normal_displacement_mm", "mm", "displacement along z, down negative",
+                             lambda points, touches, *_: surface_displacement(points, touches)[:, 2] * 1e3)}
 
 
 def fields_from(raw: Any) -> StoredFields:
@@ -160,7 +147,7 @@ def inside(stored: StoredFields, body: Body) -> NDArray[np.bool_]:
 
 def values(stored: StoredFields, scene: Scene, touches: Sequence[Touch],
            law: Conductivity) -> dict[str, NDArray[np.float32]]:
-    """Name -> field (*shape,) or (*shape, parts) of a solved scene, units as QUANTITIES say; NaN beside the disc."""
+    """Name -> field (*shape,) or (*shape, parts) of a solved scene, units as QUANTITIES say; NaN outside the disc."""
     pairs = tuple(zip(scene.punches, touches, strict=True))
     there = inside(stored, scene.body)
     points = places(stored, scene.body)[there]

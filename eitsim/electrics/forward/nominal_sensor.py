@@ -1,4 +1,4 @@
-"""How far the signals of a nominal sensor are apart by two fields that change one axisymmetric touch.
+"""How far the signals of a nominal sensor differ by two fields that change one axisymmetric touch.
 
 The skin's conductivity is c(e) = exp(-2 e), its sensor the default one in proportion to the disc: which of them a scene
 has is not known where tables are made. The sensor matters little: drive, contact impedance and width of electrodes by a
@@ -13,9 +13,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import driving_strain, surface_metric
 from eitsim.scene.drive import read_out
@@ -24,12 +23,8 @@ from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Punch
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-
-# c(e) = exp(_SENSITIVITY e).
-_SENSITIVITY = -2.0
-# Conductance, S, of the default skin, which the contact impedance is in proportion to.
-_DEFAULT_S = 6e-4
+_SENSITIVITY = -2.0  # c(e) = exp(_SENSITIVITY e).
+_DEFAULT_S = 6e-4  # Conductance, S, of the default skin, which the contact impedance is in proportion to.
 # Bearings of the touch from an electrode, over half the step between electrodes: a difference grows up to tenfold from
 # one to another, and mostly counts most between electrodes.
 _BEARINGS = (0.0, 0.5, 1.0)
@@ -39,7 +34,10 @@ def signal_difference(body: Body, punch: Punch, touch: Touch, rough: RimField, f
     """Relative difference, 2-norm, of the signals dV by a touch with either field, at the bearing from an electrode
     where it is largest; infinite where a field leaves no skin (its metric is not positive), or no bearing has a mesh of
     the skin."""
-    electrodes, touches = _in_proportion(body), [replace(touch, rim=part) for part in (rough, field)]
+    size, given = body.radius_m / Body().radius_m, Electrodes()
+    width, impedance_Ohm_m = (float(np.mean(part)) for part in (given.width_m, given.contact_impedance_Ohm_m))
+    electrodes = replace(given, width_m=width * size, contact_impedance_Ohm_m=impedance_Ohm_m * _DEFAULT_S * size)
+    touches = [replace(touch, rim=part) for part in (rough, field)]
     half_step, bearing = np.pi / electrodes.count, np.arctan2(punch.y_m, punch.x_m)
     found = []
     for share in _BEARINGS:
@@ -47,13 +45,6 @@ def signal_difference(body: Body, punch: Punch, touch: Touch, rough: RimField, f
             turned = _turned(punch, touches, share * half_step - bearing)
             found.append(_difference(body, electrodes, *turned, strain))
     return max(found, default=math.inf)
-
-
-def _in_proportion(body: Body) -> Electrodes:
-    """Default electrodes, scaled with the disc."""
-    size, given = body.radius_m / Body().radius_m, Electrodes()
-    width, impedance_Ohm_m = (float(np.mean(part)) for part in (given.width_m, given.contact_impedance_Ohm_m))
-    return replace(given, width_m=width * size, contact_impedance_Ohm_m=impedance_Ohm_m * _DEFAULT_S * size)
 
 
 def _turned(punch: Punch, touches: list[Touch], angle: float) -> tuple[Punch, list[Touch]]:

@@ -13,33 +13,25 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 
-from eitsim.electrics.cem.assembly import Floating, SkinMesh, centred, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.cem.floating_electrodes import floating, shunts
 from eitsim.electrics.forward.solve_forward import following_mesh
-from eitsim.electrics.sheet.sheet_conductance import (
-    added_metric,
-    local_axes,
-    moved,
-    touched_conductance,
-    untouched_conductance,
-)
+from eitsim.electrics.sheet import sheet_conductance as sheet
+from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import contact_impedances, present, there
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Scene
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 # Name of the cell in VTK, whose order of nodes is the same, and the element, by the mesh's element.
 _CELLS = {"P1": ("triangle", ElementTriP1), "P2": ("triangle6", ElementTriP2), "Q2": ("quad9", ElementQuad2)}
-# Refinement of the mesh that follows the touches.
-LEVEL = 2
+LEVEL = 2  # Refinement of the mesh that follows the touches.
 # An element's area at one of its nodes, over its mean, below which that node takes the gradient of the whole.
 _COLLAPSED = 1e-6
-# Part of the way to an element's middle at which its nodes are told to lie under a punch or beside it.
-_INWARDS = 1e-3
+_INWARDS = 1e-3  # Part of the way to an element's middle at which its nodes are taken to lie under a punch or not.
 
 
 def write_skin_vtu(scene: Scene, touches: Sequence[Touch], law: Conductivity, path: Path | str,
@@ -51,8 +43,8 @@ def write_skin_vtu(scene: Scene, touches: Sequence[Touch], law: Conductivity, pa
     meshio.Mesh(points, cells, point_data=fields).write(path, file_format="vtu")
 
 
-def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patterns: Sequence[int] | None = None,
-                level: int = LEVEL) -> tuple[Array, tuple[str, NDArray[np.int64]], dict[str, Array]]:
+def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patterns: Sequence[int] | None = None
+                ) -> tuple[Array, tuple[str, NDArray[np.int64]], dict[str, Array]]:
     """Points (n, 3) of the untouched surface, m, the cell's name in VTK with its nodes, and point fields; each cell has
     its own points, so that nothing is averaged.
 
@@ -63,7 +55,7 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     current_density_A_per_m_<pattern>, -sigma grad V per length of the untouched surface. A node where its cell is
     collapsed takes what the cell has at its middle; taken_from_middle tells where. The mesh follows the touches, also
     where the scene's own readings are solved without one, so that both differ by its error.
-    Where punches conduct: contact_conductance_S_per_m2 to them, per area of the untouched surface, 0 beside their
+    Where punches conduct: contact_conductance_S_per_m2 to them, per area of the untouched surface, 0 outside their
     contacts; into_punch_A_per_m2_<pattern>, the current density into them; and shorted_potential_V_<pattern>, the
     punch's potential where it touches, the skin's elsewhere.
 
@@ -72,24 +64,17 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     currents = driven_currents(scene, patterns)
     pairs = tuple(zip(scene.punches, touches, strict=True))
     electrodes = present(scene.electrodes)
-    mesh = following_mesh(scene.body, electrodes, pairs, level)
+    mesh = following_mesh(scene.body, electrodes, pairs, LEVEL)
     sheets = (touched_conductance(quadrature_points(mesh), pairs, scene.skin, law),
-              np.full(len(mesh.cells), untouched_conductance(law, scene.skin)))
+              np.full(len(mesh.cells), sheet.untouched_conductance(law, scene.skin)))
     driven = np.stack(list(currents.values()))[:, there(scene.electrodes)]
-    touched, untouched = (_driven(mesh, sheet, contact_impedances(electrodes), driven, conductors)
-                          for sheet, conductors in zip(sheets, (floating(mesh, pairs), None), strict=True))
+    touched, untouched = (
+        centred(mesh, potentials(mesh, conductance, contact_impedances(electrodes), floating=conductors))[:-mesh.count]
+        @ driven.T for conductance, conductors in zip(sheets, (floating(mesh, pairs), None), strict=True))
     nodes = len(mesh.nodes_m)
     points, cells, fields = _at_nodes(mesh, pairs, scene, law, touched[:nodes], list(currents))
     fields |= _named("untouched_potential_V", untouched[mesh.cells.ravel()], list(currents))
     return points, cells, fields | _under_punches(mesh, pairs, touched[:nodes], touched[nodes:], list(currents))
-
-
-def _driven(mesh: SkinMesh, conductance_S: Array, impedances: Array, currents_A: Array,
-            conductors: Floating | None) -> Array:
-    """Potentials (nodes + conductors, patterns), V, of currents (patterns, electrodes); the mean of the electrodes is
-    0 V."""
-    found = potentials(mesh, conductance_S, impedances, floating=conductors)
-    return centred(mesh, found)[:-mesh.count] @ currents_A.T
 
 
 def _under_punches(mesh: SkinMesh, touches: Touches, potential: Array, punches: Array,
@@ -137,7 +122,7 @@ def _at_nodes(mesh: SkinMesh, touches: Touches, scene: Scene, law: Conductivity,
     sigma = touched_conductance(place, touches, scene.skin, law)
     density = -np.einsum("enab,enbp->enap", sigma, gradient)
     points = place.reshape(-1, 2)
-    metric, _ = added_metric(points, touches)
+    metric, _ = sheet.added_metric(points, touches)
     fields = {"displacement_m": surface_displacement(points, touches),
               "contact_pressure_Pa": contact_pressure(points, touches),
               "largest_in_plane_strain": np.sqrt(np.linalg.eigvalsh(metric)[:, -1]) - 1,
@@ -166,19 +151,18 @@ def _gradients(element: Any, place: Array, value: Array) -> tuple[Array, NDArray
 
 
 def contact_pressure(points_m: Array, touches: Touches) -> Array:
-    """Pressure (n,), Pa, at points (n, 2), interpolated between facet averages; none beyond a touch's samples."""
-    away = [np.linalg.norm(points_m - np.array([punch.x_m, punch.y_m]), axis=1) for punch, _ in touches]
-    return np.sum([np.interp(radius, touch.radius_m, touch.pressure_Pa, right=0.0)
-                   for radius, (_, touch) in zip(away, touches, strict=True)], axis=0)
+    """Pressure (n,), Pa, at points (n, 2), interpolated between facet averages; none outside a touch's samples."""
+    return np.sum([np.interp(np.linalg.norm(points_m - np.array([punch.x_m, punch.y_m]), axis=1), touch.radius_m,
+                             touch.pressure_Pa, right=0.0) for punch, touch in touches], axis=0)
 
 
 def surface_displacement(points_m: Array, touches: Touches) -> Array:
-    """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 beyond their samples."""
+    """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 outside their samples."""
     return np.sum([_displacement(points_m, punch, touch) for punch, touch in touches], axis=0)
 
 
 def _displacement(points_m: Array, punch: Punch, touch: Touch) -> Array:
-    axes = local_axes(punch, touch)
+    axes = sheet.local_axes(punch, touch)
     local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
     radius = np.hypot(local[:, 0], local[:, 1])
     known = PchipInterpolator(touch.radius_m, np.column_stack([touch.u_r_m, touch.u_z_m]))
@@ -187,7 +171,7 @@ def _displacement(points_m: Array, punch: Punch, touch: Touch) -> Array:
     share = outwards / np.maximum(radius, math.ulp(0))
     found = np.column_stack([share * local[:, 0], share * local[:, 1], upwards])
     if touch.rim is not None:
-        found = found + moved(touch.rim, local)
+        found = found + sheet.moved(touch.rim, local)
     return np.column_stack([found[:, :2] @ axes, found[:, 2]])
 
 

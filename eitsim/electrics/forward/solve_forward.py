@@ -9,39 +9,25 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.cem import ring_scattering as rings
+from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating
-from eitsim.electrics.cem.ring_scattering import (
-    Scatterer,
-    admissible_radius,
-    impedance_change,
-    position,
-    reaches,
-    scattering,
-)
+from eitsim.electrics.cem.ring_scattering import Scatterer, position
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.sheet.sheet_conductance import (
-    extrapolated_fraction,
-    principal_conductances,
-    stretches,
-    touched_conductance,
-    untouched_conductance,
-)
+from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import among_all, contact_impedances, present
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 METHODS = ("auto", "multipole", "mesh")
@@ -50,8 +36,7 @@ ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
 # over the change by the last halving, where the rim cuts the contact and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
-# How many times the estimate a mesh must stay below the wanted error not to be halved again.
-MARGIN = 2
+MARGIN = 2  # How many times the estimate a mesh must stay below the requested error not to be halved again.
 
 
 @dataclass(frozen=True)
@@ -66,7 +51,7 @@ class _Sensor:
 
     @property
     def conductance_S(self) -> float:
-        return untouched_conductance(self.law, self.skin)
+        return sheet.untouched_conductance(self.law, self.skin)
 
     def read_out(self, impedance_Ohm: Array) -> Array:
         """Readings, V, by an impedance matrix of the electrodes that have contact; NaN where another is needed."""
@@ -83,13 +68,13 @@ class _Change:
     method: str
 
 
-def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches: tuple[tuple[Punch, Touch], ...],
+def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches: Touches,
           law: Conductivity, *, signal: float = 0.002, method: str = "auto") -> Readings:
     """Readings of a touched skin; the relative error of dV, 2-norm, is at most `signal` where that can be reached.
 
     The untouched skin is solved once a sensor (`untouched_impedance`). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
-    largest circle about it that fits in the disc; the strain beyond, and what strains make of the conductance where
+    largest circle about it that fits in the disc; the strain outside, and what strains make of the conductance where
     they add up, count to first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto"
     takes the first where it meets `signal`, else the better of both.
 
@@ -102,14 +87,11 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
     its estimate exceeds `signal`. It does not hold what interpolation between the touch's own samples costs.
 
-    MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: at
-    least 90 per cent of the estimates within a factor of 3 of the error, and of such pairs one by which many cover it.
-    93 of these 100 lie within 3 and 85 cover the error, 90 and 78 of the odd ones (a pair that covers more, 2e-4 and
-    0.1, was left as only 89 of the odd ones lay within 3 by it, so that these are no strict proof); at one touch of all
-    the error is more than three times the estimate (benchmarks/electrics_random.py). The change by halving tells little
-    of which touch is off more: its rank correlation with the error is 0.28, and neither its parts in size and in shape
-    nor force, diameter and gap tell more. LEFT_CUT is what two touches among them want whose contact the rim cuts;
-    three others lie within 0.0006, told 0.0002 to 0.0026.
+    MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: 93 of
+    these 100 estimates lie within a factor of 3 of the error and 85 cover it, 90 and 78 of the odd ones; at one touch
+    the error is more than three times the estimate (benchmarks/electrics_random.py). The change by halving says little
+    of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
+    need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
     A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do.
 
@@ -125,13 +107,13 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     change = min(_changes(sensor, touches, signal, method), key=lambda c: c.error)
     untouched = untouched_impedance(body, sensor.electrodes, sensor.conductance_S)
     baseline, dv = sensor.read_out(untouched), sensor.read_out(change.impedance_Ohm)
-    extrapolated = sum(extrapolated_fraction(body, punch, touch, skin, law) for punch, touch in touches)
+    extrapolated = sum(sheet.extrapolated_fraction(body, punch, touch, skin, law) for punch, touch in touches)
     return Readings(baseline + dv, baseline, dv, among_all(electrodes, untouched + change.impedance_Ohm), change.error,
                     min(extrapolated, 1.0), change.unknowns, time.process_time() - start, change.method)
 
 
 def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> Iterator[_Change]:
-    """Attempts in the order of their cost; the last one meets the wanted error, or none does."""
+    """Attempts in the order of their cost; the last one meets the requested error, or none does."""
     clipped = any(touch.rim is not None for _, touch in touches)
     patches = sensor.electrodes.kind == "patch"
     if method == "multipole" and patches:
@@ -148,14 +130,15 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
 
 def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     """Rings are cut until they no longer matter; then the harmonics are varied once."""
-    circles, rooms = reaches(sensor.body, touches), [admissible_radius(sensor.body, punch) for punch, _ in touches]
+    circles = rings.reaches(sensor.body, touches)
+    rooms = [rings.admissible_radius(sensor.body, punch) for punch, _ in touches]
     coarse, fine = (_scattered(sensor, touches, circles, rooms, parts) for parts in PARTS[:2])
     used = PARTS[1]
     for parts in PARTS[2:]:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
         coarse, fine, used = fine, _scattered(sensor, touches, circles, rooms, parts), parts
-    beyond = sum(born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
+    outside = sum(born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
                  sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
@@ -163,9 +146,9 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     error = MISSED + _difference(sensor, fine, coarse) / 3
     error += _difference(sensor, fine, _scattered(sensor, touches, circles, rooms, used, 3 * ORDERS // 4,
                                                   3 * HARMONICS // 4))
-    error += 4 * first * _difference(sensor, fine + beyond, fine)
+    error += 4 * first * _difference(sensor, fine + outside, fine)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
-    return _Change(fine + beyond + meeting, error, 2 * ORDERS * len(touches), "multipole")
+    return _Change(fine + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
 def _scattered(sensor: _Sensor, touches: Touches, circles: Sequence[float], rooms: Sequence[float], parts: int,
@@ -175,7 +158,7 @@ def _scattered(sensor: _Sensor, touches: Touches, circles: Sequence[float], room
     rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
 
     def change(scatterers: Sequence[Scatterer]) -> Array:
-        return impedance_change(rim, sensor.body, sensor.electrodes, sensor.conductance_S, scatterers, harmonics)
+        return rings.impedance_change(rim, sensor.body, sensor.electrodes, sensor.conductance_S, scatterers, harmonics)
 
     inner = _scatterers(sensor, touches, circles, parts, orders)
     whole = _scatterers(sensor, touches, rooms, parts, orders)
@@ -185,8 +168,8 @@ def _scattered(sensor: _Sensor, touches: Touches, circles: Sequence[float], room
 
 def _scatterers(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int,
                 orders: int) -> list[Scatterer]:
-    return [Scatterer(position(punch), radius, scattering(punch, touch, sensor.skin, sensor.law, radius, orders, parts))
-            for (punch, touch), radius in zip(touches, radii, strict=True)]
+    return [Scatterer(position(punch), r, rings.scattering(punch, touch, sensor.skin, sensor.law, r, orders, parts))
+            for (punch, touch), r in zip(touches, radii, strict=True)]
 
 
 def _overlap(sensor: _Sensor, touches: Touches) -> float:
@@ -194,8 +177,8 @@ def _overlap(sensor: _Sensor, touches: Touches) -> float:
     found = [0.0]
     for (punch, touch), (other, pressed) in itertools.permutations(touches, 2):
         nearest = np.array([abs(position(punch) - position(other)) - pressed.contact_radius_m])
-        sheets = principal_conductances(sensor.law, sensor.skin, *stretches(touch, nearest))
-        found += [float(np.abs(sheet / sensor.conductance_S - 1)[0]) for sheet in sheets]
+        sheets = sheet.principal_conductances(sensor.law, sensor.skin, *sheet.stretches(touch, nearest))
+        found += [float(np.abs(along / sensor.conductance_S - 1)[0]) for along in sheets]
     return max(found)
 
 
@@ -216,7 +199,7 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
 
 def _on_mesh(sensor: _Sensor, touches: Touches, mesh: SkinMesh) -> Array:
     z, order, conductors = contact_impedances(sensor.electrodes), dissection(mesh), floating(mesh, touches)
-    touched = touched_conductance(quadrature_points(mesh), touches, sensor.skin, sensor.law)
+    touched = sheet.touched_conductance(quadrature_points(mesh), touches, sensor.skin, sensor.law)
     untouched = np.full(len(mesh.cells), sensor.conductance_S)
     shunted = order if conductors is None else dissection(mesh, conductors)
     return (impedance(mesh, touched, z, order=shunted, floating=conductors)
@@ -224,7 +207,7 @@ def _on_mesh(sensor: _Sensor, touches: Touches, mesh: SkinMesh) -> Array:
 
 
 def following_mesh(body: Body, electrodes: Electrodes, touches: Touches, level: int) -> SkinMesh:
-    """The mesh that follows one touch (`template`) or several (`triangulation`), where the level is told."""
+    """The mesh that follows one touch (`template`) or several (`triangulation`), on a level."""
     if len(touches) == 1:
         return template(body, electrodes, *touches[0], level)
     return triangulation(body, electrodes, touches, level)

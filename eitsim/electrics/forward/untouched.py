@@ -1,4 +1,4 @@
-"""The sensor of a data set: its disc, electrodes and drive, and the sheet conductance that its frames tell."""
+"""The sensor of a data set: its disc, electrodes and drive, and the sheet conductance that its frames imply."""
 
 from __future__ import annotations
 
@@ -8,22 +8,18 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import impedance
+from eitsim.electrics.cem.assembly import Array, impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
 from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
 
-Array = NDArray[np.float64]
-
 TABLES = ("body", "electrodes", "drive")
 # Sheet conductance, S, that the search starts from, its steps and where it ends; readings are nearly its reciprocal.
 _START_S, _STEPS, _CLOSE = 1e-3, 40, 1e-8
-# Relative difference, 2-norm, above which readings are not those of a sensor.
-_OTHER = 1e-5
+_OTHER = 1e-5  # Relative difference, 2-norm, above which readings are not those of a sensor.
 # Step of the logarithm of a contact impedance; the central difference is off by some step^2, over the derivative.
 _STEP = 1e-3
 # Level of the mesh for patches, its rings inside them, and the width of the outermost of these over their inner radius.
@@ -50,7 +46,7 @@ def untouched_readings(sensor: Scene, conductance_S: float) -> Array:
 def conductance_of(sensor: Scene, baseline_V: Array) -> float:
     """The sheet conductance, S, whose untouched readings come closest to these (readings,), V, in the 2-norm.
 
-    ValueError where they are further apart than rounding.
+    ValueError where they are further from them than rounding.
     """
     read = np.isfinite(baseline_V)
     sheet = _START_S
@@ -71,7 +67,7 @@ def conductance_of(sensor: Scene, baseline_V: Array) -> float:
 def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: float) -> Array:
     """dV/dlog z_e (readings, electrodes), V, of the untouched skin of a sheet conductance, S, by a central difference.
 
-    0 by an electrode without contact, NaN for readings that need one. Electrodes that are alike take two solutions,
+    0 by an electrode without contact, NaN for readings that need one. Identical electrodes take two solutions,
     others two each.
     """
     kept = np.flatnonzero(there(electrodes))
@@ -91,15 +87,13 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
 
 def _impedance_by(body: Body, electrodes: Electrodes, conductance_S: float, k: int) -> Array:
     """dZ/dlog z_k (N, N), Ohm."""
-    more, less = (untouched_impedance(body, _scaled(electrodes, k, np.exp(step)), conductance_S)
-                  for step in (_STEP, -_STEP))
-    return (more - less) / (2 * _STEP)
-
-
-def _scaled(electrodes: Electrodes, k: int, factor: float) -> Electrodes:
-    z = contact_impedances(electrodes)
-    z[k] *= factor
-    return replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple(z.tolist())})
+    sides = []
+    for step in (_STEP, -_STEP):
+        z = contact_impedances(electrodes)
+        z[k] *= np.exp(step)
+        scaled = replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple(z.tolist())})
+        sides.append(untouched_impedance(body, scaled, conductance_S))
+    return (sides[0] - sides[1]) / (2 * _STEP)
 
 
 def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
@@ -111,10 +105,10 @@ def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float
 
 
 @lru_cache(maxsize=8)
-def _with_patches(body: Body, electrodes: Electrodes, conductance_S: float, level: int = _LEVEL) -> Array:
-    angles, electrode = rim_angles(body, electrodes, level)
-    patches = patch_radii(body, electrodes, level)
-    inside = 1 - np.geomspace(1, _LAST, _RINGS * level // _LEVEL)
+def _with_patches(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
+    angles, electrode = rim_angles(body, electrodes, _LEVEL)
+    patches = patch_radii(body, electrodes, _LEVEL)
+    inside = 1 - np.geomspace(1, _LAST, _RINGS)
     radii = np.concatenate([patches[0] * inside, patches])
     mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
     z = impedance(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))

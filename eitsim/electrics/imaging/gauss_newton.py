@@ -15,32 +15,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import root_scalar
 from scipy.spatial import Delaunay, KDTree
 
 from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field, readings_by
-from eitsim.electrics.cem.assembly import SkinMesh, centred, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
 from eitsim.scene.drive import Drive, read_out
 from eitsim.scene.electrodes import among_all, contact_impedances, present
 from eitsim.scene.scene import Body, Electrodes
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
-
 PRIORS = ("noser", "laplace")
 NOISE_FIGURE = 0.5
-# Rings of the coarse mesh; it has 6 n^2 triangles.
-RINGS = 12
+RINGS = 12  # Rings of the coarse mesh; it has 6 n^2 triangles.
 # Level of the fine mesh's angles, its even rings, and those that narrow towards the rim, with the width of the last
 # over the radius.
 _LEVEL, _EVEN, _NARROWING, _LAST = 2, 28, 8, 2e-3
-# Radius of the noise figure's target, in disc radii.
-_TARGET = 0.1
-# Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
-_CONSTANT = 1e-6
+_SIDE = 64  # Squares along a side of the grid of `on_grid`.
+_TARGET = 0.1  # Radius of the noise figure's target, in disc radii.
+_CONSTANT = 1e-6  # Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
 # Steps towards the untouched resistance, the relative change at which they end, and the first conductance, S.
 _STEPS, _SETTLED, _FIRST_S = 20, 1e-10, 1e-3
 
@@ -49,14 +43,10 @@ _STEPS, _SETTLED, _FIRST_S = 20, 1e-10, 1e-3
 class Pixels:
     """A coarse triangulation of the disc."""
 
-    # (n, 2) corners, m
-    nodes_m: Array
-    # (t, 3) corners of each triangle, counter-clockwise
-    triangles: Indices
-    # (t, 2) centroids, m
-    centre_m: Array
-    # (t,) areas, m^2
-    area_m2: Array
+    nodes_m: Array  # (n, 2) corners, m
+    triangles: Indices  # (t, 3) corners of each triangle, counter-clockwise
+    centre_m: Array  # (t, 2) centroids, m
+    area_m2: Array  # (t,) areas, m^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +54,8 @@ class Untouched:
     """A uniform skin whose readings fit an untouched frame, and their derivatives by pixels."""
 
     pixels: Pixels
-    # sheet conductance, S
-    conductance_S: float
-    # (readings,) V; NaN where an electrode without contact is needed
-    readings_V: Array
+    conductance_S: float  # sheet conductance, S
+    readings_V: Array  # (readings,) V; NaN where an electrode without contact is needed
     # (readings, t) derivatives of the readings by the relative change of each pixel's conductance, V; 0 there
     jacobian_V: Array
 
@@ -77,8 +65,7 @@ class Imager:
     """A linear map from differences of readings to images."""
 
     untouched: Untouched
-    # (t, readings) relative change of conductance a volt
-    matrix: Array
+    matrix: Array  # (t, readings) relative change of conductance a volt
     # weight of the prior, V^2
     weight: float
     noise_figure: float
@@ -156,13 +143,13 @@ def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float 
     return Imager(untouched, matrix(log_weight), float(np.exp(log_weight)), excess(log_weight) + noise_figure)
 
 
-def on_grid(mosaic: Pixels, images: Array, side: int = 64) -> tuple[Array, Array, Array]:
-    """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a side x side grid inside the disc."""
+def on_grid(mosaic: Pixels, images: Array) -> tuple[Array, Array, Array]:
+    """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a grid inside the disc."""
     radius = _radius(mosaic)
-    middle = radius * ((2 * np.arange(side) + 1) / side - 1)
+    middle = radius * ((2 * np.arange(_SIDE) + 1) / _SIDE - 1)
     points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
     points = points[np.hypot(*points.T) < radius]
-    return points, np.full(len(points), (2 * radius / side)**2), images[..., _places(points, mosaic)]
+    return points, np.full(len(points), (2 * radius / _SIDE)**2), images[..., _places(points, mosaic)]
 
 
 def _fine(body: Body, electrodes: Electrodes) -> SkinMesh:

@@ -16,8 +16,7 @@ from scipy.spatial import KDTree
 
 Array = NDArray[np.float64]
 
-# Part of the largest value from which a pixel belongs to the target's image.
-_QUARTER = 0.25
+_QUARTER = 0.25  # Part of the largest value from which a pixel belongs to the target's image.
 # Part from which it belongs to a region of its own, and the distance of neighbours over the root of a pixel's area.
 _HALF, _NEIGHBOURS = 0.5, 1.6
 
@@ -29,28 +28,21 @@ class Blob:
     # centre of its area, m
     x_m: float
     y_m: float
-    # its area, m^2
-    area_m2: float
-    # largest value of the image, of the target's sign
-    peak: float
+    area_m2: float  # its area, m^2
+    peak: float  # largest value of the image, of the target's sign
 
 
 @dataclass(frozen=True)
 class FiguresOfMerit:
     """How an image shows one target; all but the position error relative."""
 
-    # integral of the image over that of the truth
-    amplitude_response: float
+    amplitude_response: float  # integral of the image over that of the truth
     # distance of the target from the middle less that of its image's centre, m; positive: drawn towards the middle
     position_error_m: float
-    # distance between the target and its image's centre, m
-    displacement_m: float
-    # square root of the image's area, its quarter-amplitude set, over that of the whole disc
-    resolution: float
-    # part of that set outside the circle of its own area about its own centre
-    shape_deformation: float
-    # integral of the opposite sign outside that circle over the integral inside
-    ringing: float
+    displacement_m: float  # distance between the target and its image's centre, m
+    resolution: float  # square root of the image's area, its quarter-amplitude set, over that of the whole disc
+    shape_deformation: float  # part of that set outside the circle of its own area about its own centre
+    ringing: float  # integral of the opposite sign outside that circle over the integral inside
 
 
 def blob(points_m: Array, area_m2: Array, image: Array, sign: int = 0) -> Blob:
@@ -58,10 +50,7 @@ def blob(points_m: Array, area_m2: Array, image: Array, sign: int = 0) -> Blob:
 
     sign: 1 or -1, the target's; 0: that of the largest magnitude. ValueError where no pixel has the target's sign.
     """
-    where, peak = _quarter(image, sign)
-    area = area_m2[where]
-    x, y = (area @ points_m[where] / area.sum()).tolist()
-    return Blob(x, y, float(area.sum()), peak)
+    return _blob(points_m, area_m2, *_quarter(image, sign))
 
 
 def regions(points_m: Array, area_m2: Array, image: Array) -> list[Blob]:
@@ -73,14 +62,15 @@ def regions(points_m: Array, area_m2: Array, image: Array) -> list[Blob]:
     joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(where),) * 2)
     count, label = connected_components(joined, directed=False)
     parts = [where[label == k] for k in range(count)]
-    found = [_whole(image, points_m, area_m2, part, sign) for part in parts]
+    found = [_blob(points_m, area_m2, part, sign * float(np.max(sign * image[part]))) for part in parts]
     return sorted(found, key=lambda one: -abs(one.peak))
 
 
-def _whole(image: Array, points_m: Array, area_m2: Array, part: NDArray[np.int64], sign: int) -> Blob:
-    """A region as one blob, about its centroid."""
-    x, y = (area_m2[part] @ points_m[part] / area_m2[part].sum()).tolist()
-    return Blob(x, y, float(area_m2[part].sum()), sign * float(np.max(sign * image[part])))
+def _blob(points_m: Array, area_m2: Array, part: NDArray[np.bool_] | NDArray[np.int64], peak: float) -> Blob:
+    """Some pixels as one blob, about its centroid."""
+    area = area_m2[part]
+    x, y = (area @ points_m[part] / area.sum()).tolist()
+    return Blob(x, y, float(area.sum()), peak)
 
 
 def figures_of_merit(points_m: Array, area_m2: Array, image: Array, target_m: Array, strength_m2: float

@@ -34,26 +34,19 @@ _LARGEST_CHANGE = 0.3
 class Seen:
     """What one image shows."""
 
-    # its quarter-amplitude set, lengths in m; None where the image is 0
-    blob: Blob | None
-    # separate regions at half of its largest value, the largest peak first
-    regions: tuple[Blob, ...]
-    # whether it shows a clear touch, so that the blob's centre is a place
-    clear: bool
-    # in words, why there is no place, or that there are several regions; empty otherwise
-    note: str
+    blob: Blob | None  # its quarter-amplitude set, lengths in m; None where the image is 0
+    regions: tuple[Blob, ...]  # separate regions at half of its largest value, the largest peak first
+    clear: bool  # whether it shows a clear touch, so that the blob's centre is a place
+    note: str  # in words, why there is no place, or that there are several regions; empty otherwise
 
 
 @dataclass(frozen=True, eq=False)
 class Images:
     """Difference images of some frames."""
 
-    # triangles of the images: corners, centroids (m) and areas (m^2)
-    pixels: Pixels
-    # (frames, triangles) relative change of the sheet conductance
-    change: Array
-    # one a frame
-    seen: tuple[Seen, ...]
+    pixels: Pixels  # triangles of the images: corners, centroids (m) and areas (m^2)
+    change: Array  # (frames, triangles) relative change of the sheet conductance
+    seen: tuple[Seen, ...]  # one a frame
     # of the untouched skin that fits the untouched frame best: S a square, and 2-norm of what it misses over the
     # frame's
     conductance_S: float
@@ -85,7 +78,7 @@ def reconstruct(frames_V: ArrayLike, baseline_V: ArrayLike, *, scene: Scene | Pa
     Returns
     -------
     Images
-        `change` on `pixels`; `seen` tells of each image its largest value, place and separate regions.
+        `change` on `pixels`; `seen` holds of each image its largest value, place and separate regions.
 
     Raises
     ------
@@ -137,7 +130,7 @@ def _frames(given: ArrayLike, lost: NDArray[np.bool_], shape: tuple[int, ...], n
 
 def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior: str = "laplace",
               noise_figure: float = NOISE_FIGURE) -> tuple[Images, dict[str, Any]]:
-    """Images of the frames in a file, and what is told of them as plain JSON values, with their lines.
+    """Images of the frames in a file, and what they show as plain JSON values, with their lines.
 
     The untouched frame is the mean of those in `baseline`, else the first row of `frames`. ValueError where there is no
     touched frame, and as `reconstruct`; InputFileError as frames.read_frames.
@@ -152,7 +145,7 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
     found = reconstruct(read.volts[first:], reference, scene=scene, prior=prior, noise_figure=noise_figure)
     return found, {"conductance_S": found.conductance_S, "misfit": found.misfit, "prior": found.prior,
                    "noise_figure": found.noise_figure,
-                   "frames": [{"line": int(line), **_told(one)}
+                   "frames": [{"line": int(line), **_shown(one)}
                               for line, one in zip(read.line[first:], found.seen, strict=True)]}
 
 
@@ -163,7 +156,7 @@ def _unlike(frame: Array, reference: Array) -> str:
     if largest <= _LARGEST_CHANGE:
         return ""
     if times < 0:
-        return f"the frame is {times:.3g} times the untouched one: its sign is flipped; give both frames alike."
+        return f"the frame is {times:.3g} times the untouched one: its sign is flipped; give both frames the same."
     return (f"the frame differs from the untouched one by {largest:.3g} of it (it is {times:.3g} times as large), "
             "which no touch does; give both in volts, of the same current and order.")
 
@@ -179,14 +172,14 @@ def _seen(points: Array, area: Array, image: Array, unlike: str, unexplained: fl
         return Seen(None, (), False, "this frame equals the untouched one: its image is 0 and has no centre.")
     found, parts = blob(points, area, image), tuple(regions(points, area, image))
     if unclear := unlike or _unclear(image, found.peak, found.area_m2 / float(area.sum()), unexplained):
-        return Seen(found, parts, False, f"no place is told: {unclear}")
+        return Seen(found, parts, False, f"no place is given: {unclear}")
     places = " and ".join(f"({part.x_m * 1e3:.0f}, {part.y_m * 1e3:.0f})" for part in parts)
     return Seen(found, parts, True, "" if len(parts) == 1 else (
         f"{len(parts)} separate regions at half of the largest value, at {places} mm; x_mm and y_mm are of all "
         "together."))
 
 
-def _told(seen: Seen) -> dict[str, Any]:
+def _shown(seen: Seen) -> dict[str, Any]:
     """What one image shows as plain JSON values, units in the names of the keys."""
     area, peak = (seen.blob.area_m2 * 1e6, seen.blob.peak) if seen.blob else (0.0, 0.0)
     return {**_place(seen.blob if seen.clear else None), "area_mm2": area, "peak": peak,

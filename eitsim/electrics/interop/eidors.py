@@ -2,7 +2,7 @@
 
 Fields as in EIDORS 3 (Adler and Lionheart, doi:10.1088/0967-3334/27/5/S03; eidors3d.sourceforge.net): a fwd_model has
 nodes, elems, electrode(k).nodes or .faces, electrode(k).z_contact, and optionally boundary and
-stimulation(k).stim_pattern and .meas_pattern; an image has elem_data beside its fwd_model. Numbers of nodes count
+stimulation(k).stim_pattern and .meas_pattern; an image has elem_data with its fwd_model. Numbers of nodes count
 from 1 in the file, from 0 here.
 """
 
@@ -15,18 +15,14 @@ from typing import Any
 from zlib import error as CompressionError
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError, mat_struct
 from scipy.sparse import issparse
 
-from eitsim.electrics.cem.assembly import SkinMesh
-from eitsim.electrics.interop.sheet_model import sides
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
+from eitsim.electrics.mesh.p2_triangles import sides
 from eitsim.scene.drive import Protocol, matrices
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +32,8 @@ class Model:
     # file that it was read from, and name of its variable
     file: Path
     name: str
-    # linear triangles, with the boundary edges under each electrode; lengths in m
-    mesh: SkinMesh
-    # (electrodes,) contact impedances, Ohm m
-    contact_impedance_Ohm_m: Array
+    mesh: SkinMesh  # linear triangles, with the boundary edges under each electrode; lengths in m
+    contact_impedance_Ohm_m: Array  # (electrodes,) contact impedances, Ohm m
     # (triangles,) sheet conductances, S, or (triangles, 2, 2) tensors; None where the file holds none
     conductance_S: Array | None
     # one for each stimulation, with one pattern each, since the number of readings may differ; empty without any
@@ -58,7 +52,9 @@ def read_eidors(path: Path | str, variable: str | None = None) -> Model:
         name, found = _chosen(_variables(path), variable)
         forward = found.fwd_model if hasattr(found, "fwd_model") else found
         mesh, z = _mesh(forward)
-        return Model(path, name, mesh, z, _conductance(found, len(mesh.cells)), _stimulation(forward, mesh.count))
+        given = getattr(forward, "stimulation", None)
+        stimulation = () if given is None or not np.size(given) else _protocols(np.atleast_1d(given), mesh.count)
+        return Model(path, name, mesh, z, _conductance(found, len(mesh.cells)), tuple(stimulation))
     except InputFileError:
         raise
     except ValueError as error:
@@ -73,18 +69,18 @@ def _variables(path: Path) -> dict[str, Any]:
     except NotImplementedError:
         raise InputFileError(path, "a MATLAB v7.3 file, which is not read; save it again with `save -v7`.") from None
     except (ValueError, TypeError, MatReadError, EOFError, IndexError, OSError, CompressionError) as error:
-        raise InputFileError(
-            path,
-            f"not a MATLAB file of v5 to v7, or one that was cut short ({error}); copy it again, "
-            "or save the model with `save -v7`.",
-        ) from None
+        raise InputFileError(path, f"not a MATLAB file of v5 to v7, or one that was cut short ({error}); copy it "
+                                   "again, or save the model with `save -v7`.") from None
     return {name: value for name, value in raw.items() if not name.startswith("__")}
 
 
 def _chosen(variables: Mapping[str, Any], requested: str | None) -> tuple[str, Any]:
-    """The one variable, or the one wanted, that is or holds a forward model; nodes and elems may also stand alone."""
+    """The one variable, or the one named, that is or holds a forward model; nodes and elems may also stand alone."""
     if {"nodes", "elems"} <= variables.keys():
-        variables = {"fwd_model": _structure(variables), **variables}
+        whole = mat_struct()
+        for name, value in variables.items():
+            setattr(whole, name, value)
+        variables = {"fwd_model": whole, **variables}
     models = {name: value for name, value in variables.items() if isinstance(value, mat_struct)
               and hasattr(getattr(value, "fwd_model", value), "nodes")}
     if requested is not None and requested not in models:
@@ -98,16 +94,9 @@ def _chosen(variables: Mapping[str, Any], requested: str | None) -> tuple[str, A
     return name, models[name]
 
 
-def _structure(fields: Mapping[str, Any]) -> mat_struct:
-    made = mat_struct()
-    for name, value in fields.items():
-        setattr(made, name, value)
-    return made
-
-
 def _mesh(forward: Any) -> tuple[SkinMesh, Array]:
     """The mesh, and the contact impedances (electrodes,)."""
-    nodes, cells = _real(forward, "nodes"), _numbers(_field(forward, "elems"), "elems")
+    nodes, cells = _dense(_field(forward, "nodes"), "nodes"), _numbers(_field(forward, "elems"), "elems")
     if nodes.ndim != 2 or nodes.shape[1] != 2 or cells.ndim != 2 or cells.shape[1] != 3:
         raise ValueError(f"nodes of {nodes.shape[-1]} coordinates and elements of {cells.shape[-1]} nodes; a sheet is "
                          "solved here, which needs triangles in the plane: 2 and 3.")
@@ -160,7 +149,7 @@ def _edges(electrode: Any, number: int, boundary: Indices, nodes: int) -> Indice
 
 
 def _contact_impedance(electrode: Any, number: int) -> float:
-    z = _real(electrode, "z_contact")
+    z = _dense(_field(electrode, "z_contact"), "z_contact")
     if z.size != 1 or not (np.isfinite(z).all() and z.item() > 0):
         raise ValueError(f"z_contact of electrode {number} is {z.tolist()}; it must be one positive number, Ohm m.")
     return z.item()
@@ -174,16 +163,11 @@ def _conductance(found: Any, cells: int) -> Array | None:
                 raise ValueError(f"the image holds {other}, not elem_data; make it elem_data of conductivity, or give "
                                  "one value with --conductance-S.")
         return None
-    data = _real(found, "elem_data")
+    data = _dense(found.elem_data, "elem_data")
     if data.shape[:1] != (cells,) or data.shape[1:] not in ((), (2, 2)):
         raise ValueError(f"elem_data of shape {data.shape}; {cells} triangles need one number or 2 x 2 tensor each. "
                          "Map a coarse model to the fine one first (coarse2fine).")
     return data
-
-
-def _stimulation(forward: Any, count: int) -> tuple[Protocol, ...]:
-    given = getattr(forward, "stimulation", None)
-    return () if given is None or not np.size(given) else tuple(_protocols(np.atleast_1d(given), count))
 
 
 def _protocols(given: Any, count: int) -> Iterator[Protocol]:
@@ -203,7 +187,7 @@ def _protocols(given: Any, count: int) -> Iterator[Protocol]:
             raise ValueError(f"{where}: {error}") from None
         if np.abs(weights.sum(axis=1)).max() > 1e-9 * np.abs(weights).max():
             raise ValueError(f"{where} reads voltages against the ground node (weights that do not sum to zero), which "
-                             "the model's electrodes do not tell. Read differences, or use balance_meas.")
+                             "the model's electrodes do not give. Read differences, or use balance_meas.")
         yield made
 
 
@@ -211,10 +195,6 @@ def _field(structure: Any, name: str) -> Any:
     if not hasattr(structure, name):
         raise ValueError(f"the model has no field {name}.")
     return getattr(structure, name)
-
-
-def _real(structure: Any, name: str) -> Array:
-    return _dense(_field(structure, name), name)
 
 
 def _dense(value: Any, name: str = "a pattern") -> Array:

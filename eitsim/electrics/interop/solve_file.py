@@ -1,21 +1,65 @@
-"""A model of the user's own, solved, and the document that `eitsim solve-mesh` writes of it."""
+"""A user's own model of a sheet on its own triangles, solved, what the triangles cost, and the document of
+`eitsim solve-mesh`."""
 
 from __future__ import annotations
 
 import hashlib
 import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from eitsim.electrics.cem.assembly import Array, SkinMesh, impedance
 from eitsim.electrics.interop.eidors import Model, read_eidors
-from eitsim.electrics.interop.sheet_model import Solved, check_element, solve_model
-from eitsim.scene.drive import Drive, protocol
+from eitsim.electrics.mesh.p2_triangles import sides
+from eitsim.scene.drive import Drive, Protocol, protocol, readings
 from touchcal.errors import InputFileError
 from touchcal.provenance import versions
 from touchcal.toml_file import read_toml
+
+ELEMENTS = ("P1", "P2")
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A model, solved."""
+
+    impedance_Ohm: Array  # (electrodes, electrodes) impedance matrix, Ohm; rows and columns sum to zero
+    readings_V: tuple[Array, ...]  # one (patterns, readings) a protocol, V
+    # relative difference of linear and quadratic elements on the same triangles, 2-norms: of the impedance matrix, and
+    # of all readings; None without any
+    impedance_error: float
+    readings_error: float | None
+    unknowns: int  # unknowns of the linear system
+    cpu_s: float  # CPU time spent, s
+
+
+def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_m: ArrayLike,
+                protocols: Sequence[Protocol] = (), *, element: str = "P1") -> Solved:
+    """Solve linear triangles as they are ("P1", as EIDORS does) or with middle nodes on their straight edges ("P2").
+
+    Conductance: one number, S, or (cells,), or (cells, 2, 2) tensors; contact impedance one number or (electrodes,).
+    The errors are the difference between both elements: close to that of P1, well above that of P2 but for a
+    curved rim, whose straight edges neither knows. ValueError for another element or mesh, and as in `cem.impedance`.
+    """
+    start = time.process_time()
+    check_element(element)
+    if mesh.element != "P1":
+        raise ValueError(f"a mesh of {mesh.element} elements; give one of linear triangles, P1.")
+    given = np.asarray(conductance_S, dtype=float)
+    given = given[:, None] if given.ndim > 1 else np.broadcast_to(given, len(mesh.cells))
+    meshes = {"P1": mesh, "P2": quadratic(mesh)}
+    solved = {name: impedance(m, given, contact_impedance_Ohm_m) for name, m in meshes.items()}
+    read = {name: tuple(readings(asked, z) for asked in protocols) for name, z in solved.items()}
+    flat = {name: np.concatenate([np.ravel(part) for part in parts]) if parts else None for name, parts in read.items()}
+    of_readings = None if flat["P1"] is None or flat["P2"] is None else _difference(flat["P1"], flat["P2"])
+    return Solved(solved[element], read[element], _difference(solved["P1"], solved["P2"]), of_readings,
+                  len(meshes[element].nodes_m) + mesh.count - 1, time.process_time() - start)
 
 
 def solve_sheet_model(model: Model | Path | str, *, variable: str | None = None, conductance_S: float | None = None,
@@ -46,7 +90,7 @@ def solve_sheet_model(model: Model | Path | str, *, variable: str | None = None,
     InputFileError
         Where the file holds no model of a sheet, or conductances that are not positive.
     ValueError
-        Where neither the model nor an argument tells the conductance, and for an unknown element.
+        Where neither the model nor an argument gives the conductance, and for an unknown element.
 
     Examples
     --------
@@ -83,14 +127,19 @@ def solved_document(path: Path, model: Model, conductance_S: float | None, eleme
             "cost": {"cpu_s": solved.cpu_s, "unknowns": solved.unknowns}, "versions": versions()}
 
 
-def _conductance(model: Model, given_S: float | None) -> NDArray[np.float64] | float:
-    """The sheet conductances that a model is solved with, S."""
+def _conductance(model: Model, given_S: float | None) -> Array | float:
+    """The sheet conductances that a model is solved with, S; InputFileError names the first that is not positive."""
     if given_S is not None:
         return given_S
     if model.conductance_S is None:
         raise InputFileError(model.file, f"'{model.name}' holds no elem_data; give one sheet conductance with "
                                          "--conductance-S, or save the image.")
-    _check_elements(model.file, model.conductance_S)
+    least = model.conductance_S if model.conductance_S.ndim == 1 else np.linalg.eigvalsh(model.conductance_S)[:, 0]
+    wrong = np.flatnonzero(~((least > 0) & np.isfinite(least)))
+    if wrong.size:
+        raise InputFileError(model.file, f"elem_data of triangle {wrong[0] + 1} is {least[wrong[0]]:g} S; sheet "
+                                         "conductances must be positive and finite. Fix it, or give one value with "
+                                         "--conductance-S.")
     return model.conductance_S
 
 
@@ -106,10 +155,24 @@ def unused_tables(scene: Path) -> list[str]:
             if key != "drive"]
 
 
-def _check_elements(path: Path, conductance_S: NDArray[np.float64]) -> None:
-    """InputFileError names the first triangle whose elem_data is not positive."""
-    least = conductance_S if conductance_S.ndim == 1 else np.linalg.eigvalsh(conductance_S)[:, 0]
-    wrong = np.flatnonzero(~((least > 0) & np.isfinite(least)))
-    if wrong.size:
-        raise InputFileError(path, f"elem_data of triangle {wrong[0] + 1} is {least[wrong[0]]:g} S; sheet conductances "
-                                   "must be positive and finite. Mend it, or give one value with --conductance-S.")
+def check_element(element: str) -> None:
+    """ValueError for an element that is not built."""
+    if element not in ELEMENTS:
+        raise ValueError(f"element '{element}' is unknown; known: {', '.join(ELEMENTS)}.")
+
+
+def quadratic(mesh: SkinMesh) -> SkinMesh:
+    """The same straight triangles with middle nodes (P1 to P2)."""
+    edges, number = np.unique(sides(mesh.cells), axis=0, return_inverse=True)
+    size = len(mesh.nodes_m)
+    under = np.sort(mesh.under, axis=1) @ [size, 1]
+    along = np.minimum(np.searchsorted(edges @ [size, 1], under), len(edges) - 1)
+    if np.any((edges @ [size, 1])[along] != under):
+        raise ValueError("an electrode lies on an edge of no triangle; name edges of the mesh.")
+    return replace(mesh, nodes_m=np.vstack([mesh.nodes_m, mesh.nodes_m[edges].mean(axis=1)]), element="P2",
+                   cells=np.column_stack([mesh.cells, size + number.reshape(3, -1).T]),
+                   under=np.column_stack([mesh.under, size + along]))
+
+
+def _difference(one: Array, other: Array) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))

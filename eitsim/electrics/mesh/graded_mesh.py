@@ -6,19 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, KDTree
 
-from eitsim.electrics.cem.assembly import SkinMesh
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.ring_scattering import position
-from eitsim.electrics.mesh.p2_triangles import straight, untangled
+from eitsim.electrics.mesh.p2_triangles import sides, straight, untangled
 from eitsim.electrics.mesh.ring_mesh import centred_radii, inside_rim, patch_radii, rim_angles
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 # Least distance of the other points from circles and rim, in sizes, and how often they are moved to their neighbours'
@@ -45,8 +42,7 @@ class Grading:
     # growth of the triangles per unit of distance, and their largest size in disc radii
     growth: float
     largest: float
-    # part of the stretches' whole change in a ring, at most
-    steepest: float
+    steepest: float  # part of the stretches' whole change in a ring, at most
 
 
 # For fields on one mesh, and for meshes that are halved.
@@ -58,8 +54,7 @@ LEAN = Grading(3, 4, 112, 12, 3.0, 0.8, 0.4, 0.12)
 class _Circle:
     """Rings about a punch."""
 
-    # (2,) axis, m
-    centre_m: Array
+    centre_m: Array  # (2,) axis, m
     # (rings + 1,) radii from 0, m
     radii_m: Array
     sectors: int
@@ -113,7 +108,7 @@ def _gaps(touches: Touches, patches: Array) -> tuple[Touches, Array]:
     separation = np.abs(np.subtract.outer(centre, centre)) - np.add.outer(radius, radius)
     np.fill_diagonal(separation, np.inf)
     if separation.min() <= 0:
-        raise ValueError(f"two punches or their contacts overlap by {-separation.min() * 1e3:.1f} mm; move them apart.")
+        raise ValueError(f"two punches or their contacts overlap by {-separation.min() * 1e3:.1f} mm; leave a gap.")
     return touches, np.minimum(to_rim, separation.min(axis=1) / 2)
 
 
@@ -227,7 +222,6 @@ def _kept(circles: list[_Circle], outline: Array, fill: Array) -> Indices:
 
 
 def _smoothed(fill: Array, points: Array, cells: Indices) -> Array:
-    """Points moved to the mean of their neighbours."""
     one, other = np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]).T
     count = np.bincount(one, minlength=len(points)) + np.bincount(other, minlength=len(points))
     mean = [(np.bincount(one, points[other, i], len(points)) + np.bincount(other, points[one, i], len(points)))
@@ -243,16 +237,10 @@ def _check_outline(circles: list[_Circle], on_rim: int, cells: Indices) -> None:
         requested.append(np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1))
         start += count
     size = int(cells.max(initial=start)) + 1
-    edges, seen = np.unique(_keys(_edges(cells), size), return_counts=True)
+    edges, seen = np.unique(_keys(sides(cells), size), return_counts=True)
     if not np.array_equal(edges[seen == 1], np.unique(_keys(np.vstack(requested), size))):
-        raise NotConverged("no mesh of the skin between these touches was found; move them apart or ask for a larger "
-                           "signal in [accuracy].")
-
-
-def _edges(cells: Indices) -> Indices:
-    """Edges (3 cells, 2) of triangles, lower number first: those from corner 0 to 1, then 1 to 2, then 0 to 2."""
-    one, other = cells.T[[0, 1, 0]].ravel(), cells.T[[1, 2, 2]].ravel()
-    return np.column_stack([np.minimum(one, other), np.maximum(one, other)])
+        raise NotConverged("no mesh of the skin between these touches was found; leave a larger gap or ask for a "
+                           "larger signal in [accuracy].")
 
 
 def _keys(edges: Indices, size: int) -> Indices:
@@ -263,18 +251,18 @@ def _keys(edges: Indices, size: int) -> Indices:
 def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Indices, loops: Indices,
                electrode: Indices, count: int) -> SkinMesh:
     """Middle nodes on every edge, in polar coordinates about its circle or, along the rim and in the rings between the
-    loops (rings + 1, m), about the disc; halfway where a circle's edges bulge more than what lies beside them is wide.
+    loops (rings + 1, m), about the disc; halfway where a circle's edges bulge more than what lies next to them is wide.
     """
     covered = _ring_cells(loops)
     cells = np.vstack([cells, covered])
-    keys, number = np.unique(_keys(_edges(cells), len(corners)), return_inverse=True)
+    keys, number = np.unique(_keys(sides(cells), len(corners)), return_inverse=True)
     edges = np.column_stack(np.divmod(keys, len(corners)))
     middle = corners[edges].mean(axis=1)
     for circle, start, end in zip(circles, ends, ends[1:], strict=False):
         inside = (edges[:, 0] > start) & (edges[:, 1] < end)
         middle[inside] = _turned(corners[edges[inside]], circle.centre_m)
     rim = loops[0]
-    polar = np.vstack([np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1), _edges(covered)])
+    polar = np.vstack([np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1), sides(covered)])
     along = np.searchsorted(keys, _keys(polar, len(corners)))
     middle[along] = _turned(corners[polar], np.zeros(2))
     quadratic = np.column_stack([cells, len(corners) + number.reshape(3, -1).T])

@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 
-from eitsim.electrics.cem.assembly import SkinMesh
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from touchcal.errors import NotConverged
-
-Array = NDArray[np.float64]
 
 # How often meshes are halved at most, and the degree of exactness of the stiffness's quadrature on each part.
 HALVINGS, _DEGREE = 2, 4
-Indices = NDArray[np.integer]
 
 # Corners and middle node of each edge of a triangle, in the order of its nodes.
 EDGES = ((0, 1, 3), (1, 2, 4), (0, 2, 5))
@@ -29,10 +26,14 @@ _HALVES = ((0, 3), (1, 3), (1, 4), (2, 4), (2, 5), (0, 5))
 _ON_EDGE = np.array([0.375, -0.125, 0.75])
 _INSIDE = np.array([[-0.125, 0.0, -0.125, 0.5, 0.5, 0.25], [-0.125, -0.125, 0.0, 0.25, 0.5, 0.5],
                     [0.0, -0.125, -0.125, 0.5, 0.25, 0.5]])
-# Part of the way along an edge that starts at the end of an electrode at which its middle node lies.
-_QUARTER = 0.25
-# A node on the rim is nearer to it than this, over its radius.
-_ON_RIM = 1e-9
+_QUARTER = 0.25  # Part of the way along an edge that starts at the end of an electrode at which its middle node lies.
+_ON_RIM = 1e-9  # A node on the rim is nearer to it than this, over its radius.
+
+
+def sides(cells: Indices) -> Indices:
+    """Sides (3 cells, 2) of triangles, lower number first: those from corner 0 to 1, then 1 to 2, then 0 to 2."""
+    one, other = cells.T[[0, 1, 0]].ravel(), cells.T[[1, 2, 2]].ravel()
+    return np.column_stack([np.minimum(one, other), np.maximum(one, other)])
 
 
 def untangled(mesh: SkinMesh, plain_m: Array) -> SkinMesh:
@@ -64,7 +65,7 @@ def straight(mesh: SkinMesh) -> Array:
 def _folded(nodes: Array) -> NDArray[np.bool_]:
     """Which of the triangles (n, 6, 2) are folded over.
 
-    The Jacobian is a quadratic, told by its values at the nodes, and no less than the least of its Bezier coefficients.
+    The Jacobian is a quadratic, given by its nodal values, and no less than the least of its Bezier coefficients.
     """
     xr, xs, yr, ys = (nodes[..., i] @ slope for i in (0, 1) for slope in _slopes())
     side = nodes[:, 1:3] - nodes[:, :1]

@@ -8,33 +8,24 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.floating_electrodes import shunt_ends
 from eitsim.scene.electrodes import TOUCHING, arcs, widths
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.integer]
-
 # Edges along the rim under an electrode and between two of them, on level 1, at least, and about how many on the whole
 # rim where electrodes or gaps are wide.
 _UNDER, _BETWEEN, _AROUND = 1, 3, 64
-# Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
-_CENTRED = 0.5
-# Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
-_FARTHEST = 0.9
+_CENTRED = 0.5  # Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
+_FARTHEST = 0.9  # Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
 # Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
 # and how much wider they get per unit of distance from there.
 _AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
-# Window that the steepness of the stretches is averaged over, in fillet radii.
-_WINDOW = 0.2
-# Rings of patches from their inner edge to the rim, on level 1.
-_ALONG = 2
-# Lines of the contact closer than this share of the fillet radius are one line.
-_SAME_LINE = 0.2
+_WINDOW = 0.2  # Window that the steepness of the stretches is averaged over, in fillet radii.
+_ALONG = 2  # Rings of patches from their inner edge to the rim, on level 1.
+_SAME_LINE = 0.2  # Lines of the contact closer than this share of the fillet radius are one line.
 
 
 def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, level: int = 1) -> SkinMesh:
@@ -50,7 +41,8 @@ def template(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch, lev
     touch, gap = inside_rim(punch, touch, patches)
     angles, electrode = rim_angles(body, electrodes, level)
     inner = centred_radii(punch, touch, gap, level)
-    blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * _narrowest(body, electrodes) / level)
+    narrowest = min(float(widths(electrodes).min()), 2 * np.pi * body.radius_m / _AROUND)
+    blend = _blend(patches[0] - inner[-1], inner[-1] - inner[-2], _AT_RIM * narrowest / level)
     radii = np.concatenate([inner, inner[-1] + blend * (patches[0] - inner[-1]), patches[1:]])
     shift = np.concatenate([np.ones(len(inner)), 1 - blend, np.zeros(len(patches) - 1)])
     return ring_mesh(radii, shift[:, None] * np.array([punch.x_m, punch.y_m]), angles, electrode, electrodes.count,
@@ -184,11 +176,6 @@ def _with_middles(values: Array) -> Array:
     out = np.repeat(values, 2, axis=0)[:-1]
     out[1::2] = (values[1:] + values[:-1]) / 2
     return out
-
-
-def _narrowest(body: Body, electrodes: Electrodes) -> float:
-    """Width of the narrowest electrode or, where all are wide, of an edge on the whole rim, m."""
-    return min(float(widths(electrodes).min()), 2 * np.pi * body.radius_m / _AROUND)
 
 
 def _graded(count: int, *, wide: bool = False) -> Array:

@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from eitsim.scene.results import RimField, Touch
+from eitsim.scene.results import Array, RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, Skin
 from matcal.laws.conductivity import Conductivity, coating_thickness, conductivity
 from touchcal.jit import compiled
-
-Array = NDArray[np.float64]
 
 # Strains closer than this to the fitted range count as inside it: far from a touch they are rounding around zero.
 NEAR_RANGE = 1e-4
@@ -191,12 +189,12 @@ def _interpolate(local, disc, offset, by_neighbour, radii, shares, cubics, uncha
         radius = max(radius, radii[0])
         ring = min(np.searchsorted(radii, radius, side="right"), len(radii) - 1) - 1
         sector = min(np.searchsorted(shares, share, side="right"), len(shares) - 1) - 1
-        way, beyond = share - shares[sector], (radius - radii[ring]) / (radii[ring + 1] - radii[ring])
+        way, outwards = share - shares[sector], (radius - radii[ring]) / (radii[ring + 1] - radii[ring])
         one, other = cubics[ring, sector], cubics[ring + 1, sector]
         for part in range(out.shape[1]):
             inner = ((one[0, part] * way + one[1, part]) * way + one[2, part]) * way + one[3, part]
             outer = ((other[0, part] * way + other[1, part]) * way + other[2, part]) * way + other[3, part]
-            out[p, part] = inner + (outer - inner) * beyond
+            out[p, part] = inner + (outer - inner) * outwards
 
 
 @compiled

@@ -13,9 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh, gradients, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, quadrature_points
 from eitsim.electrics.cem.ring_scattering import reaches
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.results import Touch
@@ -23,26 +22,21 @@ from eitsim.scene.scene import Body, Punch, Skin
 from eitsim.simulation.derivatives.tangent import Settled, shifted, varied
 from matcal.laws.conductivity import Conductivity
 
-Array = NDArray[np.float64]
 Touches = Sequence[tuple[Punch, Touch]]
 
-# Half the difference of places, mm, and of the skin's coefficients a.
-_PLACE_MM, _COEFFICIENT = 1e-5, 1e-6
+_PLACE_MM, _COEFFICIENT = 1e-5, 1e-6  # Half the difference of places, mm, and of the skin's coefficients a.
 
 
 @dataclass(frozen=True, eq=False)
 class Variation:
     """Two states of a touched skin, on either side of one parameter."""
 
-    # as in a data set, with its unit: "x_mm"
-    name: str
-    # half the difference between both sides, in that unit
-    step: float
+    name: str  # as in a data set, with its unit: "x_mm"
+    step: float  # half the difference between both sides, in that unit
     # touches and skin on either side
     less: tuple[Touches, Conductivity]
     more: tuple[Touches, Conductivity]
-    # (n, 2) velocity of the mesh's nodes, m a unit
-    velocity: Array
+    velocity: Array  # (n, 2) velocity of the mesh's nodes, m a unit
 
 
 def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity, free_m: float) -> Iterator[Variation]:
@@ -89,8 +83,7 @@ def moved(mesh: SkinMesh, velocity: Array, by: float) -> SkinMesh:
 
 
 def _share(points_m: Array, punch: Punch, touch: Touch, room_m: float) -> Array:
-    """Part (n, 1) of a punch's motion that points follow: all of it in its contact, nothing beyond the room about it.
-    """
+    """Part (n, 1) of a punch's motion that points follow: all of it in its contact, none outside the room about it."""
     radius = np.hypot(*(points_m - np.array([punch.x_m, punch.y_m])).T)
     contact = max(punch.diameter_m / 2, touch.contact_radius_m)
     t = np.clip((radius - contact) / (room_m - contact), 0, 1)

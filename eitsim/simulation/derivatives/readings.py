@@ -5,7 +5,7 @@ measuring electrodes. Exact: c0 and contact impedances. dS/dp is a central diffe
 voltages, for all others (`eitsim.simulation.derivatives.conductance_variation`): of the field moved with its punch for
 x and y; of that of the touch's tangent (`eitsim.simulation.derivatives.tangent`) for force, depth, diameter and the
 foam's law; for a_1, a_2, a_3, in which the field is linear, it is exact but for rounding. Near the rim, what it changes
-is solved anew for each side of a parameter (`eitsim.simulation.derivatives.tangent`).
+is solved anew for each side of a parameter.
 """
 
 from __future__ import annotations
@@ -15,26 +15,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.cem.adjoint import impedance_by_contact, impedance_by_field, readings_by
-from eitsim.electrics.cem.assembly import SkinMesh, centred, dissection, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, centred, dissection, potentials, quadrature_points
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import patch_radii
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out, voltage_columns
-from eitsim.scene.electrodes import IMPEDANCES, Electrodes, among_all, contact_impedances, present, there
-from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Punch, Scene
+from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
+from eitsim.scene.scene import Scene
 from eitsim.simulation.derivatives.conductance_variation import conductance_change, variations
 from eitsim.simulation.derivatives.tangent import settled
 from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import make_plan, near_rim, together
 from matcal.card import MaterialCard
 from touchcal.csv_numbers import cells
-
-Array = NDArray[np.float64]
 
 # By how much the mesh's rings at the lines of the contact are thinner than those of the readings' own: force and law
 # change the conductance in a ring there that is as thin as the elements of the foam's mesh.
@@ -45,8 +41,7 @@ THINNER = 8
 class Sensitivity:
     """Readings and their derivatives; readings pattern-major."""
 
-    # (p,) names of the parameters as in a data set, units in them
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # (p,) names of the parameters as in a data set, units in them
     # (readings,) touched, V, and what the touches change of it, V; NaN where an electrode without contact is needed
     touched_V: Array
     signal_V: Array
@@ -77,7 +72,9 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
              for punch in scene.punches]
     touches = tuple((base.punch, base.touch) for base in bases)
     electrodes = present(scene.electrodes)
-    mesh = _mesh(scene.body, electrodes, touches, halvings)
+    mesh = alike_mesh(scene.body, electrodes, touches, thinner=THINNER)
+    for _ in range(halvings):
+        mesh = uniform_refinement(mesh)
     z, free = contact_impedances(electrodes), untouched_conductance(skin_law, scene.skin)
     field = touched_conductance(quadrature_points(mesh), touches, scene.skin, skin_law)
     rest = np.broadcast_to(free * np.eye(2), field.shape)
@@ -111,13 +108,6 @@ def write_sensitivity(sensitivity: Sensitivity, path: Path) -> None:
                 voltage_columns(len(values), prefix), cells(np.column_stack([values, slopes])), strict=True))
 
 
-def _mesh(body: Body, electrodes: Electrodes, touches: tuple[tuple[Punch, Touch], ...], halvings: int) -> SkinMesh:
-    mesh = alike_mesh(body, electrodes, touches, thinner=THINNER)
-    for _ in range(halvings):
-        mesh = uniform_refinement(mesh)
-    return mesh
-
-
 def check_differentiable(scene: Scene) -> None:
     """ValueError with the reason where a scene that can be solved has no derivatives here, and with what has."""
     if problem := _problem(scene):
@@ -128,7 +118,7 @@ def _problem(scene: Scene) -> str:
     if scene.hold.time_s:
         return "a hold; leave out time_s in [hold]."
     if together(scene):
-        return "touches solved together; give one [punch], or move them apart."
+        return "touches solved together; give one [punch], or move them further from each other."
     for punch in scene.punches:
         if punch.friction != "none":
             return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric import surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium, system
@@ -21,14 +20,11 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_uni
 from eitsim.mechanics.contact.punch_contact import POINTS, facets_at
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, rim_change
 from eitsim.mechanics.solid.grid import tensor_grid
-from eitsim.scene.results import RimField, Touch
+from eitsim.scene.results import Array, RimField, Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 
-Array = NDArray[np.float64]
-
-# Step of the differences, over the parameter.
-STEP = 1e-5
+STEP = 1e-5  # Step of the differences, over the parameter.
 # That of what the rim changes, over the parameter, and of the distance to the rim, in thicknesses.
 _RIM_STEP, _RIM_PLACE = 0.01, 0.02
 
@@ -51,11 +47,8 @@ class Settled:
 class Varied:
     """A touch on either side of one parameter."""
 
-    # as in a data set, for instance "d_mm"; the unit is its own
-    name: str
-    unit: str
-    # half the difference between both sides, in that unit
-    step: float
+    name: str  # as in a data set, for instance "d_mm", its unit at the end
+    step: float  # half the difference between both sides, in that unit
     # whether it is the foam's, and so changes all touches
     shared: bool
     less: tuple[Punch, Touch]
@@ -65,13 +58,9 @@ class Varied:
 @dataclass(frozen=True)
 class _Parameter:
     name: str
-    unit: str
-    # step in that unit
-    step: float
-    # law and punch with that many units more than given
-    at: Callable[[float], tuple[Hyperfoam, Punch]]
-    # whether it is the foam's
-    shared: bool = False
+    step: float  # in the unit that ends the name
+    at: Callable[[float], tuple[Hyperfoam, Punch]]  # law and punch with that many units more than given
+    shared: bool = False  # whether it is the foam's
 
 
 def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m: float | None = None,
@@ -91,21 +80,17 @@ def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m:
 
 
 def _beside_rim(base: Settled) -> Settled:
-    field, outwards = rim_change(base.law, base.body, base.punch).field, _outwards(base.punch)
+    field, place = rim_change(base.law, base.body, base.punch).field, np.array([base.punch.x_m, base.punch.y_m])
+    outwards = place / np.linalg.norm(place)
 
     def at(by_m: float) -> tuple[Hyperfoam, Punch]:
-        x_m, y_m = np.array([base.punch.x_m, base.punch.y_m]) + by_m * outwards
+        x_m, y_m = place + by_m * outwards
         return base.law, replace(base.punch, x_m=float(x_m), y_m=float(y_m))
 
     gap = base.body.radius_m - field.offset_m - base.punch.diameter_m / 2
     step = min(_RIM_PLACE * base.body.thickness_m, gap / 2)
     line = rim_line(field, base.body, base.punch, at, step)
     return replace(base, touch=replace(base.touch, rim=field), by_offset=line)
-
-
-def _outwards(punch: Punch) -> Array:
-    place = np.array([punch.x_m, punch.y_m])
-    return place / np.linalg.norm(place)
 
 
 def shifted(base: Settled, by_m: Array) -> tuple[Punch, Touch]:
@@ -142,25 +127,25 @@ def _load(base: Settled) -> tuple[_Parameter, Array]:
     state, unit = base.state, force_unit(base.law, base.body)
     if base.punch.force_N is not None:
         force_N = base.punch.force_N
-        return _Parameter("F_N", "N", STEP * force_N, lambda more: (
+        return _Parameter("F_N", STEP * force_N, lambda more: (
             base.law, replace(base.punch, force_N=force_N + more))), state.by_force / unit
     less, more = (equilibrium(base.model, force, state.x + state.by_force * (force - state.force)).depth
                   for force in (state.force * (1 - STEP), state.force * (1 + STEP)))
     depth_mm = state.depth * base.body.thickness_m * 1e3
     by_depth = state.by_force * 2 * STEP * state.force / (more - less)
-    return (_Parameter("depth_mm", "mm", STEP * depth_mm, lambda more: (
+    return (_Parameter("depth_mm", STEP * depth_mm, lambda more: (
         base.law, replace(base.punch, depth_m=(depth_mm + more) / 1e3))), by_depth / (base.body.thickness_m * 1e3))
 
 
 def _parameters(base: Settled) -> Iterator[_Parameter]:
     law, punch = base.law, base.punch
-    yield _Parameter("d_mm", "mm", STEP * punch.diameter_m * 1e3,
+    yield _Parameter("d_mm", STEP * punch.diameter_m * 1e3,
                      lambda more: (law, replace(punch, diameter_m=punch.diameter_m + more / 1e3)))
     for i, one in enumerate(np.eye(len(law.mu_Pa))):
-        yield _Parameter(f"mu_{i + 1}_Pa", "Pa", STEP * law.mu_0_Pa,
+        yield _Parameter(f"mu_{i + 1}_Pa", STEP * law.mu_0_Pa,
                          lambda more, one=one: (replace(law, mu_Pa=law.mu_Pa + more * one), punch), True)
     for i, one in enumerate(np.eye(len(law.alpha))):
-        yield _Parameter(f"alpha_{i + 1}", "1", STEP * abs(float(law.alpha[i])),
+        yield _Parameter(f"alpha_{i + 1}", STEP * abs(float(law.alpha[i])),
                          lambda more, one=one: (replace(law, alpha=law.alpha + more * one), punch), True)
 
 
@@ -171,7 +156,7 @@ def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[Indentatio
         line = rim_line(base.by_offset.field, base.body, base.punch, parameter.at, parameter.step * _RIM_STEP / STEP,
                         COARSE if parameter.shared else FINE)
         less, more = (replace(touch, rim=line.at(sign * parameter.step)) for sign, touch in ((-1, less), (1, more)))
-    return Varied(parameter.name, parameter.unit, parameter.step, parameter.shared, (base.punch, less),
+    return Varied(parameter.name, parameter.step, parameter.shared, (base.punch, less),
                   (base.punch, more))
 
 
@@ -206,8 +191,7 @@ class RimLine:
     radius_m: Array
     metric: Array
     normal: Array
-    # derivative of the axis's distance from the disc's centre, m a unit
-    offset_m: float
+    offset_m: float  # derivative of the axis's distance from the disc's centre, m a unit
 
     def at(self, by: float) -> RimField:
         """The field with that many units more of the parameter."""

@@ -36,7 +36,7 @@ def by_this_code(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any], t
     if old["code"] == new["code"]:
         return dict(old)
     if there.any() and not other_code:
-        raise ValueError(f"{folder} was made by other code or libraries ({_told(old)}) than these ({_told(new)}), "
+        raise ValueError(f"{folder} was made by other code or libraries ({_stated(old)}) than these ({_stated(new)}), "
                          "whose rows may differ. Choose another folder, or continue with --other-code: the folder then "
                          "tells which scenes are whose.")
     earlier, left = [], there.copy()
@@ -50,13 +50,11 @@ def by_this_code(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any], t
     return {**old, "code": new["code"], "versions": new["versions"], EARLIER: [one for one in earlier if one["scenes"]]}
 
 
-def _told(manifest: Mapping[str, Any]) -> str:
-    """Versions and the beginning of the hash."""
+def _stated(manifest: Mapping[str, Any]) -> str:
     return ", ".join([*(f"{name} {value}" for name, value in manifest["versions"].items()), manifest["code"][:12]])
 
 
 def _runs(scenes: NDArray[np.bool_]) -> list[list[int]]:
-    """First and last of each run of neighbours."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], scenes, [False]])))
     return [[int(first), int(stop) - 1] for first, stop in edges.reshape(-1, 2)]
 

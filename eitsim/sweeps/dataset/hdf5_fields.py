@@ -1,4 +1,4 @@
-"""Fields of a data set's rows on disk: beside each Parquet part an HDF5 file of the same name, written before it."""
+"""Fields of a data set's rows on disk: next to each Parquet part an HDF5 file of the same name, written before it."""
 
 from __future__ import annotations
 
@@ -12,15 +12,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.electrics.forward.gridded_fields import (
-    QUANTITIES,
-    TABLE,
-    StoredFields,
-    blank,
-    coordinates,
-    fields_from,
-    inside,
-)
+from eitsim.electrics.forward import gridded_fields as gridded
+from eitsim.electrics.forward.gridded_fields import QUANTITIES, TABLE, StoredFields, coordinates, inside
 from eitsim.scene.scene import Body, scene_from
 from eitsim.sweeps.dataset import parquet
 from touchcal.errors import InputFileError
@@ -45,7 +38,7 @@ def encoded(stored: StoredFields, body: Body, rows: Mapping[int, Fields]) -> byt
         file["inside"] = inside(stored, body)
         for name in stored.names:
             quantity = QUANTITIES[name]
-            values = np.stack([rows[scene].get(name, blank(stored, name)) for scene in scenes])
+            values = np.stack([rows[scene].get(name, gridded.blank(stored, name)) for scene in scenes])
             kept = file.create_dataset(quantity.dataset, data=values, chunks=(1, *values.shape[1:]), shuffle=True,
                                        compression="gzip", compression_opts=_GZIP)
             kept.attrs["units"], kept.attrs["meaning"] = quantity.unit, quantity.meaning
@@ -77,19 +70,14 @@ def _file(place: Path | io.BytesIO, mode: Any) -> Any:
 class FieldsOnDisk:
     """The fields of a data set, read as they are asked for."""
 
-    # folder of the data set
-    folder: Path
-    # what is stored and on which grid
-    stored: StoredFields
-    # axes of the grid, as stored_fields.coordinates
-    coordinates: Mapping[str, NDArray[np.float64]]
-    # (*shape,) which points lie on the disc
-    inside: NDArray[np.bool_]
-    # scene number -> its file, and its row in it
-    where: Mapping[int, tuple[Path, int]]
+    folder: Path  # folder of the data set
+    stored: StoredFields  # what is stored and on which grid
+    coordinates: Mapping[str, NDArray[np.float64]]  # axes of the grid, as stored_fields.coordinates
+    inside: NDArray[np.bool_]  # (*shape,) which points lie on the disc
+    where: Mapping[int, tuple[Path, int]]  # scene number -> its file, and its row in it
 
     def read(self, name: str, scenes: Sequence[int]) -> NDArray[np.float32]:
-        """Field (scenes, *shape) or (scenes, *shape, parts); NaN beside the disc and where a scene was not solved.
+        """Field (scenes, *shape) or (scenes, *shape, parts); NaN outside the disc and where a scene was not solved.
 
         name: one of stored.names. InputFileError for a field or scene that the set does not hold, and for a damaged
         file.
@@ -99,15 +87,14 @@ class FieldsOnDisk:
         if unknown := [scene for scene in scenes if scene not in self.where]:
             raise InputFileError(self.folder, f"scene {unknown[0]} is not in the data set, which holds "
                                               f"{len(self.where)} of them.")
-        out = np.empty((len(scenes), *blank(self.stored, name).shape), dtype=np.float32)
+        out = np.empty((len(scenes), *gridded.blank(self.stored, name).shape), dtype=np.float32)
         by_file: dict[Path, list[tuple[int, int]]] = {}
         for place, scene in enumerate(scenes):
             path, row = self.where[scene]
             by_file.setdefault(path, []).append((place, row))
-        for path, wanted in by_file.items():
-            found = _opened(path, lambda file, rows: [file[QUANTITIES[name].dataset][row] for row in rows],
-                            [row for _, row in wanted])
-            out[[place for place, _ in wanted]] = found
+        for path, requested in by_file.items():
+            out[[place for place, _ in requested]] = _opened(path, lambda file, rows: [
+                file[QUANTITIES[name].dataset][row] for row in rows], [row for _, row in requested])
         return out
 
 
@@ -124,7 +111,7 @@ def read_fields(folder: Path | str) -> FieldsOnDisk:
     if "clean" in manifest:
         raise InputFileError(folder, "its rows are measured; the fields stand in the clean set that they were made "
                                      f"from, {manifest['clean']['folder']}.")
-    stored = fields_from({key: value for key, value in raw.items() if value is not None})
+    stored = gridded.fields_from({key: value for key, value in raw.items() if value is not None})
     body = scene_from({"body": manifest["design"]["tables"].get("body", {})}).body
     where: dict[int, tuple[Path, int]] = {}
     for part in parquet.parts(folder):
@@ -155,6 +142,5 @@ def _checked(path: Path, read: Callable[[], Any]) -> Any:
 
 
 def _damaged(path: Path, problem: str) -> InputFileError:
-    return InputFileError(
-        path, f"{problem}. Remove {path.stem}.parquet beside it and continue the sweep: both are made again."
-    )
+    return InputFileError(path, f"{problem}. Remove {path.stem}.parquet next to it and continue the sweep: both are "
+                                "made again.")

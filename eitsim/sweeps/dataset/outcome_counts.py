@@ -9,28 +9,23 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-_TOLD = ["scene", "outcome", "message"]
-COLUMNS = [*_TOLD, "signal_error", "cpu_s"]
-# Errors fall into bins of this width in their logarithm.
-_BIN = 0.01
+_NAMED = ["scene", "outcome", "message"]
+COLUMNS = [*_NAMED, "signal_error", "cpu_s"]
+_BIN = 0.01  # Errors fall into bins of this width in their logarithm.
 
 
 @dataclass(frozen=True)
 class OutcomeCounts:
     """What became of some rows."""
 
-    # outcome -> number of rows
-    outcomes: Mapping[str, int] = field(default_factory=dict)
+    outcomes: Mapping[str, int] = field(default_factory=dict)  # outcome -> number of rows
     # outcome other than "ok" -> its first scene and the message there
     first: Mapping[str, tuple[int, str]] = field(default_factory=dict)
-    # round(log(signal_error) / _BIN) -> number of ok rows
-    errors: Mapping[int, int] = field(default_factory=dict)
-    # their CPU time, s
-    cpu_s: float = 0.0
+    errors: Mapping[int, int] = field(default_factory=dict)  # round(log(signal_error) / _BIN) -> number of ok rows
+    cpu_s: float = 0.0  # their CPU time, s
 
     @property
     def rows(self) -> int:
-        """How many there are."""
         return sum(self.outcomes.values())
 
     def error_below(self, share: float) -> float | None:
@@ -51,7 +46,7 @@ def count_outcomes(table: pd.DataFrame) -> OutcomeCounts:
     """Count a table that has COLUMNS, sorted by scene."""
     ok = (table["outcome"] == "ok").to_numpy()
     first: dict[str, tuple[int, str]] = {}
-    for scene, outcome, message in zip(*(table.loc[~ok, name].tolist() for name in _TOLD), strict=True):
+    for scene, outcome, message in zip(*(table.loc[~ok, name].tolist() for name in _NAMED), strict=True):
         first.setdefault(outcome, (scene, message))
     errors = table.loc[ok, "signal_error"].to_numpy(dtype=float)
     bins = np.rint(np.log(errors[errors > 0]) / _BIN).astype(int)

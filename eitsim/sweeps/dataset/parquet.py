@@ -1,4 +1,4 @@
-"""A data set of scenes on disk: Parquet parts, each written in one step, beside a manifest `design.json`.
+"""A data set of scenes on disk: Parquet parts, each written in one step, with a manifest `design.json`.
 
 A part holds neighbouring scenes and is named by the first; a sweep's parts have a size that its manifest keeps.
 """
@@ -10,7 +10,7 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -41,14 +41,10 @@ FIXED = ("scene", "outcome", *TOUCH, *OUTPUTS, "card_sample", "signal_error", "c
 class Dataset:
     """A data set of scenes on disk, whose rows are read when they are first asked for."""
 
-    # where it lies
-    folder: Path
-    # the manifest: schema, design, card, versions
-    manifest: Mapping[str, Any]
-    # columns that `table` has next to FIXED; None: all that are stored
-    columns: Sequence[str] | None = None
-    # what the call of `sweep` did that returned the set; None of one that was opened
-    account: Account | None = None
+    folder: Path  # where it lies
+    manifest: Mapping[str, Any]  # the manifest: schema, design, card, versions
+    columns: Sequence[str] | None = None  # columns that `table` has next to FIXED; None: all that are stored
+    account: Account | None = None  # what the call of `sweep` did that returned the set; None of one that was opened
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -58,7 +54,8 @@ class Dataset:
         names = None if self.columns is None else [*dict.fromkeys([*FIXED, *self.columns])]
         table = pd.concat([read_part(path, names) for path in parts(self.folder)], ignore_index=True)
         table = table.sort_values("scene", ignore_index=True)
-        _require_columns(self.folder, table, FIXED)
+        if missing := [name for name in FIXED if name not in table.columns]:
+            raise InputFileError(self.folder, f"the column {missing[0]} is missing from its Parquet parts.")
         if table["scene"].duplicated().any():
             twice = int(table.loc[table["scene"].duplicated(), "scene"].iloc[0])
             raise InputFileError(self.folder, f"scene {twice} stands in it twice. Remove the part that does not belong "
@@ -149,7 +146,7 @@ def with_rows(content: bytes, more: bytes) -> bytes:
 
 
 def put(path: Path, content: bytes) -> None:
-    """Write a file beside its place, wait for the disk, and move it there in one step: what is there is whole, even
+    """Write a file next to its place, wait for the disk, and move it there in one step: what is there is whole, even
     after a loss of power, which may cost the last moves unless `settle` was waited for."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".part-", suffix=".tmp")
     try:
@@ -239,12 +236,7 @@ def open_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Da
 
 
 def read_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Dataset:
-    """open_dataset, with the rows read at once, so that it tells of damage."""
+    """open_dataset, with the rows read at once, so that damage shows."""
     data = open_dataset(folder, columns)
     _ = data.table
     return data
-
-
-def _require_columns(folder: Path, table: pd.DataFrame, names: Iterable[str]) -> None:
-    if missing := [name for name in names if name not in table.columns]:
-        raise InputFileError(folder, f"the column {missing[0]} is missing from its Parquet parts.")

@@ -6,27 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-# Key of the manifest: what each call spent.
-RUNS = "runs"
+RUNS = "runs"  # Key of the manifest: what each call spent.
 
 
 @dataclass(frozen=True)
 class Run:
     """One call of a sweep, from its first row to its last; without one that was killed."""
 
-    # how touches were solved, in words
-    method: str
+    method: str  # how touches were solved, in words
     # rows solved, and their CPU time, s
     rows: int
     rows_cpu_s: float
     # wall time from the first row handed out to the last one on disk, s; the start of workers counts
     rows_wall_s: float
-    # processes that solved them; None where others lent them
-    workers: int | None
-    # wall time until the table of load paths was there, s
-    table_wall_s: float
-    # CPU time of encoding parts, s, with the workers
-    encoding_cpu_s: float
+    workers: int | None  # processes that solved them; None where others lent them
+    table_wall_s: float  # wall time until the table of load paths was there, s
+    encoding_cpu_s: float  # CPU time of encoding parts, s, with the workers
     # CPU and wall time of writing parts, s, alone in the parent
     writing_cpu_s: float
     writing_wall_s: float
@@ -47,18 +42,12 @@ class Run:
 class Account:
     """What a sweep did."""
 
-    # outcome -> number of rows, over the whole data set
-    outcomes: Mapping[str, int]
-    # outcome other than "ok" -> the message of its first row
-    reasons: Mapping[str, str]
-    # rows solved by this call
-    solved: int
-    # rows that stood there before
-    kept: int
-    # how touches were solved, in words
-    method: str
-    # what the call spent; None where all rows were there
-    run: Run | None = None
+    outcomes: Mapping[str, int]  # outcome -> number of rows, over the whole data set
+    reasons: Mapping[str, str]  # outcome other than "ok" -> the message of its first row
+    solved: int  # rows solved by this call
+    kept: int  # rows that stood there before
+    method: str  # how touches were solved, in words
+    run: Run | None = None  # what the call spent; None where all rows were there
 
 
 def runs_of(manifest: Mapping[str, Any]) -> list[Run]:

@@ -18,44 +18,34 @@ from touchcal.provenance import file_identity
 Array = NDArray[np.float64]
 
 PARTS = ("hyperfoam", "prony", "conductivity")
-# What the seed is split for.
-_CHOICE, _ORDER, _SPECIMEN = 1, 2, 3
-# Keeps these draws apart from those of scenes and measurements of the same seed.
-_DOMAIN = 0x63617264
+_CHOICE, _ORDER, _SPECIMEN = 1, 2, 3  # What the seed is split for.
+_DOMAIN = 0x63617264  # Keeps these draws separate from those of scenes and measurements of the same seed.
 
 
 @dataclass(frozen=True)
 class Material:
     """The table [material] of a design."""
 
-    # number of distinct cards; 0: as many as the posterior holds
-    draws: int = 0
-    # neighbouring rows that share a card
-    rows_per_draw: int = 1
-    # parts of the card that vary, some of PARTS; empty: all that the posterior holds
-    parts: tuple[str, ...] = ()
-    # whether each card is that of a further specimen, stiffer or softer as replicates scatter
-    specimen: bool = False
+    draws: int = 0  # number of distinct cards; 0: as many as the posterior holds
+    rows_per_draw: int = 1  # neighbouring rows that share a card
+    parts: tuple[str, ...] = ()  # parts of the card that vary, some of PARTS; empty: all that the posterior holds
+    specimen: bool = False  # whether each card is that of a further specimen, stiffer or softer as replicates scatter
 
 
 @dataclass(frozen=True, eq=False)
 class Cards:
     """The cards that serve the rows of a design, small enough to be sent to every worker."""
 
-    # the card itself; parts that do not vary stay as they are in it
-    card: MaterialCard
+    card: MaterialCard  # the card itself; parts that do not vary stay as they are in it
     # D parameter sets of the parts that vary, moduli as the card labels them; None: the card itself serves every row
     draws: Draws | None = None
     # (D,) their rows in the file of the posterior
     samples: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    # neighbouring numbers that share a card
-    each: int = 1
-    # seed of the order
-    seed: int = 0
+    each: int = 1  # neighbouring numbers that share a card
+    seed: int = 0  # seed of the order
     # name and hash of the posterior's file; empty where the card itself serves
     source: Mapping[str, str] = field(default_factory=dict)
-    # whether numbers 2 b and 2 b + 1 meet cards that differ
-    in_pairs: bool = False
+    in_pairs: bool = False  # whether numbers 2 b and 2 b + 1 meet cards that differ
 
     @property
     def cycle(self) -> int:
@@ -91,7 +81,7 @@ def material_from(raw: Any) -> Material | None:
 
 
 def cards_for(material: Material | None, seed: int, card: MaterialCard, *, in_pairs: bool = False) -> Cards:
-    """The cards of a design, read from the posterior beside the card once.
+    """The cards of a design, read from the posterior next to the card once.
 
     Which draws are chosen, and a specimen's factor exp(omega z) on the moduli, follow from seed and number in the file
     alone. in_pairs: whether numbers 2 b and 2 b + 1 meet cards that differ. ValueError where the card has no posterior
@@ -106,7 +96,11 @@ def cards_for(material: Material | None, seed: int, card: MaterialCard, *, in_pa
         raise ValueError(f"{card_path}: its posterior did not converge, so that its draws are not the material's. Fit "
                          "it again as the fit advises, or leave out [material].")
     held = read_draws(card_path)
-    parts = _parts(material, held, card_path)
+    there = tuple(held_by(held))
+    if missing := [part for part in material.parts if part not in there]:
+        raise ValueError(f"parts in [material] names {missing[0]}, and the posterior of {card_path} holds "
+                         f"{', '.join(there)}. Leave it out, or fit the card again with its test and --posterior.")
+    parts = material.parts or there
     if material.draws > len(held):
         raise ValueError(f"draws in [material] is {material.draws}, and the posterior of {card_path} holds "
                          f"{len(held)}. Ask for {len(held)} or fewer.")
@@ -195,16 +189,7 @@ def held_by(draws: Draws) -> Iterator[str]:
         yield "conductivity"
 
 
-def _parts(material: Material, held: Draws, path: Path) -> tuple[str, ...]:
-    there = tuple(held_by(held))
-    if missing := [part for part in material.parts if part not in there]:
-        raise ValueError(f"parts in [material] names {missing[0]}, and the posterior of {path} holds "
-                         f"{', '.join(there)}. Leave it out, or fit the card again with its test and --posterior.")
-    return material.parts or there
-
-
 def _taken(held: Draws, chosen: NDArray[np.int64], parts: tuple[str, ...]) -> Draws:
-    """The chosen rows of the parts that vary."""
     none = np.empty((len(chosen), 0))
     mu, alpha, nu = (a[chosen] if "hyperfoam" in parts else none for a in (held.mu_Pa, held.alpha, held.nu))
     g, tau = (a[chosen] if a is not None and "prony" in parts else None for a in (held.g, held.tau_s))

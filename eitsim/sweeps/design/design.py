@@ -23,30 +23,23 @@ SAMPLERS = ("random", *FIXED, nested_design.SAMPLER)
 # Those whose count may grow.
 GROWING = ("random", nested_design.SAMPLER)
 _TOP = ("scenes", "seed", "sampler", "touches", "card", "material", "measurement", "fields")
-# Rows that are tried to find one whose scene is right.
-_TRIED = 100
+_TRIED = 100  # Rows that are tried to find one whose scene is right.
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
     """What a sweep draws its scenes from."""
 
-    # number of scenes
-    scenes: int
-    # seed of every draw
-    seed: int
-    # one of SAMPLERS
-    sampler: str
+    scenes: int  # number of scenes
+    seed: int  # seed of every draw
+    sampler: str  # one of SAMPLERS
     # tables of a scene file, a scalar possibly replaced by a range, a choice, a list or a law
     tables: Mapping[str, Any]
-    # which cards of the posterior serve the rows; None: the card itself
-    material: Material | None = None
+    material: Material | None = None  # which cards of the posterior serve the rows; None: the card itself
     # the keys of [measurement], which changes no row: they stay clean, and `measured_set` applies it; empty: none
     measurement: Mapping[str, Any] = field(default_factory=dict)
-    # what is stored of each row's skin, and on which grid; None: nothing
-    fields: StoredFields | None = None
-    # number of touches of a row, possibly drawn; None: one for each [[punch]]
-    touches: Any = None
+    fields: StoredFields | None = None  # what is stored of each row's skin, and on which grid; None: nothing
+    touches: Any = None  # number of touches of a row, possibly drawn; None: one for each [[punch]]
     # name and sha256 of the table of scenes that it was read from; None where it is drawn
     source: Mapping[str, str] | None = None
 

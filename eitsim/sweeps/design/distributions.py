@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 Quantile = Callable[[float], Any]
 
-# law -> what it takes beside its name, and what it may take
+# law -> what it takes next to its name, and what it may take
 LAWS = {"uniform": (("lo", "hi"), ()), "loguniform": (("lo", "hi"), ()), "integer": (("lo", "hi"), ()),
         "normal": (("mean", "sd"), ("lo", "hi")), "lognormal": (("mean", "sd"), ("lo", "hi"))}
 _FORMS = ("a range [lowest, highest], {choice = [...]}, {list = [...]} or {dist = \"" + "\"|\"".join(LAWS)
@@ -25,14 +25,10 @@ class Distribution:
 
     # "chance": a quantile each row; "list": each combination with other lists once, over and over; "rows": one a row
     order: Literal["chance", "list", "rows"]
-    # value at a number of [0, 1); of "chance" only
-    quantile: Quantile | None
-    # all values, in the order given; empty where they are a continuum
-    values: tuple[Any, ...]
-    # least and largest number, infinite where there is none; NaN where values are no numbers
-    ends: tuple[float, float]
-    # for people
-    words: str
+    quantile: Quantile | None  # value at a number of [0, 1); of "chance" only
+    values: tuple[Any, ...]  # all values, in the order given; empty where they are a continuum
+    ends: tuple[float, float]  # least and largest number, infinite where there is none; NaN where values are no numbers
+    words: str  # for people
 
 
 def distribution_of(where: str, value: Any) -> Distribution | None:
@@ -70,7 +66,6 @@ def is_number(value: Any) -> bool:
 
 
 def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Distribution:
-    """A law with checked parameters."""
     if not isinstance(name, str) or name not in LAWS:
         raise ValueError(f"{where}: dist '{name}' is unknown; known: {', '.join(LAWS)}.")
     needed, allowed = LAWS[name]

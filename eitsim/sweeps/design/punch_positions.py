@@ -22,10 +22,8 @@ class Places:
 
     # places to choose from or to go through; None: anywhere on the disc where the punch fits
     distribution: Distribution | None
-    # least distance from the punch's edge to the rim, mm
-    gap_mm: float = 0.0
-    # largest distance from the centre to the punch's axis, mm
-    within_mm: float = math.inf
+    gap_mm: float = 0.0  # least distance from the punch's edge to the rim, mm
+    within_mm: float = math.inf  # largest distance from the centre to the punch's axis, mm
     # least distance between the edges of this punch and of others where one of both is placed by chance, mm; of two
     # such distances the larger holds
     apart_mm: float = 0.0

@@ -17,12 +17,10 @@ from eitsim.sweeps.design.variables import Layout, Variable
 
 # Samplers whose points are chosen together, so that their number is fixed; any other draws each row for itself.
 FIXED = ("lhs", "sobol")
-# Places that are tried for a touch that would overlap another.
-_TRIES = 1000
+_TRIES = 1000  # Places that are tried for a touch that would overlap another.
 
 Circle = tuple[float, float, float]
-# a touch that has its place, and how far others keep from its edge, mm
-Standing = tuple[Circle, float]
+Standing = tuple[Circle, float]  # a touch that has its place, and how far others keep from its edge, mm
 
 
 def row_tables(layout: Layout, sampler: str, scenes: int, seed: int, index: int) -> dict[str, Any]:
@@ -33,27 +31,18 @@ def row_tables(layout: Layout, sampler: str, scenes: int, seed: int, index: int)
     """
     tables = copy.deepcopy(dict(layout.plain))
     count = len(tables["punch"])
-    numbers = _uniforms(sampler, scenes, seed, index, layout.free)
+    numbers = (_points(sampler, scenes, seed, layout.free)[index] if sampler in FIXED else
+               np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,))).random(layout.free))
     for variable, value in _values(layout, numbers, index):
         if variable.key == "touches":
             count = value
         elif value is not None:
-            _table_of(tables, variable)[variable.key] = value
+            held = tables["punch"][variable.touch] if variable.table == "punch" else tables[variable.table]
+            held[variable.key] = value
     tables["punch"] = tables["punch"][:count]
     _without_idle_friction(layout, tables["punch"])
     _place(layout, tables, seed, index)
     return tables
-
-
-def _table_of(tables: dict[str, Any], variable: Variable) -> dict[str, Any]:
-    return tables["punch"][variable.touch] if variable.table == "punch" else tables[variable.table]
-
-
-def _uniforms(sampler: str, scenes: int, seed: int, index: int, count: int) -> NDArray[np.float64]:
-    """Numbers of [0, 1), one a free variable of the design, for one row."""
-    if sampler in FIXED:
-        return _points(sampler, scenes, seed, count)[index]
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,))).random(count)
 
 
 @lru_cache(maxsize=4)
@@ -105,17 +94,17 @@ def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> Non
         punch, drawn = punches[k], dict(punches[k])
         for _ in range(_TRIES):
             circle = _circle(layout, k, drawn, radius)
-            if len(punches) == 1 or not movable[k] or _clear(circle, _apart_mm(layout, k), standing):
+            if len(punches) == 1 or not movable[k] or _clear(circle, _keep_mm(layout, k), standing):
                 break
             rng = rng or np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, 1)))
             drawn |= {v.key: v.distribution.quantile(float(rng.random())) for v in movable[k]
                       if v.distribution.quantile}
         else:
-            raise ValueError(f"touch {k + 1} found no place beside the others in {_TRIES} draws. Ask for fewer or "
+            raise ValueError(f"touch {k + 1} found no place among the others in {_TRIES} draws. Ask for fewer or "
                              "smaller punches, or a smaller apart_mm in place.")
         punch.pop("place", None)
         punch["x_mm"], punch["y_mm"] = circle[:2]
-        standing.append((circle, _apart_mm(layout, k)))
+        standing.append((circle, _keep_mm(layout, k)))
 
 
 def _circle(layout: Layout, k: int, punch: dict[str, Any], radius_mm: float) -> Circle:
@@ -127,12 +116,12 @@ def _circle(layout: Layout, k: int, punch: dict[str, Any], radius_mm: float) -> 
     return x, y, diameter
 
 
-def _apart_mm(layout: Layout, k: int) -> float:
+def _keep_mm(layout: Layout, k: int) -> float:
     places = layout.places[k]
     return 0.0 if places is None else places.apart_mm
 
 
-def _clear(circle: Circle, apart_mm: float, others: Sequence[Standing]) -> bool:
+def _clear(circle: Circle, keep_mm: float, others: Sequence[Standing]) -> bool:
     """Whether a touch keeps the larger of both distances from each that stands."""
     x, y, d = circle
-    return all(math.hypot(x - a, y - b) - (d + e) / 2 > max(apart_mm, theirs) for (a, b, e), theirs in others)
+    return all(math.hypot(x - a, y - b) - (d + e) / 2 > max(keep_mm, theirs) for (a, b, e), theirs in others)

@@ -23,10 +23,8 @@ _UNIT = Distribution("chance", lambda u: u, (), (0.0, 1.0), "uniform from 0 to 1
 class Variable:
     """A key whose value is drawn."""
 
-    # table of a scene file; "" for the number of touches
-    table: str
-    # number of the touch, from 0; 0 in other tables than "punch"
-    touch: int
+    table: str  # table of a scene file; "" for the number of touches
+    touch: int  # number of the touch, from 0; 0 in other tables than "punch"
     # key of the table, or "place" for both x_mm and y_mm, or "touches"
     key: str
     distribution: Distribution
@@ -38,10 +36,8 @@ class Layout:
 
     # tables of a scene file with their plain values alone; "punch" a list of as many as a row may have at most
     plain: Mapping[str, Any]
-    # in the order in which they take their random numbers
-    variables: tuple[Variable, ...]
-    # one a touch: where it stands; None where x_mm or y_mm are given as keys
-    places: tuple[Places | None, ...]
+    variables: tuple[Variable, ...]  # in the order in which they take their random numbers
+    places: tuple[Places | None, ...]  # one a touch: where it stands; None where x_mm or y_mm are given as keys
 
     @property
     def free(self) -> int:
@@ -78,7 +74,10 @@ def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
         own = list(_parted("punch", k, punch))
         largest = _end(punch, own, "punch", "diameter_mm", Punch().diameter_m * 1e3, 1)
         places.append(places_of(place, radius, largest) if free else None)
-        touched += [*own, *_place_variables(k, places[-1])]
+        if (stands := places[-1]) is not None:
+            own += [Variable("punch", k, key, _UNIT) for key in ("x_mm", "y_mm")] if stands.distribution is None else [
+                Variable("punch", k, "place", stands.distribution)]
+        touched += own
     ordered = [*(v for v in variables if v.table < "punch"), *touched, *later]
     if isinstance(number, Distribution):
         ordered.append(Variable("", 0, "touches", number))
@@ -86,7 +85,7 @@ def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
 
 
 def number_of_touches(touches: Any) -> int | Distribution | None:
-    """The number of touches of a row: fixed, drawn, or None where the tables tell it."""
+    """The number of touches of a row: fixed, drawn, or None where the tables give it."""
     if touches is None:
         return None
     raw: Any = {"dist": "integer", "lo": touches[0], "hi": touches[1]} if (
@@ -155,14 +154,6 @@ def _check_times(value: Any) -> None:
         raise ValueError(f"time_s in [hold] holds several times, got {value}, and a row is one scene at one time. Give "
                          "{list = [...]} for a row each, [shortest, longest] for a time by chance, or run the scene by "
                          "`eitsim run`.")
-
-
-def _place_variables(touch: int, places: Places | None) -> list[Variable]:
-    if places is None:
-        return []
-    if places.distribution is not None:
-        return [Variable("punch", touch, "place", places.distribution)]
-    return [Variable("punch", touch, key, _UNIT) for key in ("x_mm", "y_mm")]
 
 
 def _end(plain: Mapping[str, Any], variables: list[Variable], table: str, key: str, default: float, end: int) -> float:

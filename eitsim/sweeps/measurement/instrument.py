@@ -25,26 +25,20 @@ BITS = 32
 # What the draws of a term begin with; they are a scene's, or one for all scenes.
 _GAIN, _OFFSET, _CONTACT, _DRIFT, _DRIFT_CHANNEL, _DRIFT_V, _DRIFT_CHANNEL_V, _NOISE = range(1, 9)
 _BASELINE, _TOUCHED = range(2)
-# Keeps these draws apart from those of designs, which may have the same seed.
-_DOMAIN = 0x6D656173
+_DOMAIN = 0x6D656173  # Keeps these draws separate from those of designs, which may have the same seed.
 
 
 @dataclass(frozen=True)
 class Measurement:
     """An instrument, applied to clean readings; a term of 0 is switched off. Draws are normal, sizes are rms."""
 
-    # seed of every draw
-    seed: int = 0
-    # white noise of one frame, V; 0 where it is given by snr_db
-    noise_V: float = 0.0
+    seed: int = 0  # seed of every draw
+    noise_V: float = 0.0  # white noise of one frame, V; 0 where it is given by snr_db
     # 20 log10 of the reference voltage over the noise of one frame; None: the noise is noise_V
     snr_db: float | None = None
-    # that voltage: one of REFERENCES, or a number of V
-    relative_to: str | float | None = None
-    # relative error of each channel's gain, one draw for all scenes and frames
-    gain: float = 0.0
-    # offset of each channel, V, one draw for all scenes and frames
-    offset_V: float = 0.0
+    relative_to: str | float | None = None  # that voltage: one of REFERENCES, or a number of V
+    gain: float = 0.0  # relative error of each channel's gain, one draw for all scenes and frames
+    offset_V: float = 0.0  # offset of each channel, V, one draw for all scenes and frames
     # relative change of all readings, and of each channel's, from the untouched frame to the touched one
     drift: float = 0.0
     drift_channel: float = 0.0
@@ -56,15 +50,13 @@ class Measurement:
     # 2^bits steps from -full_scale_V to full_scale_V, V, beyond which readings are clipped; None: no such range
     bits: int | None = None
     full_scale_V: float | None = None
-    # or one step without a range, V
-    lsb_V: float = 0.0
+    lsb_V: float = 0.0  # or one step without a range, V
     # frames averaged, each with its own noise and quantised by itself; of the untouched one, None: as many
     frames: int = 1
     baseline_frames: int | None = None
     # whether the untouched frame has neither noise nor steps, as if averaged over very many
     clean_baseline: bool = False
-    # what has one gain, offset and drift: every reading, or all readings of one electrode
-    channels: str = "reading"
+    channels: str = "reading"  # what has one gain, offset and drift: every reading, or all readings of one electrode
 
     @property
     def step_V(self) -> float:
@@ -81,8 +73,7 @@ class Measured:
     # (rows, readings) of the touched and the untouched skin, V
     touched_V: Array
     baseline_V: Array
-    # (rows,) samples that were clipped at the full scale, of all frames averaged
-    clipped: NDArray[np.int64]
+    clipped: NDArray[np.int64]  # (rows,) samples that were clipped at the full scale, of all frames averaged
 
     @property
     def signal_V(self) -> Array:
@@ -102,7 +93,7 @@ def measured(measurement: Measurement, touched_V: ArrayLike, baseline_V: ArrayLi
     scenes: (rows,) numbers of the scenes; by_contact_V: (readings, electrodes) or (rows, readings, electrodes), V, for
     contact_impedance (contact_slopes.by_contact); channels: (readings,) number of each reading's channel (channels_of),
     by default its own. NaN stays NaN. ValueError for frames of other shapes, or where by_contact_V or channels are
-    wanted and missing.
+    needed and missing.
     """
     touched, baseline = (np.asarray(values, dtype=float) for values in (touched_V, baseline_V))
     numbers = np.asarray(scenes, dtype=np.int64)
@@ -115,7 +106,10 @@ def measured(measurement: Measurement, touched_V: ArrayLike, baseline_V: ArrayLi
     own = np.arange(touched.shape[1]) if channels is None else np.asarray(channels)
     noise = noise_of(measurement, baseline)
     changed = _amplified(measurement, _changed(measurement, touched, numbers, own, by_contact_V), own)
-    changed = _drifted(measurement, changed, numbers, own)
+    if measurement.drift_V:
+        changed = changed + measurement.drift_V * _draws(measurement, _DRIFT_V, numbers, 1)
+    if measurement.drift_channel_V:
+        changed = changed + measurement.drift_channel_V * _by_channel(measurement, _DRIFT_CHANNEL_V, numbers, own)
     still = _amplified(measurement, baseline, own)
     frames = measurement.frames
     touched, clipped = _read(measurement, changed, numbers, _TOUCHED, noise, frames)
@@ -183,15 +177,6 @@ def _amplified(measurement: Measurement, volts: Array, channels: Indices) -> Arr
         volts = volts * (1 + measurement.gain * _by_channel(measurement, _GAIN, None, channels))
     if measurement.offset_V:
         volts = volts + measurement.offset_V * _by_channel(measurement, _OFFSET, None, channels)
-    return volts
-
-
-def _drifted(measurement: Measurement, volts: Array, scenes: Indices, channels: Indices) -> Array:
-    """Touched readings with the drift of the channels' offsets."""
-    if measurement.drift_V:
-        volts = volts + measurement.drift_V * _draws(measurement, _DRIFT_V, scenes, 1)
-    if measurement.drift_channel_V:
-        volts = volts + measurement.drift_channel_V * _by_channel(measurement, _DRIFT_CHANNEL_V, scenes, channels)
     return volts
 
 

@@ -58,8 +58,8 @@ def _check_value(key: str, value: Any) -> None:
     if key in _WHOLE:
         least, most = _WHOLE[key]
         if not _is_number(value, int) or value < least or (most is not None and value > most):
-            wanted = f"from {least}" if most is None else f"of {least} to {most}"
-            raise _wrong(key, f"must be a whole number {wanted}, got {value!r}")
+            allowed = f"from {least}" if most is None else f"of {least} to {most}"
+            raise _wrong(key, f"must be a whole number {allowed}, got {value!r}")
     elif key in _SIZES:
         if not _is_number(value) or value < 0:
             raise _wrong(key, f"must be a number from 0, got {value!r}")

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.sweeps.measurement.instrument import Measurement, level_db, noise_of, reference_of
+from eitsim.sweeps.measurement.instrument import Array, Measurement, level_db, noise_of, reference_of
 from touchcal.number_words import counted
 
-Array = NDArray[np.float64]
-
-# Part of the samples from which on clipping is warned of.
-_MUCH_CLIPPED = 0.01
+_MUCH_CLIPPED = 0.01  # Part of the samples from which on clipping is warned of.
 
 
 @dataclass(frozen=True)
@@ -32,12 +28,9 @@ class Told:
     # noise of one frame, and the voltage that an SNR refers to, means over the rows; None where no SNR is given
     noise_V: float
     reference_V: float | None
-    # noise of the signal: of both frames, after averaging
-    signal_noise_V: float
-    # everything that the measurement changes of the signals
-    signal_error_V: float
-    # step of the quantisation; 0 without one
-    step_V: float
+    signal_noise_V: float  # noise of the signal: of both frames, after averaging
+    signal_error_V: float  # everything that the measurement changes of the signals
+    step_V: float  # step of the quantisation; 0 without one
     # samples clipped at the full scale, and part of all
     clipped: int
     clipped_share: float
@@ -83,41 +76,40 @@ class Sums:
                     self.clipped / max(self._samples(measurement), 1))
 
     def _samples(self, measurement: Measurement) -> int:
-        """Readings of all frames, which are alike without noise and then read once."""
-        touched, still = measurement.frames, measurement.baseline_frames or measurement.frames
-        counts = (touched, 0 if measurement.clean_baseline else still)
+        """Readings of all frames, which are the same without noise and then read once."""
+        still = 0 if measurement.clean_baseline else measurement.baseline_frames or measurement.frames
+        counts = (measurement.frames, still)
         return self.readings * sum(count if self.means[0] > 0 else min(count, 1) for count in counts)
 
 
+def in_words(made: Told) -> str:
+    """What a measurement means, its SNR of every voltage that it may be given of."""
+    lines = [f"untouched readings {made.baseline_rms_V:.4g} V rms, {made.baseline_largest_V:.4g} V at most; signals dV "
+             f"{made.signal_rms_V:.4g} V rms ({made.rows} ok rows)"]
+    if made.noise_V > 0:
+        of = {"the largest untouched reading": made.baseline_largest_V, "the untouched rms": made.baseline_rms_V,
+              "the signals' rms": made.signal_rms_V}
+        stated = "" if made.reference_V is None else f" (stated of {made.reference_V:.4g} V)"
+        lines.append(f"noise of one frame {made.noise_V:.3g} V rms{stated}: " + ", ".join(
+            f"{level_db(made.noise_V, volts):.1f} dB below {name}" for name, volts in of.items() if volts > 0))
+        lines.append(f"noise of dV, both frames after averaging, {made.signal_noise_V:.3g} V rms: "
+                     f"{level_db(made.signal_noise_V, made.signal_rms_V):.1f} dB below the signals' rms")
+    if made.signal_error_V > 0:
+        lines.append(f"all terms change dV by {made.signal_error_V:.3g} V rms: "
+                     f"{level_db(made.signal_error_V, made.signal_rms_V):.1f} dB below the signals' rms")
+    if made.step_V:
+        lines.append(f"steps of {made.step_V:.3g} V; {counted(made.clipped, 'sample')} clipped at the full scale "
+                     f"({100 * made.clipped_share:.3g} % of all)")
+    return "\n".join([*lines, *_cautions(made)])
 
-def in_words(told: Told) -> str:
-    """What a measurement means, its SNR told of every voltage that it may be given of."""
-    lines = [f"untouched readings {told.baseline_rms_V:.4g} V rms, {told.baseline_largest_V:.4g} V at most; signals dV "
-             f"{told.signal_rms_V:.4g} V rms ({told.rows} ok rows)"]
-    if told.noise_V > 0:
-        of = {"the largest untouched reading": told.baseline_largest_V, "the untouched rms": told.baseline_rms_V,
-              "the signals' rms": told.signal_rms_V}
-        stated = "" if told.reference_V is None else f" (stated of {told.reference_V:.4g} V)"
-        lines.append(f"noise of one frame {told.noise_V:.3g} V rms{stated}: " + ", ".join(
-            f"{level_db(told.noise_V, volts):.1f} dB below {name}" for name, volts in of.items() if volts > 0))
-        lines.append(f"noise of dV, both frames after averaging, {told.signal_noise_V:.3g} V rms: "
-                     f"{level_db(told.signal_noise_V, told.signal_rms_V):.1f} dB below the signals' rms")
-    if told.signal_error_V > 0:
-        lines.append(f"all terms change dV by {told.signal_error_V:.3g} V rms: "
-                     f"{level_db(told.signal_error_V, told.signal_rms_V):.1f} dB below the signals' rms")
-    if told.step_V:
-        lines.append(f"steps of {told.step_V:.3g} V; {counted(told.clipped, 'sample')} clipped at the full scale "
-                     f"({100 * told.clipped_share:.3g} % of all)")
-    return "\n".join([*lines, *_cautions(told)])
 
-
-def _cautions(told: Told) -> Iterator[str]:
+def _cautions(made: Told) -> Iterator[str]:
     """What is right to ask for and seldom meant."""
-    if told.signal_error_V == 0 and told.rows:
+    if made.signal_error_V == 0 and made.rows:
         yield "caution: every term is off, or changes nothing: these rows are the clean ones"
-    if told.noise_V > told.baseline_largest_V > 0:
+    if made.noise_V > made.baseline_largest_V > 0:
         yield ("caution: the noise of one frame is larger than every untouched reading; is noise_V in V, and snr_db "
                "above 0?")
-    if told.clipped_share > _MUCH_CLIPPED:
+    if made.clipped_share > _MUCH_CLIPPED:
         yield ("caution: so many clipped samples tell the full scale and not the touch; give a full_scale_V above "
-               f"{told.baseline_largest_V:.3g} V")
+               f"{made.baseline_largest_V:.3g} V")

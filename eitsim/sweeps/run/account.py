@@ -27,12 +27,9 @@ _COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, *parquet.COS
 class Stage:
     """One stage of making a data set."""
 
-    # what was done, in words
-    name: str
-    # how often: paths, places on the rim, or rows
-    count: int
-    # CPU time, s
-    cpu_s: float
+    name: str  # what was done, in words
+    count: int  # how often: paths, places on the rim, or rows
+    cpu_s: float  # CPU time, s
 
 
 @dataclass(frozen=True)
@@ -43,10 +40,8 @@ class Errors:
     # what 95 % lie below, and the largest
     p95: float
     largest: float
-    # part of the rows whose error is above the wanted one
-    share_above: float
-    # the wanted one; None where it differs between rows
-    wanted: float | None
+    share_above: float  # part of the rows whose error is above the requested one
+    wanted: float | None  # the requested one; None where it differs between rows
 
 
 @dataclass(frozen=True)
@@ -56,10 +51,8 @@ class Accounted:
     # rows that are there, and scenes of the design
     rows: int
     scenes: int
-    # outcome -> number of rows
-    outcomes: Mapping[str, int]
-    # None without rows that are ok
-    errors: Errors | None
+    outcomes: Mapping[str, int]  # outcome -> number of rows
+    errors: Errors | None  # None without rows that are ok
     # in the order of the work; CPU time of all rows, and of tables and of encoding and writing parts as far as runs
     # are on record
     stages: tuple[Stage, ...]
@@ -68,8 +61,7 @@ class Accounted:
     field_bytes_per_row: float
     # calls that came to an end, the first one first; empty of sets that were made before these were kept
     runs: tuple[Run, ...]
-    # the costliest first, with the last run
-    left_out: tuple[Omission, ...]
+    left_out: tuple[Omission, ...]  # the costliest first, with the last run
 
     @property
     def cpu_s(self) -> float:
@@ -91,18 +83,21 @@ def account_of(folder: Path) -> Accounted:
         raise InputFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
     counts, stages = OutcomeCounts(), pd.DataFrame()
     found, above = [], 0
-    wanted = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
-    wanted = float(wanted) if isinstance(wanted, int | float) else None
+    asked = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
+    asked = float(asked) if isinstance(asked, int | float) else None
     for path in parts:
         table = parquet.read_part(path, _COLUMNS).reindex(columns=_COLUMNS)
         counts, stages = counts + count_outcomes(table), stages.add(_by_stage(table), fill_value=0.0)
         ok = table.loc[table["outcome"] == "ok"]
         errors = ok["signal_error"].to_numpy(dtype=float)
-        above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if wanted is None else wanted)).sum())
+        above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if asked is None else asked)).sum())
         found.append(errors)
     runs = tuple(runs_of(manifest))
-    return Accounted(counts.rows, manifest["design"]["scenes"], dict(counts.outcomes),
-                     _errors(np.concatenate(found), above, wanted),
+    every, spread = np.concatenate(found), None
+    if every.size:
+        median, p95, largest = np.quantile(every, [0.5, 0.95, 1]).tolist()
+        spread = Errors(median, p95, largest, above / every.size, asked)
+    return Accounted(counts.rows, manifest["design"]["scenes"], dict(counts.outcomes), spread,
                      (*_of_tables(runs), *_of_rows(stages), *_of_parts(runs)), _bytes(parts) / counts.rows,
                      _bytes(path.with_suffix(SUFFIX) for path in parts) / counts.rows, runs,
                      tuple(omissions_of(manifest)))
@@ -110,13 +105,6 @@ def account_of(folder: Path) -> Accounted:
 
 def _bytes(files: Iterable[Path]) -> int:
     return sum(path.stat().st_size for path in files if path.exists())
-
-
-def _errors(found: np.ndarray, above: int, wanted: float | None) -> Errors | None:
-    if not found.size:
-        return None
-    median, p95, largest = np.quantile(found, [0.5, 0.95, 1]).tolist()
-    return Errors(median, p95, largest, above / found.size, wanted)
 
 
 def _by_stage(table: pd.DataFrame) -> pd.DataFrame:
@@ -129,8 +117,8 @@ def _by_stage(table: pd.DataFrame) -> pd.DataFrame:
              ("planning and the rest of rows", table["cpu_s"] - table[list(parquet.COST[1:])].fillna(0.0).sum(axis=1))]
     parts = [(name, cost.where(named)) for name, cost in parts]
     parts.append(("rows that were not solved", table["cpu_s"].where(~named)))
-    told = pd.concat([pd.DataFrame({"stage": name, "count": 1.0, "cpu_s": cost}) for name, cost in parts])
-    return told.loc[told["cpu_s"].notna()].groupby("stage", sort=False).sum()
+    whole = pd.concat([pd.DataFrame({"stage": name, "count": 1.0, "cpu_s": cost}) for name, cost in parts])
+    return whole.loc[whole["cpu_s"].notna()].groupby("stage", sort=False).sum()
 
 
 def _of_tables(runs: tuple[Run, ...]) -> list[Stage]:
@@ -170,20 +158,20 @@ def lines(account: Accounted) -> list[str]:
     out += [f"{stage.name:42}{stage.count:9d}{stage.cpu_s:11.3g}{100 * stage.cpu_s / whole:7.1f} %"
             for stage in account.stages]
     if (rate := account.rows_per_core_hour) is not None:
-        out.append(f"{rate:.3g} rows per core-hour beside tables; {account.bytes_per_row:.0f} bytes a row"
+        out.append(f"{rate:.3g} rows per core-hour without tables; {account.bytes_per_row:.0f} bytes a row"
                    + (f" and {account.field_bytes_per_row:.0f} of fields" if account.field_bytes_per_row else ""))
     return out + [in_words(run) for run in account.runs[-1:]]
 
 
 def _error_lines(errors: Errors, left_out: Iterable[Omission]) -> list[str]:
-    """Estimated errors in per cent and, where rows miss the wanted one, what the plans count most for."""
-    wanted = "wanted one" if errors.wanted is None else f"wanted {_percent(errors.wanted)}"
-    told = [f"signal error {_percent(errors.median)} in the median, 95 % below {_percent(errors.p95)}, at most "
-            f"{_percent(errors.largest)}; {_percent(errors.share_above)} of ok rows above the {wanted}"]
+    """Estimated errors in per cent and, where rows miss the requested one, what the plans count most for."""
+    limit = "requested one" if errors.wanted is None else f"requested {_percent(errors.wanted)}"
+    text = [f"signal error {_percent(errors.median)} in the median, 95 % below {_percent(errors.p95)}, at most "
+            f"{_percent(errors.largest)}; {_percent(errors.share_above)} of ok rows above the {limit}"]
     if errors.share_above and (worst := next((one for one in left_out if one.error_bound > 0), None)):
-        told.append(f"what the plans count most for: {worst.decision}, at most {_percent(worst.error_bound)} "
+        text.append(f"what the plans count most for: {worst.decision}, at most {_percent(worst.error_bound)} "
                     f"({counted(worst.rows, 'row')} of the {worst.of} looked at)")
-    return told
+    return text
 
 
 def _percent(fraction: float) -> str:
@@ -193,7 +181,7 @@ def _percent(fraction: float) -> str:
 def in_words(run: Run) -> str:
     """Wall time of a run, and how busy its workers were; times below 0.1 s are left out."""
     by = "lent workers" if run.workers is None else counted(run.workers, "worker")
-    told = [f"last run: {counted(run.rows, 'row')} in {run.rows_wall_s:.1f} s on {by}"]
-    told += [] if run.efficiency is None else [f"busy with rows for {_percent(run.efficiency)}"]
-    told += [f"{run.writing_wall_s:.1f} s of it spent on writing"] if run.writing_wall_s >= 0.05 else []
-    return ", ".join(told) + (f"; {run.table_wall_s:.1f} s for the table before" if run.table_wall_s >= 0.05 else "")
+    text = [f"last run: {counted(run.rows, 'row')} in {run.rows_wall_s:.1f} s on {by}"]
+    text += [] if run.efficiency is None else [f"busy with rows for {_percent(run.efficiency)}"]
+    text += [f"{run.writing_wall_s:.1f} s of it spent on writing"] if run.writing_wall_s >= 0.05 else []
+    return ", ".join(text) + (f"; {run.table_wall_s:.1f} s for the table before" if run.table_wall_s >= 0.05 else "")

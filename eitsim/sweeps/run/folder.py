@@ -27,11 +27,6 @@ from touchcal.errors import InputFileError
 from touchcal.provenance import versions
 
 
-def _plain(design: Design) -> dict[str, Any]:
-    """A design as JSON holds it."""
-    return json.loads(json.dumps(asdict(design)))
-
-
 @contextmanager
 def sole_writer(folder: Path, writer: str = "sweep") -> Iterator[None]:
     """Hold a folder for one writer, and remove what one that was killed left half written; ValueError where another
@@ -70,7 +65,8 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
                       other_code: bool) -> tuple[Mapping[str, Any], Standing]:
     """Write the manifest or check the one that stands there, and the rows; returns it, with how touches are solved and
     the size of parts as the folder was started, and what stands there."""
-    manifest = {"design": _plain(design), "card": card_identity(cards.card), "versions": versions(),
+    plain = json.loads(json.dumps(asdict(design)))  # a design as JSON holds it
+    manifest = {"design": plain, "card": card_identity(cards.card), "versions": versions(),
                 "method": method, "rows_per_part": rows_per_part, "code": key_of({}), "posterior": dict(cards.source)}
     if (stands := begun(folder, manifest)) is None:
         return manifest, standing(folder, design.scenes, rows_per_part)
@@ -87,10 +83,10 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
     if old["posterior"].get("sha256") != manifest["posterior"].get("sha256"):
         raise ValueError(f"{folder} was made with another posterior of this card ({old['posterior']['sha256'][:12]}, "
                          f"here {manifest['posterior']['sha256'][:12]}). Choose another folder for this one.")
-    for key, wanted in (("exact", method["exact"]), ("reuse", reuse)):
-        if wanted not in (None, old["method"][key]):
-            raise ValueError(f"{folder} was started with {key} = {old['method'][key]}, here {wanted}. Keep to that, or "
-                             "choose another folder.")
+    for key, requested in (("exact", method["exact"]), ("reuse", reuse)):
+        if requested not in (None, old["method"][key]):
+            raise ValueError(f"{folder} was started with {key} = {old['method'][key]}, here {requested}. Keep to that, "
+                             "or choose another folder.")
     before, continued = standing(folder, design.scenes, old["rows_per_part"]), {**old, "design": manifest["design"]}
     if not before.there.all():
         check_columns(folder, columns)
@@ -146,12 +142,9 @@ def _both(old: Any, new: Any) -> str:
 class Standing:
     """Rows that are there and stay."""
 
-    # (scenes,) whether a scene has one
-    there: NDArray[np.bool_]
-    # what became of them
-    counts: OutcomeCounts
-    # rows "crashed", which are as if not there: too little memory, or a kill, may not come again
-    crashed: int
+    there: NDArray[np.bool_]  # (scenes,) whether a scene has one
+    counts: OutcomeCounts  # what became of them
+    crashed: int  # rows "crashed", which are as if not there: too little memory, or a kill, may not come again
 
 
 def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:

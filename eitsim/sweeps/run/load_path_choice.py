@@ -1,31 +1,53 @@
-"""How the touches of a sweep are solved: afresh, or from load paths that are solved before its rows."""
+"""How the touches of a sweep are solved: each from rest, or from a table of load paths that is solved before its rows,
+or a family of tables where rows have laws of their own; and when these are worth their cost."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, astuple, replace
 from functools import partial
 from typing import Any
 
-from eitsim.mechanics.load_paths.law_family import Family, central_of
-from eitsim.mechanics.load_paths.types import Table
-from eitsim.simulation.reuse import (
-    table_for,
-)
+import numpy as np
+
+from eitsim.mechanics.load_paths.build_law_family import build_family, with_rim
+from eitsim.mechanics.load_paths.build_table import Run
+from eitsim.mechanics.load_paths.law_family import Family, central_of, places_among
+from eitsim.mechanics.load_paths.load_path import Deviation
+from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis, reduced_basis
+from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
+from eitsim.mechanics.load_paths.table import as_deep_as, of_law
+from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
+from eitsim.mechanics.rim.solve_near_rim import rim_problem
+from eitsim.scene.scene import Punch
+from eitsim.simulation import reuse
+from eitsim.simulation.material import material_of
+from eitsim.simulation.plan import near_rim
+from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, shape_for, table_for
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
-from eitsim.sweeps.design.design import Design
-from eitsim.sweeps.run.family_choice import family_for, family_repays, span_for
-from eitsim.sweeps.run.table_choice import (
-    design_shape,
-    diameters_of,
-    fine_enough_for,
-    repays,
-    rim_repays,
-    with_diameters,
-)
+from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
+from eitsim.sweeps.design.distributions import distribution_of
+from matcal.card import MaterialCard
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.posterior.draws import card_of
+from touchcal import cache
 from touchcal.errors import NotConverged
 from touchcal.parallel.checkpoint import CheckpointedMap
 from touchcal.parallel.pool import WorkerPool
+
+REPAYS = 60  # Touches from which on a table repays its cost, for each of its diameters.
+_MOST = 9  # Most diameters that are each solved; a choice of more is served as a range.
+# Drawn keys that one table serves, whatever their values.
+_SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch", "depth_mm"), ("punch", "conductor"),
+           ("punch", "contact_impedance_Ohm_m2"), ("punch", "diameter_mm"), ("skin", "thickness_um"),
+           ("accuracy", "signal")}
+_NEUTRAL = ("electrodes", "drive")  # Tables whose keys change no touch.
+# Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
+RIM_REPAYS, _ROWS = 25, 200
+
+# Touches from which on the paths of another law repay their cost, for each of its diameters, and of each law that tells
+# the error.
+LAW_REPAYS, CHECK_REPAYS = 35, 30
 
 
 def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) -> dict[str, Any]:
@@ -107,3 +129,149 @@ def describe_method(method: Mapping[str, Any], found: Table | Family | None, not
     return (f"touches from a table of {paths} ({table.whole_cpu_s:.0f} CPU s, once, not counted in the rows' cpu_s), "
             f"at most {error.depth:.1e} off in depth and {error.signal:.1e} in signal; {rim}"
             + (f"; {note}" if note else ""))
+
+
+def design_shape(design: Design, card: MaterialCard) -> DimensionlessProblem:
+    """The shape that serves every row of a design, whatever their number; ValueError where none does."""
+    for table, key in drawn_keys(design):
+        if table not in _NEUTRAL and (table, key) not in _SERVED:
+            raise ValueError(f"{key} in [{table}] is drawn, and a table of load paths holds one value of it.")
+    punches = design.tables.get("punch", {})
+    found = [_diameters(p) for p in (punches if isinstance(punches, list) else [punches])]
+    diameters = sorted({d for values, _ in found for d in values})
+    spans = any(spans for _, spans in found) or len(diameters) > _MOST
+    if spans and diameters[0] == diameters[-1]:
+        diameters, spans = diameters[:1], False
+    first = representative_scene(design)
+    ends = diameters if not spans else [diameters[0], diameters[-1]]
+    return shape_for(first, material_of(first, card).law, ends, spans)
+
+
+def diameters_of(shape: DimensionlessProblem) -> dict[str, Any]:
+    """What of a design's shape its later rows may change, as JSON."""
+    return {"diameters": list(shape.diameters), "spans": shape.spans}
+
+
+def with_diameters(shape: DimensionlessProblem, kept: Mapping[str, Any] | None) -> DimensionlessProblem:
+    """A shape with the diameters of `diameters_of`, so that rows that a sweep has grown by change no table; touches
+    beyond them are solved afresh. None: the shape itself."""
+    return shape if kept is None else replace(shape, diameters=tuple(kept["diameters"]), spans=kept["spans"])
+
+
+def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
+    """Diameters, m, of a punch of a design: all, or the ends of their range."""
+    default = Punch().diameter_m * 1e3
+    given = punch.get("diameter_mm", default)
+    distribution = distribution_of("diameter_mm in [punch]", given)
+    if distribution is None:
+        return [float(given) / 1e3], False
+    if distribution.values:
+        return [float(default if d is None else d) / 1e3 for d in distribution.values], False
+    if not np.all(np.isfinite(distribution.ends)):
+        raise ValueError("diameter_mm in [punch] is drawn from a distribution without ends, and a table of load paths "
+                         "needs a range.")
+    return [end / 1e3 for end in distribution.ends], True
+
+
+def repays(design: Design, shape: DimensionlessProblem) -> bool:
+    """Whether solving a design's touches afresh costs more than the table."""
+    return design.scenes * len(representative_scene(design).punches) >= REPAYS * len(shape.solved)
+
+
+def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
+    """Whether solving a design's touches near the rim afresh costs more than a table of what the rim changes."""
+    rows = list(valid_scenes(design, _ROWS))
+    near = sum(not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
+    return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
+
+
+def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
+    """What of a table is fine enough for any row of a design, and why the rest is not, whose touches are then solved
+    afresh."""
+    requested = max((scene.accuracy.signal for scene in valid_scenes(design, _ROWS)), default=np.inf)
+    if table.error.signal > TABLE_SHARE * requested:
+        return None, (f"no table: its signals are up to {table.error.signal:.1e} off, more than {TABLE_SHARE:.0%} of "
+                      f"the {requested:g} requested")
+    return _rim_fine_enough(table, RIM_SHARE * requested) if table.rim is not None else (table, "")
+
+
+def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
+    """The table with the cells of gap and depth alone in which what the rim changes is near enough, and in words how
+    many of them are not."""
+    assert table.rim is not None
+    kept = within(table.rim, allowed)
+    before, after = (np.isfinite(rim.error_estimate).all(axis=-1) for rim in (table.rim, kept))
+    if not after.any():
+        return replace(table, rim=None), (f"no table of what the rim changes: its signals are up to "
+                                          f"{table.rim.error.signal:.1e} off, more than the {allowed:g} requested")
+    if after.all():
+        return replace(table, rim=kept), ""
+    off, left = int(np.sum(before & ~after)), int(np.sum(~after))
+    reasons = [f"in {left - off} since no change was found there"] if left > off else []
+    if off:
+        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than touches solved afresh "
+                       "tell")
+    return replace(table, rim=kept), (f"touches in {left} of {after.size} cells of gap and depth near the rim are "
+                                      f"solved afresh, {' and '.join(reasons)}")
+
+
+def span_for(design: Design, cards: Cards) -> tuple[DimensionlessProblem, ReducedBasis]:
+    """The shape of the central one of a design's laws, and the laws that span them, whatever the number of rows;
+    ValueError where no load paths serve the design."""
+    span = reduced_basis(list(_laws(design, cards)))
+    return of_law(design_shape(design, cards.card), span.central), span
+
+
+def _laws(design: Design, cards: Cards) -> Iterator[Hyperfoam]:
+    """Laws of all cards that make a material, moduli as the scenes ask for."""
+    scene, draws = representative_scene(design), cards.draws
+    for k in range(len(cards.samples)):
+        try:
+            yield material_of(scene, card_of(draws, cards.card, k) if draws is not None else cards.card).law
+        except ValueError:  # the rows of this card tell why
+            continue
+
+
+def family_repays(design: Design, shape: DimensionlessProblem, span: ReducedBasis) -> bool:
+    """Whether solving a design's touches afresh costs more than tables for its laws."""
+    solved = len(shape.solved)
+    cost = REPAYS * solved + LAW_REPAYS * len(span.chosen) * len(places_among(solved))
+    cost += CHECK_REPAYS * len(span.held_out)
+    return design.scenes * len(representative_scene(design).punches) >= cost
+
+
+def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, *,
+               rim: bool = False) -> tuple[Family, str]:
+    """The family of a span's laws, from the cache or solved and put there; as reuse.table_for."""
+    table, note = table_for(shape, run, rim=rim)
+    key = {"shape": asdict(shape), "depths": reuse.DEPTHS,
+           "laws": [_plain(law) for law in (span.central, *span.chosen)],
+           "held_out": [_plain(law) for law in span.held_out]}
+    alone = replace(table, rim=None)
+    arrays, _ = cache.kept(cache.key_of(key), lambda: _arrays(build_family(alone, span, run)))
+    deep = replace(as_deep_as(alone, int(arrays["count"])), error=Deviation(*arrays["error"].tolist()),
+                   checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
+    family = Family(deep, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))
+    if table.rim is None:
+        return family, note
+    key |= {"rim": asdict(reuse.GRID)}
+    arrays, _ = cache.kept(cache.key_of(key), lambda: _rim_error(with_rim(family, table, run)))
+    changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
+    return replace(family, table=replace(family.table, rim=changes)), note
+
+
+def _plain(law: Hyperfoam) -> list[list[float]]:
+    """A law's parameters as JSON holds them, moduli over mu_0."""
+    return [(law.mu_Pa / law.mu_0_Pa).tolist(), law.alpha.tolist(), law.nu.tolist()]
+
+
+def _arrays(family: Family) -> dict[str, Any]:
+    table = family.table
+    return {"values": family.values, "slopes": family.slopes, "count": np.array(len(table.depths)),
+            "checks": np.array(table.checks), "error": np.array(astuple(table.error)), "cpu_s": np.array(table.cpu_s)}
+
+
+def _rim_error(family: Family) -> dict[str, Any]:
+    rim = family.table.rim
+    assert rim is not None
+    return {"told": rim.error_estimate, "cpu_s": np.array(rim.cpu_s)}

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from eitsim.electrics.forward.untouched import TABLES, by_contact, conductance_of, sensor_of
 from eitsim.scene.drive import voltage_columns
@@ -19,14 +18,12 @@ from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.design.design import design_from, representative_scene
-from eitsim.sweeps.measurement.instrument import Indices, Measured, Measurement, channels_of, measured
+from eitsim.sweeps.measurement.instrument import Array, Indices, Measured, Measurement, channels_of, measured
 from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurement_from, read_measurement
 from eitsim.sweeps.measurement.noise_summary import Sums, volts
 from eitsim.sweeps.run.folder import begun, sole_writer
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # Rows whose sheet conductances agree to this, relative, share their derivatives by the contact impedances.
 _SHEETS = 0.01
@@ -34,13 +31,11 @@ _SHEETS = 0.01
 
 @dataclass(frozen=True)
 class _Skin:
-    """One sensor, and where its rows' sheet conductances are told from."""
+    """One sensor, and where its rows' sheet conductances are had from."""
 
     sensor: Scene
-    # (readings,) untouched readings of the first ok row, V
-    baseline_V: Array
-    # the sheet conductance that they tell, S
-    conductance_S: float
+    baseline_V: Array  # (readings,) untouched readings of the first ok row, V
+    conductance_S: float  # the sheet conductance that they imply, S
 
 
 @dataclass(frozen=True)
@@ -49,8 +44,7 @@ class Lab:
 
     measurement: Measurement
     channels: Indices
-    # what the derivatives by contact impedances are taken on; None where no term asks for it
-    skin: _Skin | None
+    skin: _Skin | None  # what the derivatives by contact impedances are taken on; None where no term asks for it
 
 
 def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measurement | Path | str | None = None, *,
@@ -97,11 +91,11 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
     if folder.resolve() == clean.resolve():
         raise ValueError(f"{folder} is the clean data set itself; give another folder.")
     if clean.resolve() in folder.resolve().parents:
-        raise ValueError(f"{folder} lies inside the clean data set {clean}; give a folder beside it.")
+        raise ValueError(f"{folder} lies inside the clean data set {clean}; give a folder next to it.")
     manifest, parts = parquet.read_manifest(clean), parquet.parts(clean)
     lab = lab_of(clean, manifest, measurement)
     for path in parts:
-        parquet.read_part(path)  # before anything is written: a part that is mended later makes it another set
+        parquet.read_part(path)  # before anything is written: a part that is fixed later makes it another set
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
         stated = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}, (__name__,)), "clean": {
@@ -132,8 +126,11 @@ def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | 
     try:
         first = representative_scene(
             design_from({"scenes": 1} | {name: tables[name] for name in TABLES if name in tables}))
-        return Lab(measurement, channels_of(measurement, first.drive, first.electrodes.count),
-                   _skin(clean, tables) if measurement.contact_impedance else None)
+        skin = None
+        if measurement.contact_impedance:
+            sensor, baseline = sensor_of(tables), _first_baseline(clean)
+            skin = _Skin(sensor, baseline, conductance_of(sensor, baseline))
+        return Lab(measurement, channels_of(measurement, first.drive, first.electrodes.count), skin)
     except ValueError as error:
         raise InputFileError(clean, str(error)) from None
 
@@ -145,40 +142,34 @@ def read(lab: Lab, touched_V: Array, signal_V: Array, scenes: Indices) -> Measur
                     channels=lab.channels)
 
 
-def _skin(clean: Path, tables: Mapping[str, Any]) -> _Skin:
-    sensor, baseline = sensor_of(tables), _first_baseline(clean)
-    return _Skin(sensor, baseline, conductance_of(sensor, baseline))
-
-
 def _first_baseline(clean: Path) -> Array:
     for path in parquet.parts(clean):
         table = parquet.read_part(path)
         touched, signal = volts(table.loc[table["outcome"] == "ok"])
         if len(touched):
             return (touched - signal)[0]
-    raise ValueError("none of its rows is ok; there is nothing to measure. Mend the design and sweep again.")
+    raise ValueError("none of its rows is ok; there is nothing to measure. Fix the design and sweep again.")
 
 
 def _content(parts: Sequence[Path]) -> str:
-    """sha256 of parts, in their order."""
     whole = hashlib.sha256()
     for path in parts:
         whole.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
     return whole.hexdigest()
 
 
-def _start_or_continue(folder: Path, wanted: Mapping[str, Any]) -> None:
-    if (old := begun(folder, wanted)) is None:
+def _start_or_continue(folder: Path, stated: Mapping[str, Any]) -> None:
+    if (old := begun(folder, stated)) is None:
         return
     if "clean" not in old:
         raise ValueError(f"{folder} holds a sweep's own rows. Choose another folder for measured ones.")
-    if old["clean"]["sha256"] != wanted["clean"]["sha256"]:
+    if old["clean"]["sha256"] != stated["clean"]["sha256"]:
         raise ValueError(f"{folder} was measured from other rows ({old['clean']['sha256'][:12]}, here "
-                         f"{wanted['clean']['sha256'][:12]}); the clean set has grown or is another. Choose another "
+                         f"{stated['clean']['sha256'][:12]}); the clean set has grown or is another. Choose another "
                          "folder.")
-    if old[TABLE] != wanted[TABLE]:
-        raise ValueError(f"{folder} was measured with {old[TABLE]}, here {wanted[TABLE]}. Choose another folder.")
-    if old.get("measured_by") != wanted["measured_by"]:
+    if old[TABLE] != stated[TABLE]:
+        raise ValueError(f"{folder} was measured with {old[TABLE]}, here {stated[TABLE]}. Choose another folder.")
+    if old.get("measured_by") != stated["measured_by"]:
         raise ValueError(f"{folder} was measured by other code or libraries than these, whose rows may differ. Choose "
                          "another folder; measuring takes little.")
 

@@ -18,8 +18,7 @@ from touchcal.number_words import counted
 # Rows whose plans are made.
 _ROWS = 64
 LEFT_OUT = "left_out"
-# Rows whose plans are made.
-_DRAWN_ROWS = 128
+_DRAWN_ROWS = 128  # Rows whose plans are made.
 
 
 @dataclass(frozen=True)
@@ -27,12 +26,9 @@ class Omission:
     """A decision of plans that may cost accuracy; a stored load path is none of them."""
 
     decision: str
-    # of the row where it may cost most
-    reason: str
-    # relative error of the signal that it may cost there
-    error_bound: float
-    # whether what it costs is unknown
-    unbounded: bool
+    reason: str  # of the row where it may cost most
+    error_bound: float  # relative error of the signal that it may cost there
+    unbounded: bool  # whether what it costs is unknown
     # rows that it is made in, of all that were looked at
     rows: int
     of: int
@@ -47,7 +43,9 @@ def omissions(design: Design, cards: Cards, *, exact: bool, table: Table | Famil
         for made in decisions:
             if (made.error_bound > 0 or made.unbounded) and (cards.draws is None or made.decision != ONE_CARD):
                 one = Omission(made.decision, made.reason, made.error_bound, made.unbounded, 1, len(plans))
-                found[made.decision] = _worse(found[made.decision], one) if made.decision in found else one
+                if (old := found.get(made.decision)) is not None:
+                    one = replace(one if one.error_bound > old.error_bound else old, rows=old.rows + 1)
+                found[made.decision] = one
     whole = [Omission(made.decision, made.reason, made.error_bound, made.unbounded, len(plans), len(plans))
              for made in _of_drawn_cards(design, cards, table)]
     return sorted([*found.values(), *whole], key=lambda one: (-one.error_bound, one.decision))
@@ -80,12 +78,8 @@ def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) 
         error = table.table.error
         yield Decision("load paths of drawn cards emulated", "those of each card's law are weighted means of those of "
                        f"{len(table.span.chosen) + 1} drawn laws; at others, solved afresh, they were at most "
-                       f"{error.depth:.1e} off in depth and {error.signal:.1e} in signal, the larger is told here and "
+                       f"{error.depth:.1e} off in depth and {error.signal:.1e} in signal, the larger is given here and "
                        "counted, with a margin, in the rows' signal_error", max(error.depth, error.signal))
-
-
-def _worse(old: Omission, new: Omission) -> Omission:
-    return replace(new if new.error_bound > old.error_bound else old, rows=old.rows + 1)
 
 
 def omissions_of(manifest: Mapping[str, Any]) -> list[Omission]:
@@ -99,7 +93,7 @@ def cautions(design: Design, card: MaterialCard) -> Iterator[str]:
     rows = min(design.scenes, _DRAWN_ROWS)
     if refused := [reason for index in range(rows) if (reason := _refusal(design, card, index))]:
         yield (f"{len(refused)} of the first {counted(rows, 'scene')} will be refused and become rows without "
-               f"readings, the first one so: {refused[0]} Mend the design if it should not draw them.")
+               f"readings, the first one so: {refused[0]} Fix the design if it should not draw them.")
     if design.sampler == "sobol" and design.scenes & (design.scenes - 1):
         yield (f"{design.scenes} scenes are no power of two, and Sobol points are balanced for those alone. "
                f"Ask for {1 << design.scenes.bit_length()}, or {1 << design.scenes.bit_length() - 1}.")

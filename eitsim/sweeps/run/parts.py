@@ -19,23 +19,19 @@ from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.rows import crashed_row, solve_rows
 from touchcal.parallel.pool import Failed, WorkerPool, answers
 
-# Workers that may be lost on a whole part, and on one row of it.
-_TRIES, _ROW_TRIES = 2, 3
+_TRIES, _ROW_TRIES = 2, 3  # Workers that may be lost on a whole part, and on one row of it.
 
 
 @dataclass(frozen=True)
 class Part:
     """Some neighbouring rows."""
 
-    # their scenes
-    scenes: range
+    scenes: range  # their scenes
     # a Parquet file of them
     content: bytes
     counts: OutcomeCounts
-    # an HDF5 file of their fields; None where the design stores none
-    fields: bytes | None = None
-    # CPU time that it took to encode them, s
-    encoding_cpu_s: float = 0.0
+    fields: bytes | None = None  # an HDF5 file of their fields; None where the design stores none
+    encoding_cpu_s: float = 0.0  # CPU time that it took to encode them, s
 
 
 def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[range], *, exact: bool,
@@ -54,7 +50,8 @@ def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[
             yield found
     for scenes in separation:
         found = dict(answers(pool, solve, [range(i, i + 1) for i in scenes], _ROW_TRIES))
-        rows = [_crashed(design, cards, one, part.reason) if isinstance(part, Failed) else part
+        rows = [_encoded(design, one, [crashed_row(design, cards, one.start, part.reason)])
+                if isinstance(part, Failed) else part
                 for one, part in sorted(found.items(), key=lambda pair: pair[0].start)]
         kept = None if design.fields is None else hdf5_fields.joined(
             design.fields, representative_scene(design).body, [row.fields for row in rows if row.fields is not None])
@@ -73,7 +70,3 @@ def _encoded(design: Design, scenes: range, rows: list[dict[str, Any]]) -> Part:
     kept = None if design.fields is None else hdf5_fields.encoded(
         design.fields, representative_scene(design).body, found)
     return Part(scenes, parquet.encoded(table), count_outcomes(table), kept, time.process_time() - begun)
-
-
-def _crashed(design: Design, cards: Cards, scenes: range, reason: str) -> Part:
-    return _encoded(design, scenes, [crashed_row(design, cards, scenes.start, reason)])

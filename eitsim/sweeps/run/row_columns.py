@@ -11,10 +11,8 @@ from eitsim.scene.scene import Punch
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.design import Design, most_touches, varied_keys
 
-# key of [punch] -> its column
-OWN = {"x_mm": "x_mm", "y_mm": "y_mm", "diameter_mm": "d_mm", "force_N": "F_N"}
-# columns that every touch of a row has
-EACH_TOUCH = (*parquet.TOUCH, *parquet.OUTPUTS, "wall_contact_mm2")
+OWN = {"x_mm": "x_mm", "y_mm": "y_mm", "diameter_mm": "d_mm", "force_N": "F_N"}  # key of [punch] -> its column
+EACH_TOUCH = (*parquet.TOUCH, *parquet.OUTPUTS, "wall_contact_mm2")  # columns that every touch of a row has
 
 
 def numbered(column: str, touch: int) -> str:
@@ -32,8 +30,8 @@ def key_column(table: str, key: str, touch: int = 0) -> str:
 def blank_keys(design: Design) -> dict[str, Any]:
     """Every column that tells of a scene or its touches, empty: NaN of numbers, "" of words, no touches."""
     columns = {numbered(name, k): math.nan for k in range(most_touches(design)) for name in EACH_TOUCH}
-    told = {key_column(table, key, k): "" if words else math.nan for (table, k, key), words in _told(design).items()}
-    return {"touches": 0, **columns, **told}
+    drawn = {key_column(table, key, k): "" if words else math.nan for (table, k, key), words in _drawn(design).items()}
+    return {"touches": 0, **columns, **drawn}
 
 
 def keys_of(design: Design, tables: Mapping[str, Any]) -> dict[str, Any]:
@@ -44,7 +42,7 @@ def keys_of(design: Design, tables: Mapping[str, Any]) -> dict[str, Any]:
         force = math.nan if "depth_mm" in punch else Punch().force_N
         defaults = {"x_mm": 0.0, "y_mm": 0.0, "diameter_mm": Punch().diameter_m * 1e3, "force_N": force}
         row |= {numbered(column, k): float(punch.get(key, defaults[key])) for key, column in OWN.items()}
-    for (table, k, key), words in _told(design).items():
+    for (table, k, key), words in _drawn(design).items():
         if table != "punch" or k < len(punches):
             held = punches[k] if table == "punch" else tables[table]
             if key in held:
@@ -52,19 +50,18 @@ def keys_of(design: Design, tables: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-def _told(design: Design) -> dict[tuple[str, int, str], bool]:
+def _drawn(design: Design) -> dict[tuple[str, int, str], bool]:
     """(table, touch, key) of every key that is drawn and has no column of its own, and whether it holds words.
 
-    The time of a hold is told though it be fixed, and beside it a force that is drawn: F_N is then the force at that
-    time.
+    The time of a hold has a column though it be fixed, and so has a force that is drawn: F_N is then that at this time.
     """
-    told = {(v.table, v.touch, v.key): any(isinstance(value, str | list) for value in v.distribution.values)
+    drawn = {(v.table, v.touch, v.key): any(isinstance(value, str | list) for value in v.distribution.values)
             for v in varied_keys(design)}
     held = "time_s" in design.tables.get("hold", {})
     if held:
-        told["hold", 0, "time_s"] = False
+        drawn["hold", 0, "time_s"] = False
     own = {"touches", "place", *OWN} - ({"force_N"} if held else set())
-    return {where: words for where, words in told.items() if where[0] not in ("", "punch") or where[2] not in own}
+    return {where: words for where, words in drawn.items() if where[0] not in ("", "punch") or where[2] not in own}
 
 
 def _cell(value: Any, words: bool) -> Any:

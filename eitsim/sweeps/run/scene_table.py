@@ -18,28 +18,22 @@ from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
-# Touches that a table may have columns for.
-MOST_TOUCHES = 20
-# Keys that hold lists, which no cell can.
-_LISTS = (*MATRICES, "angles_deg", "missing")
+MOST_TOUCHES = 20  # Touches that a table may have columns for.
+_LISTS = (*MATRICES, "angles_deg", "missing")  # Keys that hold lists, which no cell can.
 # What a scene file may hold for the sake of a design.
-_BESIDE = ("seed", "material", "measurement", "fields")
+_OF_DESIGNS = ("seed", "material", "measurement", "fields")
 _RIVALS = {"force_N": "depth_mm", "depth_mm": "force_N"}
 
-# table, touch from 0, key
-Where = tuple[str, int, str]
+Where = tuple[str, int, str]  # table, touch from 0, key
 
 
 @dataclass(frozen=True)
 class _Cells:
     """A table's cells."""
 
-    # column -> where its values belong
-    columns: Mapping[str, Where]
-    # one a scene: where -> value; empty cells are not there
-    rows: tuple[Mapping[Where, Any], ...]
-    # line of each row in the file, from 1
-    lines: tuple[int, ...]
+    columns: Mapping[str, Where]  # column -> where its values belong
+    rows: tuple[Mapping[Where, Any], ...]  # one a scene: where -> value; empty cells are not there
+    lines: tuple[int, ...]  # line of each row in the file, from 1
 
 
 def as_design(design: Design | Path | str, scenes: int | None = None, scene: Path | str | None = None) -> Design:
@@ -63,7 +57,7 @@ def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: i
     [measurement] and [fields] as designs do. `scenes`: only so many rows. InputFileError names line and column.
     """
     path = Path(path)
-    given, beside = _base(Path(base)) if base is not None else ({}, {})
+    given, more = _base(Path(base)) if base is not None else ({}, {})
     cells = _read(path)
     punches = given.pop("punch", {})
     punches = punches if isinstance(punches, list) else [punches]
@@ -73,31 +67,31 @@ def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: i
     tables: dict[str, Any] = {name: dict(given.get(name, {})) for name in sorted(named)}
     tables["punch"] = [{"x_mm": 0.0, "y_mm": 0.0, **punches[min(k, len(punches) - 1)]} for k in range(most)]
     for where in _with_rivals(cells, tables):
-        table, k, key = where
+        table, k, key = where  # a row's own cell, else what the scene file says, unless the row gives the rival key
         if k < most:
             held = tables["punch"][k] if table == "punch" else tables[table]
-            usual = held.get(key)
-            held[key] = {"rows": [_value(row, where, usual) for row in cells.rows]}
+            usual, rival = held.get(key), (table, k, _RIVALS.get(key))
+            held[key] = {"rows": [row.get(where, None if rival in row else usual) for row in cells.rows]}
     count = len(cells.rows) if scenes is None else scenes
     if not 0 < count <= len(cells.rows):
         raise InputFileError(path, f"it holds {len(cells.rows)} scenes; {count} are asked for.")
-    raw = {**tables, **beside, **({"touches": {"rows": counts}} if most > 1 else {})}
+    raw = {**tables, **more, **({"touches": {"rows": counts}} if most > 1 else {})}
     return _checked(path, raw, count, cells.lines)
 
 
 def _base(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The tables of a scene file, and what it holds beside them for a design."""
+    """The tables of a scene file, and what else it holds for a design."""
     raw = with_matrices(read_toml(path), path.parent)
-    tables = {name: value for name, value in raw.items() if name not in (*_BESIDE, "card")}
-    beside = {name: value for name, value in raw.items() if name in _BESIDE}
+    tables = {name: value for name, value in raw.items() if name not in (*_OF_DESIGNS, "card")}
+    more = {name: value for name, value in raw.items() if name in _OF_DESIGNS}
     try:
         if len(scene_from(tables).hold.time_s) > 1:
             raise ValueError("time_s in [hold] holds several times, and a row of a table is one scene at one time. "
                              "Give one, or a column hold.time_s.")
-        design_from({"scenes": 1, **tables, **beside})
+        design_from({"scenes": 1, **tables, **more})
     except ValueError as error:
         raise InputFileError(path, str(error)) from None
-    return tables, beside
+    return tables, more
 
 
 def _read(path: Path) -> _Cells:
@@ -115,11 +109,8 @@ def _read(path: Path) -> _Cells:
                                    "scene.")
     (line, header), *rows = found
     if any(";" in cell or "\t" in cell for cell in header):
-        raise InputFileError(
-            path,
-            "its cells are separated by semicolons or tabs. Use commas between cells, and points in numbers.",
-            line=line,
-        )
+        raise InputFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and "
+                                   "points in numbers.", line=line)
     columns = _columns(path, header, line)
     return _Cells(columns, tuple(_row(path, columns, row, line) for line, row in rows), tuple(n for n, _ in rows))
 
@@ -128,13 +119,9 @@ def _columns(path: Path, header: list[str], line: int) -> dict[str, Where]:
     known, columns = _known_columns(), {}
     for name in header:
         if name not in known:
-            raise InputFileError(
-                path,
-                f"the column '{name}' is unknown; known: {', '.join(OWN.values())}, a key of "
-                f"[punch] ({', '.join(scene_keys()['punch'])}), table.key as in skin.thickness_um, and "
-                "of further touches x_2_mm or punch_2_profile.",
-                line=line,
-            )
+            raise InputFileError(path, f"the column '{name}' is unknown; known: {', '.join(OWN.values())}, a key of "
+                                 f"[punch] ({', '.join(scene_keys()['punch'])}), table.key as in skin.thickness_um, "
+                                 "and of further touches x_2_mm or punch_2_profile.", line=line)
         table, _, key = known[name]
         if (table, key) in SENSOR:
             raise InputFileError(path, f"the column '{name}' decides which readings a row holds, and those of all rows "
@@ -201,14 +188,6 @@ def _with_rivals(cells: _Cells, tables: Mapping[str, Any]) -> list[Where]:
         if key in _RIVALS and k < len(tables["punch"]) and _RIVALS[key] in tables["punch"][k]:
             found.append((table, k, _RIVALS[key]))
     return list(dict.fromkeys(found))
-
-
-def _value(row: Mapping[Where, Any], where: Where, usual: Any) -> Any:
-    """The value of a row: its cell, else what the scene file says unless the row gives the depth instead of the force
-    or the other way round."""
-    table, k, key = where
-    rival = key in _RIVALS and (table, k, _RIVALS[key]) in row
-    return row.get(where, None if rival else usual)
 
 
 def _checked(path: Path, raw: Mapping[str, Any], count: int, lines: tuple[int, ...]) -> Design:

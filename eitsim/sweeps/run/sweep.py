@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +16,17 @@ from eitsim.simulation.material import material_of
 from eitsim.sweeps.dataset import code_history, hdf5_fields, parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
 from eitsim.sweeps.dataset.parquet import Dataset
-from eitsim.sweeps.dataset.sweep_record import Account, Run, runs_of
+from eitsim.sweeps.dataset.sweep_record import RUNS, Account, Run, runs_of
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
 from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.folder import Standing, keep_to_table, missing, sole_writer, start_or_continue
 from eitsim.sweeps.run.load_path_choice import describe_method, method_for, table_of
-from eitsim.sweeps.run.omissions import omissions
+from eitsim.sweeps.run.omissions import LEFT_OUT, omissions
 from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
-from eitsim.sweeps.run.run_log import Spent, record
 from eitsim.sweeps.run.scene_table import as_design
 from matcal.card import MaterialCard, as_card
-from matcal.laws.conductivity import Conductivity
 from touchcal.parallel.dask_cluster import cluster
 from touchcal.parallel.pool import WorkerPool
 from touchcal.parallel.processes import processes
@@ -46,12 +46,9 @@ class Progress:
     # rows of the data set, and scenes of its design
     done: int
     scenes: int
-    # rows that stood there before
-    kept: int
-    # outcome -> number of rows
-    outcomes: Mapping[str, int]
-    # "table" while load paths are solved, else "rows"
-    stage: str = "rows"
+    kept: int  # rows that stood there before
+    outcomes: Mapping[str, int]  # outcome -> number of rows
+    stage: str = "rows"  # "table" while load paths are solved, else "rows"
     # estimated relative signal errors of ok rows so far, the median and what 95 % lie below; None without such rows
     signal_error: tuple[float, float] | None = None
 
@@ -126,20 +123,16 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}.")
     if exact and reuse:
-        raise ValueError("exact solves every touch afresh; leave out reuse.")
-    _check_card(card, design)
+        raise ValueError("exact solves every touch itself; leave out reuse.")
+    _ = material_of(representative_scene(design), card).skin  # ValueError where the card lacks what every row needs
     cards = cards_for(design.material, design.seed, card, in_pairs=design.sampler == nested_design.SAMPLER)
     folder = Path(out)
     with _entered(scheduler) as pool:
         folder.mkdir(parents=True, exist_ok=True)
         with sole_writer(folder):
-            work = _work(design, cards, folder, reuse, exact, other_code, progress or _silent)
+            work = _work(design, cards, folder, reuse, exact, other_code, progress or (lambda step: None))
             account = _done(work, pool, workers)
     return replace(parquet.open_dataset(folder), account=account)
-
-
-def _silent(step: Progress) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +144,8 @@ class _Work:
     folder: Path
     manifest: Mapping[str, Any]
     before: Standing
-    # scenes without a row, by part
-    todo: list[range]
-    # who hears how far it is
-    hears: Callable[[Progress], None]
+    todo: list[range]  # scenes without a row, by part
+    hears: Callable[[Progress], None]  # who hears how far it is
 
     @property
     def method(self) -> Mapping[str, Any]:
@@ -166,6 +157,33 @@ class _Work:
         median, most = counts.error_below(0.5), counts.error_below(0.95)
         self.hears(Progress(counts.rows, self.design.scenes, self.before.counts.rows, counts.outcomes, stage,
                             None if median is None or most is None else (median, most)))
+
+
+@dataclass
+class Spent:
+    """Times that add up while a sweep runs."""
+
+    wall_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    cpu_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    encoding_cpu_s: float = 0.0  # of encoding parts, which is not done here
+
+    @contextmanager
+    def on(self, stage: str) -> Iterator[None]:
+        """Count what this thread does meanwhile."""
+        wall, cpu = time.perf_counter(), time.thread_time()
+        try:
+            yield
+        finally:
+            self.wall_s[stage] += time.perf_counter() - wall
+            self.cpu_s[stage] += time.thread_time() - cpu
+
+    def run(self, method: str, rows: int, rows_cpu_s: float, workers: int | None, table: Table | None) -> Run:
+        """What was spent on these rows, in stages "table", "rows" and "writing"."""
+        tables: dict[str, Any] = {} if table is None else {"paths": len(table.shape.solved), "paths_cpu_s": table.cpu_s}
+        if table is not None and table.rim is not None:
+            tables |= {"rim": len(table.rim.diameters) * len(table.rim.gaps), "rim_cpu_s": table.rim.cpu_s}
+        return Run(method, rows, rows_cpu_s, self.wall_s["rows"], workers, self.wall_s["table"], self.encoding_cpu_s,
+                   self.cpu_s["writing"], self.wall_s["writing"], **tables)
 
 
 def _work(design: Design, cards: Cards, folder: Path, reuse: bool | None, exact: bool, other_code: bool,
@@ -187,8 +205,9 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
         kept = work.before.counts
         run = spent.run(_how(work, table, note), counts.rows - kept.rows, counts.cpu_s - kept.cpu_s,
                         count if lent is None else None, central_of(table))
-        record(work.folder, work.manifest, run,
-               omissions(work.design, work.cards, exact=work.method["exact"], table=table))
+        left_out = omissions(work.design, work.cards, exact=work.method["exact"], table=table)
+        parquet.write_manifest(work.folder, {key: value for key, value in work.manifest.items() if key != "schema"} | {
+            RUNS: [*work.manifest.get(RUNS, []), asdict(run)], LEFT_OUT: [asdict(one) for one in left_out]})
     parquet.settle(work.folder)
     return _account(work, counts, run)
 
@@ -239,20 +258,15 @@ def _entered(scheduler: Pool | None) -> AbstractContextManager[WorkerPool | None
 def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
     """Put a part in its place, its fields first; what stands there of other scenes stays."""
     place, content = parquet.part_path(folder, part.scenes[0] // size * size), part.content
-    beside, fields = place.with_suffix(hdf5_fields.SUFFIX), part.fields
+    fields_at, fields = place.with_suffix(hdf5_fields.SUFFIX), part.fields
     if place.exists():
         content = parquet.with_rows(place.read_bytes(), content)
         if design.fields is not None and fields is not None:
-            fields = hdf5_fields.continued(beside, design.fields, representative_scene(design).body, fields)
+            fields = hdf5_fields.continued(fields_at, design.fields, representative_scene(design).body, fields)
     try:
         if fields is not None:
-            parquet.put(beside, fields)
+            parquet.put(fields_at, fields)
         parquet.put(place, content)
     except OSError as error:
         raise OSError(error.errno, f"{error.strerror}. What is finished is kept; the same command goes on from there",
                       str(place)) from None
-
-
-def _check_card(card: MaterialCard, design: Design) -> Conductivity:
-    """The skin's law; ValueError before the first row where the card lacks what every row needs."""
-    return material_of(representative_scene(design), card).skin

@@ -19,17 +19,12 @@ from eitsim.sweeps.measurement.instrument_table import TABLE
 from eitsim.sweeps.measurement.noise_summary import volts
 from eitsim.sweeps.run.measure import Lab, lab_of, read
 from eitsim.sweeps.run.row_columns import numbered
-from eitsim.sweeps.sobol.variance_components import Shares, Variances, beside, pooled, shares, variances
+from eitsim.sweeps.sobol.variance_components import Array, Shares, Variances, beside, pooled, shares, variances
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
-
-# The axes of a block, noise only where a measurement is there.
-FACTORS = ("touch", "material", "noise")
-# Vectors that are told as a whole: prefix of their columns.
-VECTORS = ("dv", "v")
-# Share by which a key may differ between the cards of one touch and still be the touch's.
-_SAME = 1e-6
+FACTORS = ("touch", "material", "noise")  # The axes of a block, noise only where a measurement is there.
+VECTORS = ("dv", "v")  # Vectors that are given as a whole: prefix of their columns.
+_SAME = 1e-6  # Share by which a key may differ between the cards of one touch and still be the touch's.
 
 
 @dataclass(frozen=True)
@@ -38,34 +33,24 @@ class Blocks:
 
     # (n, 2, 2, P) outputs by touch and card, or (n, 2, 2, 2, P) by touch, card and noise; units as the names say, V
     values: Array
-    # (P,) names of the outputs
-    names: tuple[str, ...]
-    # key of the touch or the depth -> (n, 2, 2) its values by touch and card
-    keys: Mapping[str, Array]
+    names: tuple[str, ...]  # (P,) names of the outputs
+    keys: Mapping[str, Array]  # key of the touch or the depth -> (n, 2, 2) its values by touch and card
     # (n, 2) numbers of the two cards of each block in the posterior's file, which come again in other blocks
     cards: NDArray[np.int64]
-    # blocks dropped because a row of theirs did not end ok
-    failed: int
-    # blocks of the design whose rows are not all there yet
-    unfinished: int
+    failed: int  # blocks dropped because a row of theirs did not end ok
+    unfinished: int  # blocks of the design whose rows are not all there yet
 
 
 @dataclass(frozen=True)
 class Indices:
     """Shares of the variance of every output, and of the readings together."""
 
-    # some of FACTORS
-    factors: tuple[str, ...]
-    # outputs, then VECTORS, rms over their readings
-    names: tuple[str, ...]
-    # mean of each output; rms of each vector
-    mean: Array
-    # indices, deviations and spreads of all of them
-    shares: Shares
-    # spread by the material alone among the touches asked for, (names,); None where none were
-    within: Array | None
-    # touches that it is told from
-    touches: int
+    factors: tuple[str, ...]  # some of FACTORS
+    names: tuple[str, ...]  # outputs, then VECTORS, rms over their readings
+    mean: Array  # mean of each output; rms of each vector
+    shares: Shares  # indices, deviations and spreads of all of them
+    within: Array | None  # spread by the material alone among the touches asked for, (names,); None where none were
+    touches: int  # touches that it is from
 
 
 def read_blocks(folder: Path, measurement: Measurement | None = None) -> Blocks:
@@ -76,22 +61,16 @@ def read_blocks(folder: Path, measurement: Measurement | None = None) -> Blocks:
     """
     data = parquet.read_dataset(folder)
     if data.design["sampler"] != nested_design.SAMPLER:
-        raise InputFileError(
-            folder,
-            f'its sampler is "{data.design["sampler"]}", and variances are parted from rows '
-            f'that share a touch or a card. Sweep with sampler = "{nested_design.SAMPLER}" and a '
-            "table [material].",
-        )
+        raise InputFileError(folder, f"its sampler is \"{data.design['sampler']}\", and variances are parted from rows "
+                                     "that share a touch or a card. Sweep with sampler = "
+                                     f"\"{nested_design.SAMPLER}\" and a table [material].")
     if "clean" in data.manifest:
         raise InputFileError(folder, "its rows are measured, each with noise of its own. Give the clean set; the noise "
                                      "of its design, or of --model, is then a factor.")
     rows, failed, whole = _whole_blocks(data.table)
     if rows.empty:
-        raise InputFileError(
-            folder,
-            f"no block of {nested_design.BLOCK} rows is ok ({failed} with a row that failed). Sweep "
-            "more scenes, or mend the design.",
-        )
+        raise InputFileError(folder, f"no block of {nested_design.BLOCK} rows is ok ({failed} with a row that failed). "
+                                     "Sweep more scenes, or fix the design.")
     lab = lab_of(folder, data.manifest, measurement) if measurement or data.design.get(TABLE) else None
     corners = (len(rows) // nested_design.BLOCK, *nested_design.SHAPE)
     values, names = _outputs(rows, lab)
@@ -103,9 +82,8 @@ def read_blocks(folder: Path, measurement: Measurement | None = None) -> Blocks:
 def _whole_blocks(table: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
     """Rows of the blocks all of whose rows are ok; the number of those of which one is not, and of all that are there.
     """
-    _, place, count = np.unique(
-        table["scene"].to_numpy() // nested_design.BLOCK, return_inverse=True, return_counts=True
-    )
+    block = table["scene"].to_numpy() // nested_design.BLOCK
+    _, place, count = np.unique(block, return_inverse=True, return_counts=True)
     good = np.bincount(place, (table["outcome"] == "ok").to_numpy()) == nested_design.BLOCK
     whole = int(np.sum(count == nested_design.BLOCK))
     return table.loc[good[place]].reset_index(drop=True), whole - int(good.sum()), whole
@@ -138,8 +116,8 @@ def _mechanical(rows: pd.DataFrame) -> list[str]:
 
 
 def indices_of(blocks: Blocks, *, within: Mapping[str, tuple[float, float]] | None = None) -> Indices:
-    """First-order and total indices of every output and of the readings together, with 95 % intervals
-    for touches and cards drawn afresh.
+    """First-order and total indices of every output and of the readings together, with 95 % intervals for touches and
+    cards drawn again.
 
     within: key of a touch -> (lowest, highest), for the spread by the material among those touches. ValueError for an
     unknown key, one that differs between the cards of a touch, or where no touch lies within.
@@ -149,18 +127,14 @@ def indices_of(blocks: Blocks, *, within: Mapping[str, tuple[float, float]] | No
     flat = blocks.values.reshape(-1, len(blocks.names))
     size = np.sqrt((flat**2).mean(axis=0))
     rms = np.concatenate([size, [np.sqrt((size[which]**2).mean()) for which in vectors]])
-    found = shares(beside(parts, *(pooled(_picked(parts, which)) for which in vectors)), rms,
-                   cards=blocks.cards)
+    picked = (Variances(parts.first[..., which], parts.total[..., which], parts.whole[..., which]) for which in vectors)
+    found = shares(beside(parts, *map(pooled, picked)), rms, cards=blocks.cards)
     mean = np.concatenate([flat.mean(axis=0), rms[len(size):]])
     spread, touches = None, blocks.values.shape[0] * 2
     if within:
         inside = _inside(blocks, within)
         spread, touches = _spread(blocks.values, inside, vectors), int(inside.sum())
     return Indices(FACTORS[:blocks.values.ndim - 2], (*blocks.names, *VECTORS), mean, found, spread, touches)
-
-
-def _picked(parts: Variances, which: list[bool]) -> Variances:
-    return Variances(parts.first[..., which], parts.total[..., which], parts.whole[..., which])
 
 
 def _inside(blocks: Blocks, within: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:
@@ -176,9 +150,9 @@ def _inside(blocks: Blocks, within: Mapping[str, tuple[float, float]]) -> NDArra
                              f"a range of {other}.")
         inside &= (value[:, :, 0] >= low) & (value[:, :, 0] <= high)
     if not inside.any():
-        told = ", ".join(f"{key} {value.min():.4g} to {value.max():.4g}" for key, value in blocks.keys.items()
+        held = ", ".join(f"{key} {value.min():.4g} to {value.max():.4g}" for key, value in blocks.keys.items()
                          if key in within)
-        raise ValueError(f"no touch lies within the ranges asked for; the data set holds {told}.")
+        raise ValueError(f"no touch lies within the ranges asked for; the data set holds {held}.")
     return inside
 
 

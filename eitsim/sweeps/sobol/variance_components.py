@@ -1,6 +1,6 @@
 """Variance of outputs parted by independent factors, from blocks in which every factor takes two values.
 
-A block holds all 2^k corners of k factors, drawn afresh for each block. Averaged over every way in which a block may be
+A block holds all 2^k corners of k factors, drawn again for each block. Averaged over every way in which a block may be
 read as base, second and mixed samples, the estimator of first-order variances of Saltelli et al. (2010,
 DOI 10.1016/j.cpc.2009.09.018) is E[(y_B - y_A)(y'_B - y'_A)]/2 with all other factors different in y', and that of
 total ones (Jansen 1999, DOI 10.1016/S0010-4655(98)00154-4) is E[(y_B - y_A)^2]/2. Neither knows the mean, so that no
@@ -20,20 +20,16 @@ from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 
-# Share of the rms below which a spread is rounding.
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # Share of the rms below which a spread is rounding.
 
 
 @dataclass(frozen=True)
 class Variances:
-    """Parts of the variance as told by each of n blocks for P outputs; their means over the blocks are unbiased."""
+    """Parts of the variance by each of n blocks for P outputs; their means over the blocks are unbiased."""
 
-    # (k, n, P) variance by each factor alone, V[E[y | factor]]
-    first: Array
-    # (k, n, P) variance by each factor and all it acts together with, E[V[y | the others]]
-    total: Array
-    # (n, P) the whole variance
-    whole: Array
+    first: Array  # (k, n, P) variance by each factor alone, V[E[y | factor]]
+    total: Array  # (k, n, P) variance by each factor and all it acts together with, E[V[y | the others]]
+    whole: Array  # (n, P) the whole variance
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ def beside(*parts: Variances) -> Variances:
 
 
 def shares(parts: Variances, rms: ArrayLike, *, cards: ArrayLike | None = None, level: float = 0.95) -> Shares:
-    """Sobol indices, and intervals of that level for blocks and cards drawn afresh.
+    """Sobol indices, and intervals of that level for blocks and cards drawn again.
 
     Intervals are Student's t about the index, on the jackknife's variance over cards less that over blocks, each block
     being a pair of cards (Aronow et al. 2015, DOI 10.1093/pan/mpv018), and no less than that over blocks alone. Of
@@ -118,12 +114,12 @@ def _ends(part: Array, whole: Array, varies: NDArray[np.bool_], holds: csr_array
     """Ends (2, P) of the interval of the share of part (n, P) in whole (n, P)."""
     left_part, left = part.sum(axis=0) - holds @ part, whole.sum(axis=0) - holds @ whole
     count, n = len(left), len(part)
-    told = varies & np.all(left > 0, axis=0)
-    base = np.where(told, whole.sum(axis=0), 1.0)
+    known = varies & np.all(left > 0, axis=0)
+    base = np.where(known, whole.sum(axis=0), 1.0)
     share = part.sum(axis=0) / base
-    without = left_part / np.where(told, left, 1.0)
+    without = left_part / np.where(known, left, 1.0)
     by_block = (((part - share * whole) / base)**2).sum(axis=0)
     by_card = (count - 1) / count * ((without - without.mean(axis=0))**2).sum(axis=0)
     reach = stdtrit(min(count, n) - 1, (1 + level) / 2) * np.sqrt(np.maximum(by_card - by_block, by_block))
-    ends = np.where(told, np.clip([share - reach, share + reach], 0.0, 1.0), [[0.0], [1.0]])
+    ends = np.where(known, np.clip([share - reach, share + reach], 0.0, 1.0), [[0.0], [1.0]])
     return np.where(varies, ends, np.nan)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from eitsim.electrics.cem.assembly import SkinMesh, quadrature_points
-from eitsim.electrics.mesh.contact_line import with_contact_lines
 from eitsim.electrics.mesh.graded_mesh import LEAN, triangulation
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
+from eitsim.electrics.mesh.symmetric_mesh import with_contact_lines
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch

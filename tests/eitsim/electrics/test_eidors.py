@@ -14,7 +14,7 @@ from scipy.sparse import csc_matrix
 
 from eitsim.cli import main
 from eitsim.electrics.interop.eidors import read_eidors
-from eitsim.electrics.interop.sheet_model import Solved, solve_model
+from eitsim.electrics.interop.solve_file import Solved, solve_model
 from eitsim.scene.drive import Drive, protocol, read_out
 from touchcal.errors import InputFileError
 

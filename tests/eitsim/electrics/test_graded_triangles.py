@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from eitsim.electrics.cem.assembly import SkinMesh, impedance
-from eitsim.electrics.interop.sheet_model import quadratic
+from eitsim.electrics.interop.solve_file import quadratic
 from eitsim.scene.drive import read_out
 from eitsim.scene.scene import Drive
 

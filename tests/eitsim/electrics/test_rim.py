@@ -163,7 +163,7 @@ def test_any_count_that_touches_conducts(count):
 def test_what_is_not_resolved_is_refused_with_the_mend():
     with pytest.raises(ValueError, match=r"electrodes 0 and 1 .* touch.*leave a gap of .* mm, or give them .* Ohm m"):
         solve_rim(Body(), Electrodes(count=4, width_m=FULL_M / 4, contact_impedance_Ohm_m=1e-5), 6e-4)
-    with pytest.raises(ValueError, match=r"64 electrodes that are not alike .* 8192 coupled unknowns"):
+    with pytest.raises(ValueError, match=r"64 electrodes that are not identical .* 8192 coupled unknowns"):
         solve_rim(Body(), Electrodes(count=64, width_m=0.009, contact_impedance_Ohm_m=(1.0,) * 63 + (2.0,)), 6e-4)
     with pytest.raises(ValueError, match="patches need a mesh"):
         solve_rim(Body(), Electrodes(kind="patch"), 6e-4)

@@ -27,10 +27,9 @@ from eitsim.sweeps.dataset.parquet import COST, read_dataset
 from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.card_draws import Material, cards_for
 from eitsim.sweeps.design.design import design_from
-from eitsim.sweeps.run import family_choice
-from eitsim.sweeps.run.family_choice import family_repays, span_for
+from eitsim.sweeps.run import load_path_choice
+from eitsim.sweeps.run.load_path_choice import REPAYS, family_repays, fine_enough_for, span_for
 from eitsim.sweeps.run.sweep import sweep
-from eitsim.sweeps.run.table_choice import REPAYS, fine_enough_for
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -185,6 +184,6 @@ def test_families_are_made_where_they_repay_their_cost(card: Path) -> None:
         return family_repays(design, *span_for(design, cards_for(Material(4), 7, read_card(card))))
 
     span = span_for(design_from(RAW, 1), cards_for(Material(4), 7, read_card(card)))[1]
-    least = REPAYS + len(span.chosen) * family_choice.LAW_REPAYS + len(span.held_out) * family_choice.CHECK_REPAYS
+    least = REPAYS + len(span.chosen) * load_path_choice.LAW_REPAYS + len(span.held_out) * load_path_choice.CHECK_REPAYS
     assert not repaid(least - 1)
     assert repaid(least)

@@ -33,7 +33,7 @@ from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation.reuse import decision, scene_shape, served
 from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.design.design import design_from
-from eitsim.sweeps.run.table_choice import fine_enough_for, rim_repays
+from eitsim.sweeps.run.load_path_choice import fine_enough_for, rim_repays
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

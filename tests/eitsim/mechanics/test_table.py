@@ -16,7 +16,7 @@ from eitsim.simulation.plan import make_plan
 from eitsim.simulation.reuse import decision, scene_shape, served
 from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.design.design import design_from
-from eitsim.sweeps.run.table_choice import REPAYS, design_shape, repays
+from eitsim.sweeps.run.load_path_choice import REPAYS, design_shape, repays
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

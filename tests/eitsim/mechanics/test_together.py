@@ -146,7 +146,7 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
     for change, reason in (({"friction": "stick"}, "only frictionless"), ({"x_mm": 16}, "from a gap of 3.0 mm on")):
         refusal = make_plan(scene_from({"punch": [close[0], close[1] | change]}), CARD).refusal
         assert reason in refusal
-        assert "Move them apart to 24 mm" in refusal
+        assert "Leave 24 mm between them" in refusal
     third = make_plan(scene_from({"punch": [*close, {"x_mm": -22}]}), CARD).refusal
     assert "two touches, not more" in third
     at_rim = make_plan(scene_from({"punch": [{"x_mm": 68}, {"x_mm": 46}]}), CARD).refusal

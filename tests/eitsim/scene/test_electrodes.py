@@ -141,7 +141,7 @@ def test_what_is_lost_is_null_in_results_and_data_sets(tmp_path: Path):
 
 @pytest.mark.parametrize(("raw", "named"), [
     ({"count": 4, "width_mm": 100 * np.pi / 2, "contact_impedance_Ohm_m": 1e-5}, "electrodes . and . .* leave a gap"),
-    ({"count": 64, "width_mm": 9, "missing": [7]}, "63 electrodes that are not alike .* leave wider gaps")])
+    ({"count": 64, "width_mm": 9, "missing": [7]}, "63 electrodes that are not identical .* leave wider gaps")])
 def test_the_plan_refuses_electrodes_whose_rim_is_not_solved(raw: dict, named: str):
     assert re.search(named, make_plan(scene_from({"electrodes": raw}), CARD).refusal)
 

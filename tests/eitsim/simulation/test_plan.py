@@ -60,7 +60,7 @@ def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:
 
 @pytest.mark.parametrize(("raw", "named"), [
     ({"punch": {"x_mm": 98}}, "outside the rim"),
-    ({"punch": [{"x_mm": 10}, {"x_mm": -6}]}, "1 and 2 are 2.0 mm apart"),
+    ({"punch": [{"x_mm": 10}, {"x_mm": -6}]}, "2.0 mm lie between the edges of touches 1 and 2"),
     ({"punch": [{"x_mm": 6}, {"x_mm": -6}]}, "overlap by 2.0 mm"),
     ({"punch": [{"x_mm": 30}, {"x_mm": 98}]}, "touch 2: the punch's edge lies 5.0 mm outside the rim"),
     ({"punch": [{"x_mm": 40}, {"x_mm": -40}], "hold": {"time_s": 5}}, "one touch"),

@@ -106,7 +106,7 @@ def test_a_touch_that_stands_fast_is_avoided_and_one_without_room_is_told() -> N
     design = design_from(raw, 30)
     assert all(abs(x) > 40 for x in places(design)[:, 0, 0])
     assert np.all(places(design)[:, 1] == 0)
-    with pytest.raises(ValueError, match=r"touch . found no place beside the others in 1000 draws.*smaller punches"):
+    with pytest.raises(ValueError, match=r"touch . found no place among the others in 1000 draws.*smaller punches"):
         design_from({"touches": 4, "punch": {"diameter_mm": 90}}, 3)
 
 

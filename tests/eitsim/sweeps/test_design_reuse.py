@@ -10,9 +10,9 @@ import pytest
 
 from eitsim.electrics.forward.gridded_fields import fields_from
 from eitsim.sweeps.design.design import Design, design_from, read_design, valid_scenes
+from eitsim.sweeps.run.load_path_choice import design_shape, repays
 from eitsim.sweeps.run.scene_table import read_scene_table
 from eitsim.sweeps.run.sweep import Progress, sweep
-from eitsim.sweeps.run.table_choice import design_shape, repays
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

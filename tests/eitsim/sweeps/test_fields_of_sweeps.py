@@ -114,7 +114,7 @@ def test_damage_is_named_with_the_mend(card: Path, tmp_path: Path) -> None:
     stored = read_fields(tmp_path / "a")
     for damage in (content[:len(content) // 2], b"", b"no HDF5"):
         path.write_bytes(damage)
-        with pytest.raises(InputFileError, match=rf"{path.stem}.parquet beside it and continue the sweep"):
+        with pytest.raises(InputFileError, match=rf"{path.stem}.parquet next to it and continue the sweep"):
             stored.read("strain", [0])
     path.unlink()
     with pytest.raises(InputFileError, match="it is missing"):

@@ -208,7 +208,7 @@ def test_a_nested_sweep_grows_and_its_command_tells_all_readings(card: Path, tmp
     assert {"touch_first", "material_total_lo", "material_spread"} < set(readings.columns)
     assert told["cards"] == table["card_sample"].nunique()
     shown = CliRunner().invoke(app, ["indices", str(tmp_path / "a"), "--within", "F_N=0,1"])
-    assert f"drawn afresh, from {told['cards']} cards. So few" in " ".join(shown.stdout.split())
+    assert f"drawn again, from {told['cards']} cards. So few" in " ".join(shown.stdout.split())
     assert "Knowing the card would take" in shown.stdout
     refused = CliRunner().invoke(app, ["indices", str(tmp_path / "a"), "--within", "F_N=2"])
     assert isinstance(refused.exception, ValueError)

@@ -53,7 +53,7 @@ def test_what_weighs_most_is_named_where_rows_miss_the_wanted_error() -> None:
     rim, sheet = (Omission(name, "", bound, False, 3, 8) for name, bound in (("rim left out", 0.18), ("sheet", 0.001)))
     found = Accounted(8, 8, {"ok": 8}, Errors(0.0064, 0.02, 0.032, 0.215, 0.01), (), 1.0, 0.0, (), (rim, sheet))
     assert lines(found)[:2] == [
-        "signal error 0.64 % in the median, 95 % below 2 %, at most 3.2 %; 21.5 % of ok rows above the wanted 1 %",
+        "signal error 0.64 % in the median, 95 % below 2 %, at most 3.2 %; 21.5 % of ok rows above the requested 1 %",
         "what the plans count most for: rim left out, at most 18 % (3 rows of the 8 looked at)"]
     assert found.errors is not None
     met = replace(found, errors=replace(found.errors, share_above=0.0))
