@@ -26,14 +26,14 @@ def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mappi
     rows = [(mode, criterion) for mode in next(iter(stability.values())) for criterion in stability]
     figure = style.sheet(18 + 3.6 * len(rows))
     axes = figure.subplots()
-    said = []
+    lost = []
     for y, (mode, criterion) in enumerate(rows):
         found = stability[criterion][mode]
         lo, hi = found["scanned"]
         axes.barh(y, hi - lo, left=lo, height=0.62, color=SCANNED)
         for a, b in found["unstable_strain"]:
             axes.barh(y, b - a, left=a, height=0.62, facecolor=UNSTABLE, hatch="////", edgecolor="white", lw=0)
-            said.append((mode, criterion, a, b))
+            lost.append((mode, criterion, a, b))
         if mode in fitted:
             axes.plot(fitted[mode], [y, y], color=style.INK, lw=1.6, solid_capstyle="butt")
         for record in records:
@@ -41,8 +41,8 @@ def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mappi
                 for a, b in record["violated_strain"]:
                     axes.plot([a, b], [y + 0.42, y + 0.42], "|-", color=style.THIRD, lw=1.4, ms=4)
     _finish(axes, rows, bool(records))
-    data = pd.DataFrame(said, columns=["mode", "criterion", "unstable_from", "unstable_to"])
-    return ReportFigure("stability", figure, _caption(said, fitted), {"stability": data})
+    data = pd.DataFrame(lost, columns=["mode", "criterion", "unstable_from", "unstable_to"])
+    return ReportFigure("stability", figure, _caption(lost, fitted), {"stability": data})
 
 
 def _finish(axes: Axes, rows: Sequence[tuple[str, str]], checked: bool) -> None:
@@ -59,11 +59,11 @@ def _finish(axes: Axes, rows: Sequence[tuple[str, str]], checked: bool) -> None:
     style.label(axes, "Nominal strain; γ in shear, J in volumetric (–)", "")
 
 
-def _caption(said: Sequence[tuple[str, str, float, float]], fitted: Ranges) -> str:
-    if not said:
+def _caption(lost: Sequence[tuple[str, str, float, float]], fitted: Ranges) -> str:
+    if not lost:
         return "The law is stable at every scanned strain, by every criterion."
-    within = [f"{NAMES.get(c, c)} in {mode} ({interval(a, b)})" for mode, c, a, b in said
+    within = [f"{NAMES.get(c, c)} in {mode} ({interval(a, b)})" for mode, c, a, b in lost
               if mode in fitted and overlaps((a, b), fitted[mode])]
     if within:
         return "Stability is lost inside the fitted strains: " + "; ".join(within) + "."
-    return f"Stability is lost in {len(said)} scanned ranges, none of them inside the fitted strains."
+    return f"Stability is lost in {len(lost)} scanned ranges, none of them inside the fitted strains."

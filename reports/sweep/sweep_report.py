@@ -81,11 +81,11 @@ def _footer(folder: Path, data: Dataset) -> dict[str, Any]:
 
 
 def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
-    wanted, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
+    asked, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
     lost = f"; {present - solved} did not, see their messages" if solved < present else ""
     found = [f"{solved} of {counted(present, 'scene')} ended ok{lost}."]
-    if present < wanted:
-        found.append(f"The set is unfinished: the design asks for {wanted} scenes, {present} are there.")
+    if present < asked:
+        found.append(f"The set is unfinished: the design asks for {asked} scenes, {present} are there.")
     most = int(np.nanmax(data.table["touches"].to_numpy(dtype=float))) if "touches" in data.table else 1
     if most > 1:
         found.append(f"A scene has up to {most} touches; figures and tables show the first of each, readings tell of "
