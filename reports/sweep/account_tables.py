@@ -21,7 +21,7 @@ def stage_table(account: Accounted) -> Table:
             for stage in account.stages]
     rate = account.rows_per_core_hour
     caption = f"Cost by stage: {number(whole)} CPU s in all"
-    caption += "" if rate is None else f"; without tables {number(rate)} rows per core-hour"
+    caption += "" if rate is None else f"; tables not counted, {number(rate)} rows per core-hour"
     caption += f", {number(account.bytes_per_row / 1e3)} kB a row on disk"
     caption += f" and {number(account.field_bytes_per_row / 1e3)} kB of fields." if account.field_bytes_per_row else "."
     return Table(caption, ["stage", "count", "CPU (s)", "share"], rows, "wrrr")
