@@ -34,7 +34,7 @@ def reports() -> None:
 def precision(out: Out, results: Results = RESULTS) -> None:
     """Write a PDF of error against CPU time of every benchmark.
 
-    For a wanted error it names the cheapest method and its cost. Nothing is run: tables that are not there, or were
+    For a requested error it names the cheapest method and its cost. Nothing is run: tables that are not there, or were
     measured by other code than is here, are said to be so.
 
     Example: python -m reports precision --out precision.pdf
@@ -99,10 +99,10 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
           workers: Annotated[int, typer.Option(help="Processes of sweep and training.", min=1)] = 2,
           draw_only: Annotated[bool, typer.Option("--draw-only", help="Make no stage; draw what is there, and mark "
                                                   "what is stale or missing.")] = False) -> None:
-    """Set the source paper's figures and table beside our own.
+    """Set the source paper's figures and table next to our own.
 
     Fits the card, solves touches and a sweep, trains the networks and writes paper.pdf with figures 1, 3 to 19 and
-    Table 1 beside what the paper states, its figures (SVG, PNG, CSV) and its numbers; ten CPU minutes. It is made from
+    Table 1 next to what the paper states, its figures (SVG, PNG, CSV) and its numbers; ten CPU minutes. It is made from
     the checkout's data_raw and examples. A run that was stopped goes on where it was: stages whose inputs, code and
     command are the same are kept.
 

@@ -10,7 +10,6 @@ import json
 import types
 import typing
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -41,8 +40,8 @@ def _tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
         return value
     if isinstance(value, list | tuple):
         return {type(value).__name__: [_tree(part, arrays) for part in value]}
-    if is_dataclass(value) and _own(type(value).__module__):
-        parts = {one.name: _tree(getattr(value, one.name), arrays) for one in fields(value)}
+    if dataclasses.is_dataclass(value) and _own(type(value).__module__):
+        parts = {one.name: _tree(getattr(value, one.name), arrays) for one in dataclasses.fields(value)}
         return {"class": [type(value).__module__, type(value).__name__], "parts": parts}
     raise TypeError(f"{type(value).__name__} is not kept as arrays.")
 
@@ -62,7 +61,7 @@ def _made(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
 
 def _class(module: str, name: str) -> type:
     found = getattr(importlib.import_module(module), name) if _own(module) else None
-    if not isinstance(found, type) or not is_dataclass(found):
+    if not isinstance(found, type) or not dataclasses.is_dataclass(found):
         raise TypeError(f"{module}.{name} is no dataclass of this package.")
     return found
 

@@ -27,10 +27,8 @@ from touchcal.whole_file import written
 
 Arrays = Mapping[str, NDArray[Any]]
 
-# Bytes that the folder may hold; the files that were longest not in use give way.
-LIMIT = 1_000_000_000
-# Member of a file that holds its own key.
-_KEY = "key"
+LIMIT = 1_000_000_000  # Bytes that the folder may hold; the files that were longest not in use give way.
+_KEY = "key"  # Member of a file that holds its own key.
 
 
 @dataclass(frozen=True)
@@ -39,8 +37,7 @@ class Entry:
 
     path: Path
     size_bytes: int
-    # when it was last read or written, s since 1970
-    used_s: float
+    used_s: float  # when it was last read or written, s since 1970
 
 
 def folder() -> Path:
@@ -75,11 +72,8 @@ def _code(modules: tuple[str, ...]) -> str:
 
 
 def kept(key: str, make: Callable[[], Arrays]) -> tuple[Arrays, str]:
-    """The arrays of a key, read or else made and stored, and a note where the folder cannot be used.
-
-    A second process that wants the same waits for the first. A file that is cut off, damaged or of another key is made
-    again.
-    """
+    """The arrays of a key, read or else made and stored, and a note where the folder cannot be used. A second process
+    that wants the same waits for the first. A file that is cut off, damaged or of another key is made again."""
     place = folder() / f"{key}.npz"
     if (found := _read(place, key)) is not None:
         return found, ""

@@ -2,8 +2,8 @@
 
 Moving a definition, splitting or merging modules, comments, docstrings and layout leave the hash as it is. What counts
 is every function, class and constant that is named, directly or not, from all of the modules asked for, together with
-bare statements of the modules met on the way. A string `package.module:Name`
-names that definition; what a decorator or another string alone makes known is not followed.
+bare statements of the modules met on the way. A string `package.module:Name` names that definition; what a decorator or
+another string alone makes known is not followed.
 """
 
 from __future__ import annotations
@@ -20,20 +20,16 @@ from pathlib import Path
 # The packages, whose code counts; and modules next to a benchmark that describe runs and decide no number.
 PACKAGES = ("touchcal", "matcal", "eitsim", "surrogate")
 DESCRIBING = ("conditions",)
-# Folder that holds the packages.
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[1]  # Folder that holds the packages.
 # What solves the rows of a sweep, and what solves tables of load paths. What describes rows is imported by neither.
 SOLVERS = ("eitsim.sweeps.run.parts", "eitsim.sweeps.run.load_path_choice")
 # Hashes of code that gives the numbers of an earlier one, whose hash goes on to count: this -> the earlier.
 SAME_NUMBERS = Path(__file__).with_name("same_numbers.json")
-# Digits of the hash that a table of results carries.
-DIGITS = 12
+DIGITS = 12  # Digits of the hash that a table of results carries.
 
-# A string that names a definition.
-_POINTER = re.compile(rf"({'|'.join(PACKAGES)})(\.\w+)*:\w+")
+_POINTER = re.compile(rf"({'|'.join(PACKAGES)})(\.\w+)*:\w+")  # A string that names a definition.
 
-# A definition: the module's name and its own, "" for the module's bare statements.
-_Name = tuple[str, str]
+_Name = tuple[str, str]  # A definition: the module's name and its own, "" for the module's bare statements.
 
 
 @functools.cache
@@ -84,10 +80,8 @@ def _reached(code: _Code, modules: Iterable[str]) -> set[_Name]:
 class _Definition:
     """What a name of a module stands for."""
 
-    # its statements without docstrings and imports, names imported as others by their own
-    texts: tuple[str, ...]
-    # what they name
-    needs: frozenset[_Name]
+    texts: tuple[str, ...]  # its statements without docstrings and imports, names imported as others by their own
+    needs: frozenset[_Name]  # what they name
 
 
 @dataclass(frozen=True)
@@ -96,8 +90,7 @@ class _Module:
 
     # name -> the statements that define it; "" -> statements that define nothing
     defined: Mapping[str, Sequence[ast.stmt]]
-    # name -> the module or the member of a module, dotted, that it stands for
-    imported: Mapping[str, str]
+    imported: Mapping[str, str]  # name -> the module or the member of a module, dotted, that it stands for
 
 
 class _Code:
@@ -129,7 +122,8 @@ class _Code:
         if id(statement) not in self._statements:
             needs = frozenset(meant for chain in _chains(statement) for meant in self._named(module, read, chain))
             modules = {name for name, path in read.imported.items() if self._read(path) is not None}
-            self._statements[id(statement)] = _plain(statement, read.imported, modules), needs
+            kept = _Plain(read.imported, modules).visit(statement)
+            self._statements[id(statement)] = "" if kept is None else ast.unparse(kept), needs
         return self._statements[id(statement)]
 
     def _named(self, module: str, read: _Module, chain: Sequence[str], way: tuple[_Name, ...] = ()) -> Iterator[_Name]:
@@ -230,12 +224,6 @@ def _dotted(node: ast.AST) -> list[str] | None:
 def _is_text(statement: ast.stmt) -> bool:
     return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(
         statement.value.value, str)
-
-
-def _plain(statement: ast.stmt, imported: Mapping[str, str], modules: Set[str]) -> str:
-    """Text of a statement as `_Definition` has it; it is changed by that."""
-    kept = _Plain(imported, modules).visit(statement)
-    return "" if kept is None else ast.unparse(kept)
 
 
 class _Plain(ast.NodeTransformer):

@@ -20,12 +20,9 @@ Array = NDArray[np.float64]
 class NumberTable:
     """Numbers and where they stand in their file."""
 
-    # names of the columns; empty where the file has none
-    names: tuple[str, ...]
-    # (rows, columns)
-    values: Array
-    # (rows,) line numbers from 1
-    line: NDArray[np.int64]
+    names: tuple[str, ...]  # names of the columns; empty where the file has none
+    values: Array  # (rows, columns)
+    line: NDArray[np.int64]  # (rows,) line numbers from 1
 
 
 def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers",
@@ -77,6 +74,6 @@ def _number(cell: str) -> float | None:
 def _value(path: Path, line: int, column: int, cell: str, what: str) -> float:
     value = _number(cell)
     if value is None or not math.isfinite(value):
-        raise InputFileError(path, f"column {column} holds '{cell}', not one of the {what}. Mend it or leave the row "
+        raise InputFileError(path, f"column {column} holds '{cell}', not one of the {what}. Fix it or leave the row "
                                    "out.", line=line)
     return value

@@ -1,4 +1,4 @@
-"""Errors that reach a user, each saying what was wrong, where, and how to mend it."""
+"""Errors that reach a user, each saying what was wrong, where, and how to fix it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def unknown_key(key: str, known: Iterable[str], table: str = "") -> str:
 
 
 class InputFileError(ValueError):
-    """A measurement file cannot be used; the message names the file, the line where known, and the mend."""
+    """A measurement file cannot be used; the message names the file, the line where known, and the fix."""
 
     __test__ = False  # pytest: not a test class
 

@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Result = TypeVar("Result")
 
-# Modules with functions that are compiled.
-_WITH_LOOPS: set[str] = set()
+_WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
 
 
 def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.float64]:

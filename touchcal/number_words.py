@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 
-# values printed with a power of ten: below 1e-4, from 1e7 on
-_SMALLEST, _LARGEST = -4, 7
+_SMALLEST, _LARGEST = -4, 7  # values printed with a power of ten: below 1e-4, from 1e7 on
 # most significant digits of a value, however small its error, and least where it is above a hundredth of its error
 _MOST, _LEAST = 8, 2
 
 
-def significant(value: float, digits: int = 4) -> str:
-    """`value` to `digits` significant digits; ValueError for one that is not finite."""
+def significant(value: float, digits: int = 4, smallest: int = _SMALLEST, largest: int = _LARGEST) -> str:
+    """`value` to `digits` significant digits, with a power of ten below 10^smallest and from 10^largest on; ValueError
+    for one that is not finite."""
     if not math.isfinite(value):
         raise ValueError(f"{value} cannot be printed as a result: it is not a finite number.")
     if value == 0:
         return "0"
     rounded = float(f"{value:.{digits - 1}e}")
     power = _power(rounded)
-    if not _SMALLEST <= power < _LARGEST:
+    if not smallest <= power < largest:
         return f"{value:.{digits - 1}e}"
     return f"{rounded:.{max(digits - 1 - power, 0)}f}"
 

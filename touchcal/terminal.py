@@ -83,17 +83,12 @@ def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
         raise ValueError(f"{flag} {out} is a {'file' if folder else 'folder'}, and a {what} is to be written there. "
                          "Choose another name.")
     try:
-        _try_writing(out if folder and out.exists() else out.parent)
+        with tempfile.TemporaryFile(dir=out if folder and out.exists() else out.parent) as file:
+            file.write(b"0")  # permissions alone do not say whether a file can be made in a folder
         if out.is_file():
             open(out, "ab").close()
     except OSError as error:
         raise ValueError(f"{flag} {out} cannot be written: {error.strerror}. Choose another place.") from None
-
-
-def _try_writing(folder: Path) -> None:
-    """OSError where a file cannot be made in a folder, which permissions alone do not tell."""
-    with tempfile.TemporaryFile(dir=folder) as file:
-        file.write(b"0")
 
 
 def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None:
@@ -109,8 +104,8 @@ def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None
 
 @contextmanager
 def counter(total: int, label: str) -> Iterator[Callable[..., None]]:
-    """A function that takes the number done so far, and words that tell more of it if there are any, and shows them on
-    a terminal with the time left; silent in a pipe."""
+    """A function that takes the number done so far, and words on it if there are any, and shows them on a terminal with
+    the time left; silent in a pipe."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -219,7 +219,7 @@ def check_pdf(place: Path | None, flag: str) -> None:
 
 def report_written(source: Path, out: Path) -> str:
     """Write the PDF of a result or of a data set; what to tell of it."""
-    from reports.sweep.dispatch import write
+    from reports.sweep.sweep_report import write
 
     write(source, out)
     return f"report: {out}"

@@ -78,7 +78,7 @@ def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
             "conductivity_hi_S_per_m": high, "extrapolated": outside(law, strain)}
 
 
-def conductivity_at(band: Mapping[Any, Any], strain: float) -> tuple[float, float, float]:
+def conductivity_at(band: Any, strain: float) -> tuple[float, float, float]:
     """Conductivity and the ends of its band, S/m, at a strain, linear between the rows of `conductivity_band`."""
     columns = ("conductivity_S_per_m", "conductivity_lo_S_per_m", "conductivity_hi_S_per_m")
     value, low, high = (float(np.interp(strain, band["strain"], band[name])) for name in columns)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
+from reports.benchmarks.stored_tables import read_rows
 from touchcal.errors import InputFileError
 
 Words = Callable[[Mapping[str, Any]], str]
@@ -22,50 +21,36 @@ class Point:
     problem: str
     method: str
     setting: str
-    # points of one line are joined
-    line: str
-    # the error, or the size
-    measure: float
-    # CPU time, s, and what was done once and is not counted in it
-    cost_s: float
-    once_s: float
+    line: str  # points of one line are joined
+    measure: float  # the error, or the size
+    cost_s: float  # CPU time, s
+    once_s: float  # of what was done once and is not counted in it, s
 
 
 @dataclass(frozen=True)
 class Bench:
     """One file of benchmarks/results and how it is drawn."""
 
-    # of the plate
-    name: str
-    # in the folder of results; the benchmark that writes it has the same stem
-    file: str
-    # what is solved
-    title: str
-    # row -> what shares a panel, the method, and its setting
-    problem: Words
-    method: Words
-    setting: Words
-    # row -> what tells which points of a method are joined, beside the method
-    line: Words
-    # column of the error, or of the size where every method solves one system, and what its axis says
-    measure: str
-    label: str
-    # column of the CPU time, how many of its units are a second
-    cost: str = "cpu_s"
-    per_second: float = 1.0
-    # column, in the same unit, of what is done once and not counted in the cost; "" for none
-    once: str = ""
-    # whether the measure is an error, so that less is better
-    is_error: bool = True
-    # what the reader must know of the comparison, one sentence or none
-    note: str = ""
+    name: str  # of the plate
+    file: str  # in the folder of results; the benchmark that writes it has the same stem
+    title: str  # what is solved
+    problem: Words  # row -> what shares a panel
+    method: Words  # row -> the method
+    setting: Words  # row -> its setting
+    line: Words  # row -> what tells which points of a method are joined, next to the method
+    measure: str  # column of the error, or of the size where every method solves one system
+    label: str  # what its axis says
+    cost: str = "cpu_s"  # column of the CPU time
+    per_second: float = 1.0  # how many of its units are a second
+    once: str = ""  # column, in the same unit, of what is done once and not counted in the cost; "" for none
+    is_error: bool = True  # whether the measure is an error, so that less is better
+    note: str = ""  # what the reader must know of the comparison, one sentence or none
     # errors that are asked for, in the table of the cheapest; a finding speaks of the second
-    wanted: tuple[float, ...] = (1e-2, 1e-3, 1e-4)
+    requested: tuple[float, ...] = (1e-2, 1e-3, 1e-4)
     # row -> the measure where no column holds it, and whether the row is drawn
     value: Callable[[Mapping[str, Any]], float] | None = None
     drawn: Callable[[Mapping[str, Any]], bool] = lambda _: True
-    # the benchmark that writes the file, where its stem is not the file's
-    writer: str = ""
+    writer: str = ""  # the benchmark that writes the file, where its stem is not the file's
 
     @property
     def benchmark(self) -> str:
@@ -126,17 +111,17 @@ BENCHES = (
     Bench("fit", "calibration.csv", "fit of three terms to two curves", lambda _: "synthetic compression and shear",
           _start, lambda row: row["setting"], lambda row: row["setting"].partition(",")[0], "distance_from_best",
           "Distance from the best fit (–)", note="What noise in the data leaves of the truth, 0.4 % in mu_0, stands "
-          "beside it. From some starts lmfit ends in another minimum, at any tolerance; Table 1 is a fit of such a "
+          "next to it. From some starts lmfit ends in another minimum, at any tolerance; Table 1 is a fit of such a "
           "foam, and thus a start that a new foam lacks."),
     Bench("sampler", "sampler.csv", "posterior of that fit", lambda _: "exponents, moduli and noise",
           lambda row: row["method"], _draws, _one, "mean_error_over_sd", "Error of a mean over sd (–)",
-          wanted=(1e-1, 3e-2, 1e-2), note="Monte Carlo error of the worst quantity over its posterior's sd, from "
+          requested=(1e-1, 3e-2, 1e-2), note="Monte Carlo error of the worst quantity over its posterior's sd, from "
           "effective draws. Where R-hat, which the table tells, is not close to 1, chains have not mixed: their "
           "effective draws are too many and their errors too small."),
     Bench("electrics", "electrics.csv", "208 readings of one touch", lambda row: row["touch"],
           lambda row: row["method"], lambda row: row["setting"], _one, "dv_error", "Relative error of ΔV (–)",
           "cpu_ms", 1e3, "kept_ms", note="What is drawn leaves out what is done once: the order of a fixed mesh and "
-          "its untouched skin, and for updates condensed to the touched part its mesh and all beyond it, where they "
+          "its untouched skin, and for updates condensed to the touched part its mesh and all outside it, where they "
           "take the skin as untouched."),
     Bench("peers_electrics", "peers_electrics.csv", "impedance of 16 electrodes for a new conductance",
           lambda _: "the same mesh and elements", lambda row: row["method"].replace(", ", " with "),
@@ -154,7 +139,7 @@ BENCHES = (
           _with_kind, _element_and_rest, lambda row: row["setting"], "depth_error", "Relative error of the depth (–)"),
     Bench("scenes", "scenes.csv", "whole scenes of a 14 mm punch, from the plan to 208 readings", _place,
           lambda row: row["method"], _asked, _one, "dv_error", "Relative error of ΔV (–)",
-          note="Against finer solutions, whose own told error is in the file (reference_error). No other program "
+          note="Against finer solutions, whose own error estimate is in the file (reference_error). No other program "
           "of the comparison solves touch and readings together: its peers stand in the diagrams of the mechanics and "
           "of the readings."),
     Bench("sweep", "sweeps_ways.csv", "rows of the paper's sweep", lambda row: row["place"],
@@ -163,7 +148,7 @@ BENCHES = (
           "scenes with nothing left out; what is done once are the tables, shared by all rows of the set."),
     Bench("surrogates", "surrogates_time.csv", "what surrogates read of unseen touches, by training",
           lambda row: f"{row['output']}", lambda row: row["method"], _steps, _one, "rmse_over_spread",
-          "RMSE over spread (–)", cost="fit_cpu_s", value=_over_spread, wanted=(3e-1, 1e-1, 3e-2),
+          "RMSE over spread (–)", cost="fit_cpu_s", value=_over_spread, requested=(3e-1, 1e-1, 3e-2),
           drawn=lambda row: row["output"] in ("x0", "y0", "d", "F"), writer="surrogates",
           note="Noise-free rows of the paper's sweep, and the training's CPU time; trainbr and network are the paper's "
           "kind."),
@@ -174,10 +159,8 @@ def points(bench: Bench, folder: Path) -> tuple[list[Point], int]:
     """Points of a benchmark, and how many rows its file has; rows whose measure or cost is no positive number hold no
     point. FileNotFoundError where the file is not there, InputFileError where it lacks a column."""
     path = folder / bench.file
-    table = pd.read_csv(path)
-    rows = [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
     try:
-        rows = [row for row in rows if bench.drawn(row)]
+        rows = [row for row in read_rows(path) if bench.drawn(row)]
         found = [_point(bench, row) for row in rows if _positive(bench.of(row)) and _positive(row[bench.cost])]
     except KeyError as missing:
         raise InputFileError(path, f"column {missing} is not there; run benchmarks/{bench.benchmark}.py again."
@@ -195,20 +178,13 @@ def _point(bench: Bench, row: Mapping[str, Any]) -> Point:
                  row[bench.cost] / bench.per_second, once / bench.per_second)
 
 
-def conditions(table: pd.DataFrame) -> list[str]:
-    """Machine, threads, versions and date that the rows of a table carry, "not recorded" where none does."""
-    names = ("machine", "threads", "versions", "date")
-    columns = (table[name].dropna().astype(str) if name in table else [] for name in names)
-    return [", ".join(sorted(set(told))) or "not recorded" for told in columns]
-
-
 def by_problem(found: Sequence[Point]) -> dict[str, list[Point]]:
     """Points of each problem, in the order of the file."""
     return {problem: [p for p in found if p.problem == problem] for problem in dict.fromkeys(p.problem for p in found)}
 
 
-def cheapest(found: Sequence[Point], wanted: float, *, again: bool = False) -> Point | None:
-    """The point of least cost whose error is at most the wanted one, what is done once included but where it is done
+def cheapest(found: Sequence[Point], requested: float, *, again: bool = False) -> Point | None:
+    """The point of least cost whose error is at most the requested one, what is done once included but where it is done
     `again`; None where there is none."""
-    good = (p for p in found if p.measure <= wanted)
+    good = (p for p in found if p.measure <= requested)
     return min(good, key=lambda p: p.cost_s + (0.0 if again else p.once_s), default=None)

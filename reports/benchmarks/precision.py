@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from reports.benchmarks import staleness
 from reports.benchmarks.catalogue import BENCHES, Bench, Point, by_problem, cheapest, points
 from reports.benchmarks.precision_figures import diagram, finding, seconds
-from reports.benchmarks.staleness import State
-from reports.benchmarks.stored_tables import condition_table
+from reports.benchmarks.stored_tables import State, cautions, condition_table, state
 from reports.document import provenance
 from reports.document.numerals import counted, percent
 from reports.document.page import Report, Table
@@ -35,12 +33,11 @@ def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
             continue
         drawn[bench] = found
         stored[bench] = pd.read_csv(results / bench.file, dtype=str)
-        states[bench] = staleness.state(stored[bench], bench.file, bench.benchmark)
+        states[bench] = state(stored[bench], bench.file, bench.benchmark)
         plates.append(diagram(bench, found, rows, states[bench]))
     tables = {}
     if drawn:
-        read = [(bench.file, table, states[bench]) for bench, table in stored.items()]
-        tables["conditions"] = condition_table(read)
+        tables["conditions"] = condition_table([(b.file, table, states[b]) for b, table in stored.items()])
     errors = {bench: found for bench, found in drawn.items() if bench.is_error}
     if errors:
         tables |= _cheapest(errors)
@@ -49,34 +46,30 @@ def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
     sources = [provenance.source(results / bench.file) for bench in drawn]
     footer = provenance.footer(sources, "seeds fixed in benchmarks/")
     subtitle = f"{len(drawn)} of {counted(len(benches), 'benchmark')}"
-    return Report("precision", "Error against run time", subtitle, footer, _findings(drawn), plates, tables,
-                  absent, {"order": [bench.name for bench in benches]}, staleness.cautions([*states.values()]))
-
-
-def _findings(drawn: Found) -> list[str]:
-    if not drawn:
-        return ["No benchmark has been run."]
-    return [finding(bench, found) for bench, found in drawn.items()]
+    findings = [finding(bench, found) for bench, found in drawn.items()] or ["No benchmark has been run."]
+    return Report("precision", "Error against run time", subtitle, footer, findings, plates, tables, absent,
+                  {"order": [bench.name for bench in benches]}, cautions([*states.values()]))
 
 
 def _cheapest(drawn: Found) -> dict[str, Table]:
-    """One table for the benchmarks that are asked for the same errors: one row a problem, one column a wanted error."""
-    asked = dict.fromkeys(bench.wanted for bench in drawn)
-    return {f"cheapest_{i}" if i else "cheapest": _cheapest_of({b: p for b, p in drawn.items() if b.wanted == wanted},
-                                                              wanted)
-            for i, wanted in enumerate(sorted(asked))}
+    """A table for the benchmarks that are asked for the same errors: one row a problem, one column an error."""
+    tables = {}
+    for i, errors in enumerate(sorted({bench.requested for bench in drawn})):
+        own = {bench: found for bench, found in drawn.items() if bench.requested == errors}
+        tables[f"cheapest_{i}" if i else "cheapest"] = _cheapest_of(own, errors)
+    return tables
 
 
-def _cheapest_of(drawn: Found, wanted: Sequence[float]) -> Table:
+def _cheapest_of(drawn: Found, errors: Sequence[float]) -> Table:
     rows, within = [], 0
     for bench, found in drawn.items():
         for problem, own in by_problem(found).items():
-            best = [cheapest(own, error) for error in wanted]
+            best = [cheapest(own, error) for error in errors]
             within += best[-1] is not None
             rows.append([f"{bench.title}: {problem}", *(_words(point) for point in best)])
-    caption = (f"For a wanted error, the cheapest method and setting, and its CPU time; {percent(wanted[-1], 1)} is "
+    caption = (f"For a requested error, the cheapest method and setting, and its CPU time; {percent(errors[-1], 1)} is "
                f"reached in {within} of {counted(len(rows), 'problem')}.")
-    head = ["problem", *(f"within {percent(error, 1)}" for error in wanted)]
+    head = ["problem", *(f"within {percent(error, 1)}" for error in errors)]
     return Table(caption, head, rows, "w" * len(head))
 
 

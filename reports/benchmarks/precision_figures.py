@@ -12,17 +12,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from reports.benchmarks.catalogue import Bench, Point, by_problem, cheapest
-from reports.benchmarks.staleness import CURRENT, State
+from reports.benchmarks.stored_tables import CURRENT, State
 from reports.document import style
 from reports.document.numerals import counted, number, percent, prefixed
 from reports.document.page import ReportFigure
 
-# height of a row of panels and of a line of the legend, mm
-ROW_MM, LINE_MM = 49.0, 4.2
+ROW_MM, LINE_MM = 49.0, 4.2  # height of a row of panels and of a line of the legend, mm
 # letters of the longest method, on a sheet as wide as the text, above which the legend has two columns, not three
 LONG = 30
-# width of the sheet of a single panel, mm
-SINGLE_MM = 116.0
+SINGLE_MM = 116.0  # width of the sheet of a single panel, mm
 # problems above which panels stand in three columns, and the span of an axis below which it has plain numbers
 FEW, NARROW = 4, 50.0
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
@@ -49,17 +47,14 @@ def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Re
             style.plain_log(axis)
     lines = {line.get_label(): line for axes in panels.flat for line in axes.get_lines()}
     figure.legend([lines[method] for method in methods], methods, loc="outside lower center", ncols=across)
-    return ReportFigure(bench.name, figure, _caption(bench, found, rows, state), {bench.name: _frame(bench, found)})
+    data = pd.DataFrame([asdict(p) for p in found]).drop(columns="line").rename(columns={"measure": bench.measure})
+    return ReportFigure(bench.name, figure, _caption(bench, found, rows, state), {bench.name: data})
 
 
 def _look(i: int) -> dict[str, Any]:
     """Colour, mark and dashes: no two of the first twelve methods share a mark, nor colour and dashes."""
     return {"color": style.SERIES[i % len(style.SERIES)], "marker": MARKS[i % len(MARKS)],
             "ls": style.DASHES[i // len(style.SERIES) % len(style.DASHES)], "ms": 3.4}
-
-
-def _frame(bench: Bench, found: Sequence[Point]) -> pd.DataFrame:
-    return pd.DataFrame([asdict(p) for p in found]).drop(columns="line").rename(columns={"measure": bench.measure})
 
 
 def panel(axes: Axes, bench: Bench, found: Sequence[Point], methods: Sequence[str]) -> None:
@@ -80,7 +75,7 @@ def finding(bench: Bench, found: Sequence[Point]) -> str:
     """What a benchmark's points come to, one sentence."""
     if not bench.is_error:
         return f"{_titled(bench)}: {_largest(found)}."
-    spoken = bench.wanted[1]
+    spoken = bench.requested[1]
     if min(p.measure for p in found) > spoken:
         return f"{_titled(bench)}: no method comes within {percent(spoken, 1)}; {_least(found)}."
     words = f"{_titled(bench)}: within {percent(spoken, 1)} the cheapest is {_best(found, spoken, again=False)}"

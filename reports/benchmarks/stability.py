@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from reports.benchmarks import stability_laws, stability_numerics, stability_readings, stability_scenes, staleness
-from reports.benchmarks.stored_tables import Rows, condition_table, frame, read_rows
+from reports.benchmarks import stability_laws, stability_numerics, stability_readings, stability_scenes
+from reports.benchmarks.stored_tables import Rows, cautions, condition_table, frame, read_rows, state
 from reports.document import provenance
 from reports.document.numerals import counted
 from reports.document.page import Report, ReportFigure, Table
@@ -33,13 +33,15 @@ def report(results: Path) -> Report:
     stored = {stem: read_rows(results / f"{stem}.csv") for stem in WRITERS if (results / f"{stem}.csv").is_file()}
     absent = {_SHOWN[stem]: f"Not there: {stem}.csv. Run benchmarks/{writer}.py, which writes it."
               for stem, writer in WRITERS.items() if stem not in stored}
-    read = [(f"{stem}.csv", table := frame(rows), staleness.state(table, f"{stem}.csv", WRITERS[stem]))
+    read = [(f"{stem}.csv", table := frame(rows), state(table, f"{stem}.csv", WRITERS[stem]))
             for stem, rows in stored.items()]
     plates, tables = [], dict[str, Table]()
     for stem, rows in stored.items():
         try:
             plates += _plates(stem, rows)
-            tables |= _tables(stem, rows)
+            name, make = _TABLES.get(stem, ("", lambda _: None))
+            if (table := make(rows)) is not None:
+                tables[name] = table
         except KeyError as missing:
             raise InputFileError(results / f"{stem}.csv", f"column {missing} is not there; run benchmarks/"
                                  f"{WRITERS[stem]}.py again.") from None
@@ -48,19 +50,13 @@ def report(results: Path) -> Report:
     sources = [provenance.source(results / f"{stem}.csv") for stem in stored]
     return Report("stability", "Stiff and extreme cases", f"{len(stored)} of {counted(len(WRITERS), 'stored table')}",
                   provenance.footer(sources, "seeds fixed in benchmarks/"), _findings(plates), plates, tables, absent,
-                  cautions=staleness.cautions([state for *_, state in read]))
+                  cautions=cautions([of_table for *_, of_table in read]))
 
 
 def _plates(stem: str, rows: Rows) -> list[ReportFigure]:
     if stem == "surrogate_noise":
         return stability_readings.readings(rows, stem)
     return [_PLATES[stem](rows, stem)] if stem in _PLATES else []
-
-
-def _tables(stem: str, rows: Rows) -> dict[str, Table]:
-    name, make = _TABLES.get(stem, ("", None))
-    made = make(rows) if make is not None else None
-    return {} if made is None else {name: made}
 
 
 def _findings(plates: list[ReportFigure]) -> list[str]:

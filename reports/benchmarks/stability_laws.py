@@ -16,10 +16,8 @@ COLUMNS = 3
 
 
 def ranges(rows: Rows, file: str) -> ReportFigure:
-    """One panel a law: kept and lost strains of every mode and criterion, as results/stable_ranges.csv tells them.
-
-    A loss of Drucker's condition alone is a caution: foams of rising stress break it on legitimate plateaus.
-    """
+    """One panel a law: kept and lost strains of every mode and criterion, as results/stable_ranges.csv tells them. A
+    loss of Drucker's condition alone is a caution: foams of rising stress break it on legitimate plateaus."""
     laws = distinct(rows, "law")
     down = math.ceil(len(laws) / COLUMNS)
     figure = style.sheet(45 * down + 8)
@@ -77,9 +75,6 @@ def functions(rows: Rows, file: str) -> ReportFigure:
     axes.legend(loc="center right")
     lost = [", ".join(names) for values, names in same.items() if min(values) <= 0]
     said = f"it is lost, h ≤ 0, for {'; '.join(lost)}" if lost else "it is kept everywhere"
-    return ReportFigure(
-        "functions",
-        figure,
-        f"h(λ) = Σ μᵢ λ^αᵢ decides Drucker's condition where ν = 0: {said}. Laws of one line differ by a factor alone.",
-        {file: frame(rows)},
-    )
+    caption = (f"h(λ) = Σ μᵢ λ^αᵢ decides Drucker's condition where ν = 0: {said}. Laws of one line differ by a factor "
+               "alone.")
+    return ReportFigure("functions", figure, caption, {file: frame(rows)})

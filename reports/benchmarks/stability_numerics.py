@@ -16,8 +16,7 @@ from reports.document.page import ReportFigure, Table
 SOME, MANY = 4.0, 8.0
 LOST_DIGITS = {KEPT: f"under {SOME:g} of 16 digits lost", CAUTION: f"{SOME:g} to {MANY:g}", LOST: "more, or no answer"}
 HISTORY, OF_DISC = "history in shear", "disc of 15 mm"
-# cell of (row, column) -> digits lost, infinite without an answer
-Digits = dict[tuple[float, float], float]
+Digits = dict[tuple[float, float], float]  # cell of (row, column) -> digits lost, infinite without an answer
 
 
 def relaxation(rows: Rows, file: str) -> ReportFigure:
@@ -28,13 +27,9 @@ def relaxation(rows: Rows, file: str) -> ReportFigure:
     cells(axes, *_grid(found))
     style.label(axes, "Longer over shorter relaxation time (–)", "Step over the shorter one (–)")
     legend(figure, LOST_DIGITS)
-    return ReportFigure(
-        "relaxation",
-        figure,
-        f"Stress along a ramp and a hold through a series of two times, against its "
-        f"closed form: {_most(found.values())} over all ratios of the times and steps.{_creep(rows)}",
-        {file: frame(rows)},
-    )
+    caption = (f"Stress along a ramp and a hold through a series of two times, against its closed form: "
+               f"{_most(found.values())} over all ratios of the times and steps.{_creep(rows)}")
+    return ReportFigure("relaxation", figure, caption, {file: frame(rows)})
 
 
 def _creep(rows: Rows) -> str:
@@ -42,9 +37,9 @@ def _creep(rows: Rows) -> str:
     if not own:
         return ""
     good = [row["error"] for row in own if row["outcome"] == "ok"]
-    told = f", told error of the depth at most {percent(max(good))}" if good else ""
+    most = f", error estimate of the depth at most {percent(max(good))}" if good else ""
     return (f" Touches that creep under their force with times up to {number(max(row['ratio'] for row in own), 2)} "
-            f"apart: {len(good)} of {counted(len(own), 'touch', 'touches')} ok{told}.")
+            f"apart: {len(good)} of {counted(len(own), 'touch', 'touches')} ok{most}.")
 
 
 def _digits(error: float) -> float:
@@ -71,14 +66,9 @@ def electrics(rows: Rows, file: str) -> ReportFigure:
         cells(axes, *_grid(found))
         style.label(axes, "Conductance over that of the skin (–)", "" if i else "Contact impedance (Ω m)", method)
     legend(figure, LOST_DIGITS)
-    return ReportFigure(
-        "electrics",
-        figure,
-        f"A disc of 15 mm of another conductance in the skin: {', '.join(said)}; the "
-        f"worse of {counted(len(distinct(own, 'elements')), 'mesh', 'meshes')}, without refinement of the "
-        "answer.",
-        {file: frame(rows)},
-    )
+    caption = (f"A disc of 15 mm of another conductance in the skin: {', '.join(said)}; the worse of "
+               f"{counted(len(distinct(own, 'elements')), 'mesh', 'meshes')}, without refinement of the answer.")
+    return ReportFigure("electrics", figure, caption, {file: frame(rows)})
 
 
 def _worst(own: Rows) -> Digits:
@@ -113,10 +103,10 @@ def others(rows: Rows) -> Table:
     """Cuts through the skin and turned anisotropic tensors: the most digits lost, by method."""
     own = [row for row in rows if row["of"] != OF_DISC]
     methods = distinct(own, "method")
-    told = [[of, number(contrast, 2), *(_most_of(where(own, of=of, contrast=contrast, method=m)) for m in methods)]
+    shown = [[of, number(contrast, 2), *(_most_of(where(own, of=of, contrast=contrast, method=m)) for m in methods)]
             for of, contrast in dict.fromkeys((row["of"], row["contrast"]) for row in own)]
     return Table("Digits lost where the skin is cut, and with tensors that turn from place to place: the most over "
-                 "meshes and refinements.", ["skin", "contrast or anisotropy (–)", *methods], told,
+                 "meshes and refinements.", ["skin", "contrast or anisotropy (–)", *methods], shown,
                  "lr" + "r" * len(methods))
 
 
@@ -132,9 +122,8 @@ def _most_of(own: Rows) -> str:
 
 def cases(rows: Rows) -> Table:
     """Extreme touches and laws, one a row."""
-    told = [[row["case"], row["outcome"].split(". ")[0], "" if math.isnan(row["cpu_s"]) else number(row["cpu_s"])]
+    shown = [[row["case"], row["outcome"].split(". ")[0], "" if math.isnan(row["cpu_s"]) else number(row["cpu_s"])]
             for row in rows]
     lost = sum(row["outcome"].startswith("not converged") for row in rows)
     said = f"{lost} of {counted(len(rows), 'case')} did not converge" if lost else "all touches converged"
-    return Table(f"Extreme cases of law and touch: {said}.",
-                 ["case", "outcome", "CPU (s)"], told, "wwr")
+    return Table(f"Extreme cases of law and touch: {said}.", ["case", "outcome", "CPU (s)"], shown, "wwr")

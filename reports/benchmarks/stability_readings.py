@@ -22,8 +22,7 @@ def readings(rows: Rows, file: str) -> list[ReportFigure]:
 
 def _plate(method: str, own: Rows, file: str) -> ReportFigure:
     cases, outputs = distinct(own, "case"), distinct(own, "output")
-    found = {(row["case"], row["output"]): _cell(row["rmse_ratio"], row["coverage_90"])
-             for row in own}
+    found = {(row["case"], row["output"]): _cell(row["rmse_ratio"], row["coverage_90"]) for row in own}
     drawn = [[found[case, output] for output in outputs] for case in cases]
     figure = style.sheet(14 + 5.6 * len(cases))
     axes = figure.subplots()
@@ -34,14 +33,9 @@ def _plate(method: str, own: Rows, file: str) -> ReportFigure:
             for output, cell in zip(outputs, row, strict=True) if cell.state == LOST]
     first = f" (first: {lost[0]})" if lost else ""
     said = f"{len(lost)} of {len(cases) * len(outputs)} cells are lost{first}"
-    return ReportFigure(
-        f"readings_{method}",
-        figure,
-        f"“{method}”, trained without noise: {said}. In a cell, the RMSE over "
-        "the clean one and the share of rows in nominal 90 % intervals. Of noise the model is told, of "
-        "shifts it is not.",
-        {f"{file}_{method}": frame(own)},
-    )
+    caption = (f"“{method}”, trained without noise: {said}. In a cell, the RMSE over the clean one and the share of "
+               "rows in nominal 90 % intervals. The model is given the noise, not the shifts.")
+    return ReportFigure(f"readings_{method}", figure, caption, {f"{file}_{method}": frame(own)})
 
 
 def _name(own: Rows, case: str) -> str:

@@ -15,8 +15,7 @@ from reports.document.numerals import counted, number, prefixed
 from reports.document.page import ReportFigure, Table
 
 COLUMNS, DIAMETERS, FORCES = 3, 4, 6
-# outcomes that are an answer: the foam is flat under less than the force
-ANSWERED = ("ok", "bottomed_out")
+ANSWERED = ("ok", "bottomed_out")  # outcomes that are an answer: the foam is flat under less than the force
 
 
 def scenes(rows: Rows, file: str) -> ReportFigure:
@@ -68,10 +67,10 @@ def _cell(own: Rows) -> Cell | None:
 
 
 def _caption(rows: Rows) -> str:
-    beyond = _beyond(rows)
-    most = f", at most {number(100 * max(beyond), 2)} % of the points" if beyond else ""
+    shares = _beyond(rows)
+    most = f", at most {number(100 * max(shares), 2)} % of the points" if shares else ""
     return (f"Random scenes anywhere on the disc, frictionless and sticking: {len(_lost(rows))} of "
-            f"{counted(len(rows), 'scene')} lost; {len(beyond)} converged with points that lost ellipticity{most}. "
+            f"{counted(len(rows), 'scene')} lost; {len(shares)} converged with points that lost ellipticity{most}. "
             "Numbers count scenes; forces are the upper ends of a row.")
 
 
@@ -80,12 +79,7 @@ def lost_table(rows: Rows) -> Table | None:
     lost = _lost(rows)
     if not lost:
         return None
-    told = [[row["card"], number(row["d_mm"]), number(row["F_N"]), number(math.hypot(row["x_mm"], row["y_mm"])),
-             row["friction"], _first(str(row["message"]))] for row in lost]
-    return Table(f"Scenes that were lost: {counted(len(told), 'scene')}.",
-                 ["card", "d (mm)", "F (N)", "from the centre (mm)", "friction", "what was said"], told, "lrrrlw")
-
-
-def _first(message: str) -> str:
-    """The first two sentences of a message."""
-    return ". ".join(message.split(". ")[:2]).rstrip(".") + "."
+    shown = [[row["card"], number(row["d_mm"]), number(row["F_N"]), number(math.hypot(row["x_mm"], row["y_mm"])),
+             row["friction"], ". ".join(str(row["message"]).split(". ")[:2]).rstrip(".") + "."] for row in lost]
+    return Table(f"Scenes that were lost: {counted(len(shown), 'scene')}.",
+                 ["card", "d (mm)", "F (N)", "from the centre (mm)", "friction", "what was said"], shown, "lrrrlw")

@@ -1,4 +1,4 @@
-"""Maps of states: cells that hold, hold with a caution, or are lost; told by colour, by hatch and by words."""
+"""Maps of states: cells that hold, hold with a caution, or are lost; shown by colour, by hatch and by words."""
 
 from __future__ import annotations
 
@@ -21,10 +21,8 @@ HATCHES = {KEPT: "", CAUTION: "....", LOST: "////"}
 class Cell:
     """One cell of a map."""
 
-    # one of STATES
-    state: str
-    # what stands in it, a few letters
-    words: str = ""
+    state: str  # one of STATES
+    words: str = ""  # what stands in it, a few letters
 
 
 def cells(axes: Axes, rows: Sequence[Sequence[Cell | None]], across: Sequence[str], down: Sequence[str]) -> None:

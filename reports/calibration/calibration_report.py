@@ -1,7 +1,8 @@
-"""The calibration report, from a card and the folder that `matcal fit` wrote beside it."""
+"""The calibration report, from a card and the folder that `matcal fit` wrote next to it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,17 +12,10 @@ from matcal.laws.deformation_modes import MODES
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record.cautions import cautions, relative_rms, tests
 from reports.calibration import calibration_tables as tables_of
-from reports.calibration import (
-    conductivity_figure,
-    cycle_figures,
-    mode_figures,
-    overview_figure,
-    posterior_figures,
-    stability_figure,
-    stress_figures,
-)
+from reports.calibration import cycle_figures, mode_figures, posterior_figures, stability_figure, stress_figures
 from reports.calibration import first_page as summary
 from reports.calibration.card_record import Record, read_record, rows_where
+from reports.calibration.conductivity_figure import conductivity_law
 from reports.document import provenance
 from reports.document.numerals import counted, number, typeset
 from reports.document.page import Report, ReportFigure, Table, write_pdf
@@ -30,13 +24,14 @@ from reports.document.style import house
 NOT_FITTED = {"hyperfoam": "The card has no hyperfoam law: no stress-strain curve was fitted.",
               "prony": "The card has no Prony series: no relaxation test was fitted.",
               "conductivity": "The card has no conductivity law: no conductivity test was fitted."}
+NO_TABLE = {"parameters": NOT_FITTED["hyperfoam"],
+            "tested": "The card holds no errors of fit: it was not written by matcal fit.",
+            "files": "The card names no measurement files."}
 
 
 def write(card_path: Path, out: Path) -> None:
-    """Write the PDF of a card: data, fits, residuals, parameters, stability, provenance.
-
-    InputFileError where the card cannot be used; ValueError where the folder of `out` is missing.
-    """
+    """Write the PDF of a card: data, fits, residuals, parameters, stability, provenance. InputFileError where the card
+    cannot be used; ValueError where the folder of `out` is missing."""
     with house():
         write_pdf(report(card_path), out)
 
@@ -48,11 +43,15 @@ def report(card_path: Path) -> Report:
     draws, why = posterior_figures.draws_of(card_path, card)
     if draws is None:
         absent["posterior"] = why
-    overview = overview_figure.strip(record)
-    plates = [*([overview] if overview else []), *_mode_plates(record, absent),
-              *_relaxation_plates(record, absent), *_skin_plates(record, absent), *_predicted_plates(record),
-              *_cycle_plates(record), *_order_plates(card), *_band_plates(record), *_stability_plates(card, absent),
-              *([posterior_figures.derived(draws, card)] if draws is not None else [])]
+    plates = [*mode_figures.strip(record), *_mode_plates(record, absent), *_relaxation_plates(record, absent),
+              *_skin_plates(record, absent), *_predicted_plates(record), *_cycle_plates(record)]
+    if card.hyperfoam and len(tried := card.fit.get("orders", ())) > 1:
+        plates.append(mode_figures.orders(tried, card.hyperfoam.mu_Pa.size))
+    if (bands := record.tables.get("bands")) is not None:
+        plates.append(mode_figures.every_mode(bands, _band_source(card)))
+    plates += _stability_plates(card, absent)
+    if draws is not None:
+        plates.append(posterior_figures.derived(draws, card))
     footer = provenance.footer(_sources(record), provenance.seed_words(card.provenance.get("seed")))
     return Report("calibration", "Material calibration", _subtitle(card), footer, summary.findings(card), plates,
                   _tables(record, absent), absent, _prose(record), [typeset(s) for s in cautions(card)],
@@ -60,10 +59,10 @@ def report(card_path: Path) -> Report:
 
 
 def _sources(record: Record) -> list[provenance.Source]:
-    beside = [provenance.source(path) for path in record.files]
-    name = f"{counted(len(beside), 'file')} in {record.card.data}, hash of their hashes"
+    files = [provenance.source(path) for path in record.files]
+    name = f"{counted(len(files), 'file')} in {record.card.data}, hash of their hashes"
     card = provenance.source(record.path)
-    return [replace(card, name=f"file {card.name}"), *([provenance.combined(name, beside)] if beside else [])]
+    return [replace(card, name=f"file {card.name}"), *([provenance.combined(name, files)] if files else [])]
 
 
 def _subtitle(card: MaterialCard) -> str:
@@ -93,7 +92,7 @@ def _mode_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
         here = {mode: found["relative_rms"][kind] for mode, found in errors.items()}
         band = None if bands is None else rows_where(bands, bands["mode"] == kind)
         plates.append(stress_figures.mode(record.fitted(kind), law, card.prony, _alone(card),
-                                            {"all": relative_rms(card, kind)} | here, band, _band_source(card)))
+                                          {"all": relative_rms(card, kind)} | here, band, _band_source(card)))
     return plates
 
 
@@ -111,16 +110,6 @@ def _cycle_plates(record: Record) -> list[ReportFigure]:
     tables = {stem.removesuffix("_cycles"): table for stem, table in record.tables.items() if stem.endswith("_cycles")}
     return [cycle_figures.cycles(label, table, record.card.fit.get(label, {})) for label, table in tables.items()
             if len(table)]
-
-
-def _order_plates(card: MaterialCard) -> list[ReportFigure]:
-    tried = card.fit.get("orders", ())
-    return [mode_figures.orders(tried, card.hyperfoam.mu_Pa.size)] if card.hyperfoam and len(tried) > 1 else []
-
-
-def _band_plates(record: Record) -> list[ReportFigure]:
-    bands = record.tables.get("bands")
-    return [] if bands is None else [mode_figures.every_mode(bands, _band_source(record.card))]
 
 
 def _relaxation_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
@@ -144,7 +133,7 @@ def _skin_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
     else:
         errors = [card.fit[t.label]["relative_rms"] for t in tests]
         band = record.tables.get("conductivity_band")
-        return [conductivity_figure.conductivity_law(tests, card.conductivity, errors, band)]
+        return [conductivity_law(tests, card.conductivity, errors, band)]
     return []
 
 
@@ -157,55 +146,34 @@ def _stability_plates(card: MaterialCard, absent: dict[str, str]) -> list[Report
 
 
 def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
-    card, tables = record.card, {}
-    if card.hyperfoam is not None or card.prony is not None:
-        tables["parameters"] = tables_of.parameters(card)
-    else:
-        absent["parameters"] = NOT_FITTED["hyperfoam"]
-    if card.hyperfoam is not None or card.prony is not None or card.conductivity is not None:
-        tables["results"] = summary.results(record)
-    if card.conductivity is not None:
-        tables["skin"] = tables_of.skin(card)
-    if tests(card):
-        tables["tested"] = summary.tested(card)
-    else:
-        absent["tested"] = "The card holds no errors of fit: it was not written by matcal fit."
-    if card.fit.get("cross_prediction"):
-        tables["cross"] = tables_of.cross(card)
-        first = next(iter(card.fit["cross_prediction"].values()))
-        if len(first.get("relative_rms_of", ())) > len(first["relative_rms"]):
-            tables["by_test"] = tables_of.by_test(card)
-    tables |= _checks(card)
-    if card.hyperfoam is not None and card.fit.get("orders"):
-        tables["orders"] = tables_of.orders(card)
-    if card.stability:
-        tables["unstable"] = tables_of.stability(card.stability)
-    if card.hyperfoam is not None:
-        tables["exports"] = tables_of.exports(card)
-    if card.provenance.get("files"):
-        tables["files"] = tables_of.files(card.provenance)
-    else:
-        absent["files"] = "The card names no measurement files."
+    card, fit = record.card, record.card.fit
+    foam, series, skin = (law is not None for law in (card.hyperfoam, card.prony, card.conductivity))
+    crossed = next(iter(fit.get("cross_prediction", {}).values()), {})
+    # name -> the table, and whether the card holds what it shows
+    made: dict[str, tuple[Callable[[MaterialCard], Table], Any]] = {
+        "parameters": (tables_of.parameters, foam or series),
+        "results": (lambda _: summary.results(record), foam or series or skin),
+        "skin": (tables_of.skin, skin),
+        "tested": (summary.tested, tests(card)),
+        "cross": (tables_of.cross, crossed),
+        "by_test": (tables_of.by_test, len(crossed.get("relative_rms_of", ())) > len(crossed.get("relative_rms", ()))),
+        "predicted": (tables_of.predicted, fit.get("predicted")),
+        "data_stability": (tables_of.data_stability, fit.get("data_stability")),
+        "without_stability": (tables_of.stability_cost, fit.get("without_stability")),
+        "replicates": (tables_of.replicates, any("stiffness_factor" in row for row in tests(card).values())),
+        "series_orders": (tables_of.series_orders, len(fit.get("prony", {}).get("orders", ())) > 1),
+        "orders": (tables_of.orders, foam and fit.get("orders")),
+        "unstable": (tables_of.stability, card.stability),
+        "exports": (tables_of.exports, foam),
+        "files": (tables_of.files, card.provenance.get("files"))}
+    tables = {name: make(card) for name, (make, there) in made.items() if there}
+    absent |= {name: why for name, why in NO_TABLE.items() if name not in tables}
     return tables
 
 
-def _checks(card: MaterialCard) -> dict[str, Table]:
-    """Tables of what was checked beside the fit, where the card holds it."""
-    made = {"predicted": tables_of.predicted, "data_stability": tables_of.data_stability,
-            "without_stability": tables_of.stability_cost}
-    out = {name: make(card) for name, make in made.items() if card.fit.get(name)}
-    if any("stiffness_factor" in row for row in tests(card).values()):
-        out["replicates"] = tables_of.replicates(card)
-    if len(card.fit.get("prony", {}).get("orders", ())) > 1:
-        out["series_orders"] = tables_of.series_orders(card)
-    return out
-
-
 def _prose(record: Record) -> dict[str, Any]:
-    card, prose = record.card, {}
-    for part in ("hyperfoam", "prony", "conductivity"):
-        if getattr(card, part) is not None:
-            prose[part] = ""
+    card = record.card
+    prose: dict[str, Any] = {part: "" for part in NOT_FITTED if getattr(card, part) is not None}
     if "prior" in card.posterior:
         prose["prior"] = f"Prior: {card.posterior['prior']}"
     if record.missing:

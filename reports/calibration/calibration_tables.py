@@ -21,20 +21,16 @@ def parameters(card: MaterialCard) -> Table:
     law, prony = card.hyperfoam, card.prony
     errors, series = card.fit.get("parameters", {}), card.fit.get("prony", {})
     count = max(law.mu_Pa.size if law else 0, prony.g.size if prony else 0)
-    rows = []
+    rows = [[str(i + 1)] for i in range(count)]
     factor, unit = pascals(law.mu_Pa) if law else (1.0, "Pa")
-    for i in range(count):
-        row = [str(i + 1)]
+    for i, row in enumerate(rows):
         if law is not None:
-            inside = i < law.mu_Pa.size
-            row += [_pm(factor * law.mu_Pa[i], _stderr(errors, f"mu_{i + 1}_Pa"), factor) if inside else "",
-                    _pm(law.alpha[i], _stderr(errors, f"alpha_{i + 1}")) if inside else "",
-                    number(law.beta[i]) if inside else ""]
+            row += [_pm(factor * law.mu_Pa[i], _stderr(errors, f"mu_{i + 1}_Pa"), factor),
+                    _pm(law.alpha[i], _stderr(errors, f"alpha_{i + 1}")),
+                    number(law.beta[i])] if i < law.mu_Pa.size else ["", "", ""]
         if prony is not None:
-            inside = i < prony.g.size
-            row += [_pm(prony.g[i], _at(series, "g_sd", i)) if inside else "",
-                    _pm(prony.tau_s[i], _at(series, "tau_sd_s", i)) if inside else ""]
-        rows.append(row)
+            row += [_pm(prony.g[i], _at(series, "g_sd", i)),
+                    _pm(prony.tau_s[i], _at(series, "tau_sd_s", i))] if i < prony.g.size else ["", ""]
     head = ["i"] + ([f"μᵢ ({unit})", "αᵢ (–)", "βᵢ (–)"] if law else []) + (["gᵢ (–)", "τᵢ (s)"] if prony else [])
     return Table(_parameter_caption(law, errors), head, rows, "l" + "r" * (len(head) - 1))
 
@@ -49,7 +45,7 @@ def _parameter_caption(law: Hyperfoam | None, errors: Mapping[str, Any]) -> str:
             caption += f", their sum μ₀ to {percent(sum_error / law.mu_0_Pa)}"
         caption += ". These errors take residuals as independent and the law as exact"
     elif law is not None and errors:
-        caption += "; single terms have no standard errors, because the tests do not tell them apart"
+        caption += "; single terms have no standard errors, because the tests do not distinguish them"
     return caption + "."
 
 
@@ -106,10 +102,11 @@ def orders(card: MaterialCard) -> Table:
                  rows, "lrrw")
 
 
-def stability(found: Mapping[str, Any]) -> Table:
+def stability(card: MaterialCard) -> Table:
     """Unstable strains by mode and criterion."""
+    found = card.stability
     modes = list(next(iter(found.values())))
-    rows = [[mode, *(_unstable(found[criterion][mode]) for criterion in found)] for mode in modes]
+    rows = [[mode, *(_spans(found[criterion][mode]["unstable_strain"]) for criterion in found)] for mode in modes]
     lost = sum(not found[criterion][mode]["stable"] for criterion in found for mode in modes)
     caption = (f"Unstable strains: {lost} of {len(modes) * len(found)} combinations of mode and criterion lose "
                "stability.")
@@ -117,8 +114,8 @@ def stability(found: Mapping[str, Any]) -> Table:
     return Table(caption, head, rows, "l" + "w" * len(found))
 
 
-def _unstable(row: Mapping[str, Any]) -> str:
-    return "; ".join(interval(a, b) for a, b in row["unstable_strain"]) or "nowhere"
+def _spans(strains: Sequence[tuple[float, float]]) -> str:
+    return "; ".join(interval(a, b) for a, b in strains) or "nowhere"
 
 
 def exports(card: MaterialCard) -> Table:
@@ -133,8 +130,7 @@ def exports(card: MaterialCard) -> Table:
                      typeset(words).replace("`", "") or "–"])
     caption = (f"Export: {counted(len(written), 'program')} of {len(TARGETS)} "
                f"{'takes' if len(written) == 1 else 'take'} this law; matcal export writes the input, with units, "
-               "moduli and warnings as comments. "
-               + typeset(" ".join(common)))
+               "moduli and warnings as comments. " + typeset(" ".join(common)))
     return Table(caption.rstrip(), ["program", "", "what it does otherwise, or why it is refused"], rows, "llw")
 
 
@@ -198,16 +194,15 @@ def series_orders(card: MaterialCard) -> Table:
 def data_stability(card: MaterialCard) -> Table:
     """Where the records themselves violate a criterion."""
     rows = [[row["test"], NAMES.get(row["criterion"], row["criterion"]), interval(*row["covered_strain"]),
-             "; ".join(interval(a, b) for a, b in row["violated_strain"]) or "nowhere"]
-            for row in card.fit["data_stability"]]
+             _spans(row["violated_strain"])] for row in card.fit["data_stability"]]
     found = sum(bool(row["violated_strain"]) for row in card.fit["data_stability"])
     caption = (f"The records themselves: {found} of {len(rows)} checks find stress that falls where the criterion "
                "forbids it, whatever the law.")
     return Table(caption, ["test", "criterion", "strain covered", "violated at"], rows, "llrw")
 
 
-def files(provenance: Mapping[str, Any]) -> Table:
+def files(card: MaterialCard) -> Table:
     """The measurement files and their hashes."""
-    rows = [[f["name"], f["sha256"]] for f in provenance["files"]]
+    rows = [[f["name"], f["sha256"]] for f in card.provenance["files"]]
     caption = f"The {counted(len(rows), 'file')} that went into the card."
     return Table(caption, ["file", "sha256 of its bytes"], rows, "wl")

@@ -1,4 +1,4 @@
-"""A material card with what `matcal fit` left beside it: reduced tests, their fitted curves, the posterior."""
+"""A material card with what `matcal fit` left next to it: reduced tests, their fitted curves, the posterior."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from matcal.readers.vocabulary import KINDS
 from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
-# kind -> column of the measured value
-VALUE = {"conductivity": "conductivity_S_per_m"}
+VALUE = {"conductivity": "conductivity_S_per_m"}  # kind -> column of the measured value
 
 
 @dataclass(frozen=True)
@@ -25,17 +24,13 @@ class Test:
 
     __test__ = False  # pytest: not a test class
 
-    # KIND_i
-    label: str
+    label: str  # KIND_i
     kind: str
-    # (n,) nominal strain (gamma in shear, J in volumetric)
-    strain: Array
-    # (n,) nominal stress, Pa, or conductivity, S/m
-    value: Array
+    strain: Array  # (n,) nominal strain (gamma in shear, J in volumetric)
+    value: Array  # (n,) nominal stress, Pa, or conductivity, S/m
     # (n,) the fitted law along the test's own history, same unit; None where nothing was fitted to it
     fitted: Array | None
-    # (n,) time, s; None without a clock
-    time_s: Array | None
+    time_s: Array | None  # (n,) time, s; None without a clock
 
     def history(self) -> tuple[Array, Array, Array]:
         """Time, measured and fitted value; ValueError where the test has no clock or no fit."""
@@ -55,12 +50,9 @@ class Record:
 
     path: Path
     card: MaterialCard
-    # label -> test, in the order of the card
-    tests: Mapping[str, Test]
-    # all files of the folder
-    files: tuple[Path, ...]
-    # why there are no tests; empty where there are
-    missing: str = ""
+    tests: Mapping[str, Test]  # label -> test, in the order of the card
+    files: tuple[Path, ...]  # all files of the folder
+    missing: str = ""  # why there are no tests; empty where there are
     # further tables of the folder by their file's stem: bands, conductivity_band, KIND_i_cycles
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
 
@@ -71,23 +63,21 @@ class Record:
 
 
 def read_record(path: Path) -> Record:
-    """Read a card and the folder it names; a folder that is not there is told in `missing`.
-
-    InputFileError where the card or a table cannot be used.
-    """
+    """Read a card and the folder it names; a folder that is not there is named in `missing`. InputFileError where the
+    card or a table cannot be used."""
     card = read_card(path)
     if card.data is None:
         return Record(path, card, {}, (), "The card names no folder of reduced tests, so no data are drawn.")
     folder = path.parent / card.data
     if not folder.is_dir():
-        return Record(path, card, {}, (), f"The folder {card.data} that the card names is not beside it, so no data "
+        return Record(path, card, {}, (), f"The folder {card.data} that the card names is not next to it, so no data "
                                          "are drawn.")
     files = tuple(sorted(p for p in folder.iterdir() if p.is_file()))
     tables = {p.stem: p for p in files if p.suffix == ".parquet"}
     tests = {stem: _read_test(table) for stem, table in tables.items() if _is_test(stem)}
-    beside = {stem: pd.read_parquet(table) for stem, table in tables.items() if not _is_test(stem)}
+    others = {stem: pd.read_parquet(table) for stem, table in tables.items() if not _is_test(stem)}
     missing = "" if tests else f"The folder {card.data} holds no reduced test, so no data are drawn."
-    return Record(path, card, tests, files, missing, beside)
+    return Record(path, card, tests, files, missing, others)
 
 
 def rows_where(table: pd.DataFrame, keep: ArrayLike) -> pd.DataFrame:

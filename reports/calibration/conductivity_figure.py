@@ -15,8 +15,7 @@ from reports.document import style
 from reports.document.numerals import interval, number, percent
 from reports.document.page import ReportFigure
 
-# compression to which every touch may drive the law
-DEEPEST = -0.9
+DEEPEST = -0.9  # compression to which every touch may drive the law
 
 
 def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[float],
@@ -41,9 +40,9 @@ def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[
     extended, stopped = _extended(law, hi)
     near.plot(fitted, conductivity(law, fitted), color=style.ACCENT, label="cubic")
     far.plot(fitted, conductivity(law, fitted), color=style.ACCENT, label="cubic")
-    beyond = extended[extended < lo]
-    if beyond.size:
-        far.plot(beyond, conductivity(law, beyond), color=style.ACCENT, ls="--", label="extrapolated")
+    outside = extended[extended < lo]
+    if outside.size:
+        far.plot(outside, conductivity(law, outside), color=style.ACCENT, ls="--", label="extrapolated")
         data["conductivity_law"] = pd.DataFrame({"strain": extended,
                                                  "conductivity_S_per_m": conductivity(law, extended)})
     if band is not None:

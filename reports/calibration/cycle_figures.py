@@ -17,8 +17,7 @@ from reports.document.page import ReportFigure
 COLUMNS = {"resistance_rest_Ohm": ("at rest", "Ω"), "resistance_peak_Ohm": ("at the peak", "Ω"),
            "peak_stress_Pa": ("Peak stress", "Pa"), "loss_Pa": ("Loss in a cycle", "Pa"),
            "residual_strain": ("Residual strain", "–")}
-# change of a cycle, of its value, below which a course counts as steady
-STEADY = 0.01
+STEADY = 0.01  # change of a cycle, of its value, below which a course counts as steady
 
 
 def cycles(label: str, table: pd.DataFrame, row: Mapping[str, Any]) -> ReportFigure:

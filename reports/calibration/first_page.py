@@ -132,17 +132,14 @@ def _skin_rows(record: Record) -> list[list[str]]:
 def tested(card: MaterialCard) -> Table:
     """What was tested and how well it is met, one row a test."""
     found = tests(card)
-    rows = [[label, ", ".join(row.get("source", [])), str(row["n"]), _range(row), f"{number(row['rms'])} {row['unit']}",
+    rows = [[label, ", ".join(row.get("source", [])), str(row["n"]),
+             interval(*row["strain_range"]) if "strain_range" in row else "–", f"{number(row['rms'])} {row['unit']}",
              percent(row["relative_rms"]), "–" if row["r2"] is None else r_squared(row["r2"])]
             for label, row in found.items()]
     worst = max(found, key=lambda label: found[label]["relative_rms"])
     caption = (f"Tests and errors of fit: the largest relative RMS is {percent(found[worst]['relative_rms'])}, of "
                f"{worst}. Relative RMS is rms(residual)/rms(measured), of a relaxation over its holds.")
     return Table(caption, ["test", "file", "points", "strain", "RMS", "relative RMS", "R²"], rows, "lwrrrrr")
-
-
-def _range(row: Mapping[str, Any]) -> str:
-    return interval(*row["strain_range"]) if "strain_range" in row else "–"
 
 
 def findings(card: MaterialCard) -> list[str]:
@@ -180,4 +177,4 @@ def _skin_findings(card: MaterialCard) -> list[str]:
     lo, hi = law.strain_range
     end = law.c0_S_per_m * (1 + float(np.dot(law.a, [hi, hi**2, hi**3])))
     return [f"Skin: {number(law.c0_S_per_m)} S/m unstrained, {number(end)} S/m at a strain of {number(hi)}; measured "
-            f"for strains of {interval(lo, hi)}, everything beyond is extrapolated."]
+            f"for strains of {interval(lo, hi)}, everything outside is extrapolated."]

@@ -1,4 +1,4 @@
-"""Figures of what a calibration reaches: stress in every mode with its band, and the orders that were tried."""
+"""Figures over all tests: the strip of the first page, stress in every mode with its band, the orders tried."""
 
 from __future__ import annotations
 
@@ -12,13 +12,50 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from matcal.laws.deformation_modes import MODES
-from reports.calibration.card_record import rows_where
+from reports.calibration.card_record import Record, Test, rows_where
 from reports.calibration.stress_figures import half_width
 from reports.document import style
 from reports.document.numerals import number, pascals, percent
 from reports.document.page import ReportFigure
 
 STRAIN = {"shear": "γ (–)", "volumetric": "J (–)"}
+KINDS = (*MODES, "relaxation", "conductivity")
+MOST = 4  # panels that the strip holds
+
+
+def strip(record: Record) -> list[ReportFigure]:
+    """Data and fit of up to four kinds of test side by side; none where nothing was fitted."""
+    kinds = [kind for kind in KINDS if record.fitted(kind)]
+    kinds = kinds if len(kinds) <= MOST else [*kinds[:MOST - 2], *kinds[-2:]]
+    if not kinds:
+        return []
+    figure = style.sheet(42)
+    for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        _draw_tests(axes, kind, record.fitted(kind))
+        axes.locator_params(axis="y", nbins=4)
+    tests = [test for kind in kinds for test in record.fitted(kind)]
+    caption = f"Measured (dots) and fitted (lines): {', '.join(test.label for test in tests)}."
+    parts = [pd.DataFrame({"test": test.label, "strain": test.strain, "measured": test.value, "fitted": test.fitted,
+                           "unit": "S/m" if test.kind == "conductivity" else "Pa"}) for test in tests]
+    return [ReportFigure("overview", figure, caption, {"overview": pd.concat(parts, ignore_index=True)})]
+
+
+def _draw_tests(axes: Axes, kind: str, tests: Sequence[Test]) -> None:
+    factor, unit = (1.0, "S/m") if kind == "conductivity" else pascals(np.concatenate([t.value for t in tests]))
+    name = "Conductivity" if kind == "conductivity" else "Stress"
+    for test in tests:
+        at = test.strain if kind != "relaxation" or test.time_s is None else test.time_s
+        seen = at > 0 if kind == "relaxation" else np.full(at.size, True)
+        axes.plot(at[seen], factor * test.value[seen], "o", color=style.INK, ms=1.6, mew=0)
+        if test.fitted is not None:
+            axes.plot(at[seen], factor * test.fitted[seen], color=style.ACCENT, lw=0.9)
+    if kind == "relaxation":
+        axes.set_xscale("log")
+        axes.set_xlim(left=max(1e-2, axes.get_xlim()[0]))
+        style.label(axes, "Time (s)", f"{name} ({unit})", kind)
+    else:
+        axes.locator_params(axis="x", nbins=4)
+        style.label(axes, STRAIN.get(kind, "Nominal strain (–)"), f"{name} ({unit})", kind)
 
 
 def every_mode(bands: pd.DataFrame, source: str) -> ReportFigure:
@@ -64,9 +101,8 @@ def _bands_caption(bands: pd.DataFrame, modes: Sequence[str], source: str) -> st
 
 def orders(tried: Sequence[Mapping[str, Any]], chosen: int) -> ReportFigure:
     """Residual and Bayesian information criterion against the number of terms."""
-    table = pd.DataFrame({"terms": [row["order"] for row in tried], "residual": [row["rms"] for row in tried],
-                          "bic": [row["bic"] for row in tried],
-                          "confluent": [bool(row["confluence"]) for row in tried]})
+    table = pd.DataFrame([{"terms": row["order"], "residual": row["rms"], "bic": row["bic"],
+                           "confluent": bool(row["confluence"])} for row in tried])
     table["bic_above_least"] = table["bic"] - table["bic"].min()
     figure = style.sheet(46)
     left, right = figure.subplots(1, 2)

@@ -18,8 +18,7 @@ from reports.document import style
 from reports.document.numerals import counted, number, pascals, within
 from reports.document.page import ReportFigure
 
-# subscripts of captions, as the figures' mathematics has them
-_SUBSCRIPTS = str.maketrans({"₀": "$_0$"})
+_SUBSCRIPTS = str.maketrans({"₀": "$_0$"})  # subscripts of captions, as the figures' mathematics has them
 
 
 def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
@@ -28,7 +27,7 @@ def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
         return None, "The card has no posterior; matcal fit --posterior samples one."
     file = path.parent / str(card.posterior["file"])
     if not file.is_file():
-        return None, f"The posterior {card.posterior['file']} that the card names is not beside it."
+        return None, f"The posterior {card.posterior['file']} that the card names is not next to it."
     return read_draws(path), ""
 
 
@@ -60,14 +59,11 @@ def derived(draws: Draws, card: MaterialCard) -> ReportFigure:
 class _Column:
     """A derived quantity over the draws."""
 
-    # what it is, for a caption and an axis
-    words: str
+    words: str  # what it is, for a caption and an axis
     unit: str
-    # (D,) in that unit
-    values: Array
-    # key of card.fit["derived"] and the factor from it to the unit, where the card has it
-    key: str = ""
-    factor: float = 1.0
+    values: Array  # (D,) in that unit
+    key: str = ""  # of card.fit["derived"], where the card has it
+    factor: float = 1.0  # from that value to the unit
 
 
 def _quantities(draws: Draws) -> dict[str, _Column]:

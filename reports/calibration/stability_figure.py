@@ -22,33 +22,27 @@ Ranges = Mapping[str, tuple[float, float]]
 
 def ranges(stability: Mapping[str, Any], fitted: Ranges, records: Sequence[Mapping[str, Any]] = ()) -> ReportFigure:
     """Scanned strains as grey bars, unstable ones on top, fitted ones as a line, violations by the records as crosses.
-
-    `stability` and `records` (fit.data_stability) as the card holds them.
-    """
+    `stability` and `records` (fit.data_stability) as the card holds them."""
     rows = [(mode, criterion) for mode in next(iter(stability.values())) for criterion in stability]
     figure = style.sheet(18 + 3.6 * len(rows))
     axes = figure.subplots()
-    told = []
+    lost = []
     for y, (mode, criterion) in enumerate(rows):
         found = stability[criterion][mode]
         lo, hi = found["scanned"]
         axes.barh(y, hi - lo, left=lo, height=0.62, color=SCANNED)
         for a, b in found["unstable_strain"]:
             axes.barh(y, b - a, left=a, height=0.62, facecolor=UNSTABLE, hatch="////", edgecolor="white", lw=0)
-            told.append((mode, criterion, a, b))
+            lost.append((mode, criterion, a, b))
         if mode in fitted:
             axes.plot(fitted[mode], [y, y], color=style.INK, lw=1.6, solid_capstyle="butt")
-        for a, b in _violated(records, mode, criterion):
-            axes.plot([a, b], [y + 0.42, y + 0.42], "|-", color=style.THIRD, lw=1.4, ms=4)
+        for record in records:
+            if (record["test"].rsplit("_", 1)[0], record["criterion"]) == (mode, criterion):
+                for a, b in record["violated_strain"]:
+                    axes.plot([a, b], [y + 0.42, y + 0.42], "|-", color=style.THIRD, lw=1.4, ms=4)
     _finish(axes, rows, bool(records))
-    data = pd.DataFrame(told, columns=["mode", "criterion", "unstable_from", "unstable_to"])
-    return ReportFigure("stability", figure, _caption(told, fitted), {"stability": data})
-
-
-def _violated(records: Sequence[Mapping[str, Any]], mode: str, criterion: str) -> list[tuple[float, float]]:
-    """Strains at which records of a mode violate a criterion."""
-    return [(a, b) for row in records if row["test"].rsplit("_", 1)[0] == mode and row["criterion"] == criterion
-            for a, b in row["violated_strain"]]
+    data = pd.DataFrame(lost, columns=["mode", "criterion", "unstable_from", "unstable_to"])
+    return ReportFigure("stability", figure, _caption(lost, fitted), {"stability": data})
 
 
 def _finish(axes: Axes, rows: Sequence[tuple[str, str]], checked: bool) -> None:
@@ -65,11 +59,11 @@ def _finish(axes: Axes, rows: Sequence[tuple[str, str]], checked: bool) -> None:
     style.label(axes, "Nominal strain; γ in shear, J in volumetric (–)", "")
 
 
-def _caption(told: Sequence[tuple[str, str, float, float]], fitted: Ranges) -> str:
-    if not told:
+def _caption(lost: Sequence[tuple[str, str, float, float]], fitted: Ranges) -> str:
+    if not lost:
         return "The law is stable at every scanned strain, by every criterion."
-    within = [f"{NAMES.get(c, c)} in {mode} ({interval(a, b)})" for mode, c, a, b in told
+    within = [f"{NAMES.get(c, c)} in {mode} ({interval(a, b)})" for mode, c, a, b in lost
               if mode in fitted and overlaps((a, b), fitted[mode])]
     if within:
         return "Stability is lost inside the fitted strains: " + "; ".join(within) + "."
-    return f"Stability is lost in {len(told)} scanned ranges, none of them inside the fitted strains."
+    return f"Stability is lost in {len(lost)} scanned ranges, none of them inside the fitted strains."

@@ -18,8 +18,7 @@ from reports.document.numerals import number, pascals, percent
 from reports.document.page import ReportFigure
 
 STRAIN = {"shear": "Shear strain γ (–)", "volumetric": "Volume ratio J (–)"}
-# one mark a specimen
-MARKS = ("o", "s", "^", "D", "v", "P")
+MARKS = ("o", "s", "^", "D", "v", "P")  # one mark a specimen
 
 
 def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
@@ -32,11 +31,9 @@ def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
 
 def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapping[str, Hyperfoam],
          errors: Mapping[str, float], band: pd.DataFrame | None, source: str) -> ReportFigure:
-    """One mode: data, the law of all modes with its band, the laws of single modes, residuals.
-
-    `law` and `alone` (mode -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode; `band`: the
-    mode's rows of bands.parquet, from `source` in words.
-    """
+    """One mode: data, the law of all modes with its band, the laws of single modes, residuals. `law` and `alone` (mode
+    -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode; `band`: the mode's rows of
+    bands.parquet, from `source` in words."""
     kind = tests[0].kind
     sign = -1.0 if all(test.compressed for test in tests) else 1.0
     factor, unit = pascals(np.concatenate([test.value for test in tests]))

@@ -16,21 +16,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def number(value: float, digits: int = 3) -> str:
     """`value` to `digits` significant digits; ValueError for one that is not finite, so that none reaches a page."""
-    value = float(value)
-    if not math.isfinite(value):
-        raise ValueError(f"a report cannot print {value}: its source holds a value that is not a finite number.")
-    if value == 0:
-        return "0"
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    power = int(exponent)
-    if -3 <= power < 5:
-        return f"{float(f'{value:.{digits - 1}e}'):.{max(digits - 1 - power, 0)}f}".replace("-", "−")
-    return f"{mantissa.replace('-', '−')} × 10{exponent_mark(power)}"
-
-
-def exponent_mark(power: int) -> str:
-    """A whole power as superscript characters."""
-    return str(power).translate(_SUPERSCRIPTS)
+    return typeset(number_words.significant(float(value), digits, -3, 5))
 
 
 def percent(fraction: float, digits: int = 2) -> str:
@@ -52,7 +38,7 @@ def within(value: float, lo: float, hi: float) -> tuple[str, str]:
 
 def typeset(words: str) -> str:
     """Words with a true minus sign before each number that is negative, powers of ten as they are written."""
-    words = re.sub(r"(\d)e([+-]\d+)", lambda m: f"{m[1]} × 10{exponent_mark(int(m[2]))}", words)
+    words = re.sub(r"(\d)e([+-]\d+)", lambda m: f"{m[1]} × 10{str(int(m[2])).translate(_SUPERSCRIPTS)}", words)
     return re.sub(r"(?<![\w.)-])-(?=\d)", "−", words)
 
 

@@ -1,4 +1,4 @@
-"""Pages: a Typst template of this package, values as JSON beside it, figures as vector PDF; compiled in-process."""
+"""Pages: a Typst template of this package, values as JSON next to it, figures as vector PDF; compiled in-process."""
 
 from __future__ import annotations
 
@@ -16,34 +16,27 @@ from matplotlib.figure import Figure
 from reports.document import style
 
 CONTENTS = "contents.json"
-# a last page whose text ends above this is not worth a page
-NEARLY_EMPTY_MM = 90.0
+NEARLY_EMPTY_MM = 90.0  # a last page whose text ends above this is not worth a page
 
 
 @dataclass(frozen=True)
 class ReportFigure:
     """One figure of a report."""
 
-    # its name in the template and its file name
-    name: str
+    name: str  # its name in the template and its file name
     figure: Figure
-    # one or two sentences that state what the figure shows, numbers formatted from its data
-    caption: str
-    # file stem -> the numbers drawn, units in the column names
-    data: Mapping[str, pd.DataFrame]
+    caption: str  # one or two sentences that state what the figure shows, numbers formatted from its data
+    data: Mapping[str, pd.DataFrame]  # file stem -> the numbers drawn, units in the column names
 
 
 @dataclass(frozen=True)
 class Table:
     """One table of a report, cells already formatted."""
 
-    # what it finds
-    caption: str
-    # column heads, units included
-    head: Sequence[str]
+    caption: str  # what it finds
+    head: Sequence[str]  # column heads, units included
     rows: Sequence[Sequence[str]]
-    # one letter a column: l left, r right, w wide (left, takes the remaining width)
-    align: str
+    align: str  # one letter a column: l left, r right, w wide (left, takes the remaining width)
 
     def __post_init__(self) -> None:
         widths = {len(self.head), len(self.align), *(len(row) for row in self.rows)}
@@ -55,40 +48,34 @@ class Table:
 class Report:
     """Everything that a template is filled with."""
 
-    # name of the template without its ending
-    template: str
+    template: str  # name of the template without its ending
     title: str
     subtitle: str
-    # what `provenance.footer` returns
-    footer: Mapping[str, Any]
-    # the most important findings, one sentence each
-    findings: Sequence[str]
+    footer: Mapping[str, Any]  # what `provenance.footer` returns
+    findings: Sequence[str]  # the most important findings, one sentence each
     plates: Sequence[ReportFigure] = ()
     tables: Mapping[str, Table] = field(default_factory=dict)
     # plate or table -> one sentence that says why it is not there
     absent: Mapping[str, str] = field(default_factory=dict)
     # further paragraphs or lists of sentences, by name
     prose: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
-    # what the reader must know before the numbers are used, one sentence each
-    cautions: Sequence[str] = ()
+    cautions: Sequence[str] = ()  # what the reader must know before the numbers are used, one sentence each
     # lists of sentences under headings, by name
     groups: Mapping[str, Sequence[tuple[str, Sequence[str]]]] = field(default_factory=dict)
 
 
 def write_pdf(report: Report, out: Path) -> None:
-    """Write `out` (PDF) and, in `<stem>_files/` beside it, each figure as SVG and its numbers as CSV.
-
-    ValueError where the folder of `out` is missing; RuntimeError that names the template where it does not compile.
-    """
+    """Write `out` (PDF) and, in `<stem>_files/` next to it, each figure as SVG and its numbers as CSV. ValueError where
+    the folder of `out` is missing; RuntimeError that names the template where it does not compile."""
     if not out.parent.is_dir():
         raise ValueError(f"{out}: the folder {out.parent} does not exist. Create it first.")
-    beside = out.with_name(f"{out.stem}_files")
+    files = out.with_name(f"{out.stem}_files")
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         _stage(report, work)
-        written = _export(report.plates, work, beside)
+        written = _export(report.plates, work, files)
         pdf = _compile(report.template, work)
-    (beside / CONTENTS).write_text(json.dumps({"inputs": report.footer["inputs"], "files": written}, indent=1) + "\n")
+    (files / CONTENTS).write_text(json.dumps({"inputs": report.footer["inputs"], "files": written}, indent=1) + "\n")
     out.write_bytes(pdf)
 
 
@@ -96,36 +83,30 @@ def _stage(report: Report, work: Path) -> None:
     """Templates and values, side by side; values travel as JSON and are never read as markup."""
     for template in Path(__file__).parents[1].rglob("*.typ"):
         (work / template.name).write_bytes(template.read_bytes())
-    values = {
-        "title": report.title, "subtitle": report.subtitle, "footer": report.footer, "findings": report.findings,
-        "plates": {plate.name: plate.caption for plate in report.plates},
-        "tables": {name: asdict(table) for name, table in report.tables.items()},
-        "absent": report.absent, "prose": report.prose, "cautions": report.cautions, "groups": report.groups,
-        "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK,
-                  "warning": style.SECOND},
-    }
+    values = {"title": report.title, "subtitle": report.subtitle, "footer": report.footer, "findings": report.findings,
+              "plates": {plate.name: plate.caption for plate in report.plates},
+              "tables": {name: asdict(table) for name, table in report.tables.items()},
+              "absent": report.absent, "prose": report.prose, "cautions": report.cautions, "groups": report.groups,
+              "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK,
+                        "warning": style.SECOND}}
     (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
 
 
-def _export(plates: Sequence[ReportFigure], work: Path, beside: Path) -> list[str]:
-    """Draw the plates into `work`, their SVG and CSV into `beside`; what an earlier report left there goes first."""
-    beside.mkdir(exist_ok=True)
-    _forget(beside)
-    written = []
-    for plate in plates:
-        style.save(plate.figure, work / f"{plate.name}.pdf", beside / f"{plate.name}.svg")
-        written.append(f"{plate.name}.svg")
-        for stem, table in plate.data.items():
-            table.to_csv(beside / f"{stem}.csv", index=False)
-            written.append(f"{stem}.csv")
-    return written
-
-
-def _forget(beside: Path) -> None:
-    contents = beside / CONTENTS
+def _export(plates: Sequence[ReportFigure], work: Path, files: Path) -> list[str]:
+    """Draw the plates into `work`, their SVG and CSV into `files`; what an earlier report left there goes first."""
+    files.mkdir(exist_ok=True)
+    contents = files / CONTENTS
     if contents.is_file():
         for name in json.loads(contents.read_text(encoding="utf-8"))["files"]:
-            (beside / Path(name).name).unlink(missing_ok=True)
+            (files / Path(name).name).unlink(missing_ok=True)
+    written = []
+    for plate in plates:
+        style.save(plate.figure, work / f"{plate.name}.pdf", files / f"{plate.name}.svg")
+        written.append(f"{plate.name}.svg")
+        for stem, table in plate.data.items():
+            table.to_csv(files / f"{stem}.csv", index=False)
+            written.append(f"{stem}.csv")
+    return written
 
 
 def _compile(template: str, work: Path) -> bytes:

@@ -7,7 +7,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,8 @@ DISTRIBUTION = "touchcal"
 class Source:
     """One file that a report was made from."""
 
-    # name without folders
-    name: str
-    # of its bytes, 64 hexadecimal digits
-    sha256: str
+    name: str  # name without folders
+    sha256: str  # of its bytes, 64 hexadecimal digits
 
 
 def source(path: Path) -> Source:
@@ -74,13 +72,19 @@ def card_words(card: Mapping[str, Any]) -> str:
 def footer(sources: Sequence[Source], seed: str) -> dict[str, Any]:
     """What stands at the foot of every page; `seed` in words."""
     made_at = commit()
-    return {
-        "inputs": [{"name": s.name, "sha256": s.sha256} for s in sources],
-        "software": f"{DISTRIBUTION} {version(DISTRIBUTION)}",
-        "commit": f"commit {made_at}" if made_at else "installed package, commit not recorded",
-        "seed": seed,
-        "machine": f"report made on {machine()}",
-    }
+    return {"inputs": [asdict(one) for one in sources], "software": f"{DISTRIBUTION} {version(DISTRIBUTION)}",
+            "commit": f"commit {made_at}" if made_at else "installed package, commit not recorded", "seed": seed,
+            "machine": f"report made on {machine()}"}
+
+
+def origin(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Prose on the card and the versions that a result or a manifest names."""
+    found = {}
+    if card := result.get("card"):
+        found["card"] = f"Card “{card['name']}”, sha256 of its material parts {card['sha256']}."
+    if versions := result.get("versions"):
+        found["versions"] = f"Computed with {version_lines(versions)}."
+    return found
 
 
 def version_lines(versions: Mapping[str, Any]) -> str:

@@ -13,16 +13,14 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-# the one accent colour, and what stands beside it (Okabe and Ito's palette; line styles differ as well)
+# the one accent colour, and what stands next to it (Okabe and Ito's palette; line styles differ as well)
 ACCENT, SECOND, THIRD = "#0072B2", "#D55E00", "#009E73"
 INK, GREY, FAINT = "#1a1a1a", "#6b6b6b", "#d9d9d9"
-# a second mark of each series, so that no line is told by colour alone
+# a second mark of each series, so that no line is known by colour alone
 DASHES = ("-", "--", ":", "-.")
 SERIES = (ACCENT, SECOND, THIRD, "#CC79A7")
-# one hue for magnitudes, two for signed values with white at zero
-SEQUENTIAL, DIVERGING = "cividis", "RdBu_r"
-# width of the text block of an A4 page, mm
-TEXT_WIDTH_MM = 166.0
+SEQUENTIAL, DIVERGING = "cividis", "RdBu_r"  # one hue for magnitudes, two for signed values with white at zero
+TEXT_WIDTH_MM = 166.0  # width of the text block of an A4 page, mm
 
 _RC: dict[Any, Any] = {
     "font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 8.5, "axes.labelsize": 8.5,
@@ -33,8 +31,7 @@ _RC: dict[Any, Any] = {
     "axes.spines.right": False, "axes.titlelocation": "left",
     "axes.grid": True, "axes.axisbelow": True, "grid.color": "#ebebeb", "grid.linewidth": 0.5,
     "lines.linewidth": 1.1, "lines.markersize": 2.6, "legend.frameon": False, "legend.handlelength": 2.2,
-    "pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "touchcal",
-}
+    "pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "touchcal"}
 
 
 def house() -> AbstractContextManager[None]:

@@ -17,17 +17,16 @@ from eitsim.simulation.material import material_of
 from matcal.card import read_card
 from matcal.laws.hyperfoam import Hyperfoam
 
-# Element sizes over the default one, each half of the one before.
-SIZES = (8.0, 4.0, 2.0, 1.0, 0.5)
+SIZES = (8.0, 4.0, 2.0, 1.0, 0.5)  # Element sizes over the default one, each half of the one before.
 
 
-def table(law: Hyperfoam, scene: Scene, sizes: tuple[float, ...] = SIZES) -> pd.DataFrame:
+def table(law: Hyperfoam, scene: Scene) -> pd.DataFrame:
     """One row a mesh: order, element size (mm), elements and unknowns (of the half-plane through the punch's axis),
     depth (mm), mean contact pressure (kPa), CPU time (s). The touch is frictionless and far from the rim."""
     (punch,), default = scene.punches, default_element_m(scene.body, scene.punches[0])
     rows = []
     for order in sorted(ELEMENTS):
-        for size in sizes:
+        for size in SIZES:
             touch = solve_touch(law, scene.body, punch, element_m=size * default, order=order)
             grid = foam_grid(scene.body, punch, size * default, order)
             rows.append({"order": order, "size_over_default": size, "element_mm": 1e3 * size * default,

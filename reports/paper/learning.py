@@ -18,7 +18,7 @@ from reports.surrogate.surrogate_report import DESCRIPTION, EVALUATION, PREDICTI
 
 OUTPUTS = {"13": ("x0", "y0"), "14": ("d",), "15": ("F",), "16": ("sigma_max",), "17": ("sigma_ave",),
            "18": ("delta_max",), "19": ("A_c",)}
-# what the methods are called beside each other
+# what the methods are called next to each other
 METHODS = {NETWORKS: "networks", FORWARD: "forward map"}
 SYMBOLS = {"x0": "x₀", "y0": "y₀"}
 PARTS = {"train": "training rows", "test": "test rows"}
@@ -28,7 +28,7 @@ OPEN = {"13": "Positions are normalised with the radius for the error, as in the
               "a filleted punch.",
         "17": "The caption's unit, kPa, is read as MPa². Mean pressure is force over contact area.",
         "18": "Depth is that of the punch's face.",
-        "19": "Area is that on the punch's face; the wall of the hole is counted apart."}
+        "19": "Area is that on the punch's face; the wall of the hole is counted separately."}
 
 
 def model_of(run: Run, name: str) -> tuple[dict[str, Any], dict[str, Any], Path] | None:
@@ -87,12 +87,8 @@ def _scored(figure: str, names: tuple[str, ...], predictions: pd.DataFrame,
     for method, outputs in scores.items():
         for name in names:
             numbers += _numbers(name, outputs[name], method)
-    drawn = [
-        parity_figures.plate(
-            name, parity_figures.points(predictions, name), networks[name], f" by the {METHODS[NETWORKS]}"
-        )
-        for name in names
-    ]
+    drawn = [parity_figures.plate(name, parity_figures.points(predictions, name), networks[name],
+                                  f" by the {METHODS[NETWORKS]}") for name in names]
     plates = tuple(renamed(plate, f"figure_{figure}{'ab'[k] if len(names) > 1 else ''}")
                    for k, plate in enumerate(drawn))
     title = " and ".join(parity_figures.label(name).lower() for name in names)
@@ -117,21 +113,21 @@ def _numbers(name: str, parts: Mapping[str, Any], method: str) -> list[Number]:
 
 def _says(figure: str, names: tuple[str, ...]) -> str:
     of = [(f" of {SYMBOLS[name]}" if name in SYMBOLS else "") for name in names]
-    told = ", ".join(f"RMSE{one} {number(paper_value(figure, f'RMSE{one}, test rows'))}" for one in of)
-    return f"On test rows, from the caption's MSE: {told} in the unit of the table; R² above 0.9 for every output."
+    said = ", ".join(f"RMSE{one} {number(paper_value(figure, f'RMSE{one}, test rows'))}" for one in of)
+    return f"On test rows, from the caption's MSE: {said} in the unit of the table; R² above 0.9 for every output."
 
 
 def _differs(figure: str, names: tuple[str, ...], numbers: list[Number], networks: Mapping[str, Any]) -> str:
-    told = []
+    said = []
     for name in names:
         quantity = f"RMSE of {SYMBOLS[name]}, test rows" if name in SYMBOLS else "RMSE, test rows"
         paper, ours = paper_value(figure, quantity), value_of(numbers, quantity, METHODS[NETWORKS])
-        told.append(f"the networks' error of {parity_figures.label(name).lower()} is {against(ours, paper)}")
+        said.append(f"the networks' error of {parity_figures.label(name).lower()} is {against(ours, paper)}")
         best = [n.value for n in numbers if n.quantity == quantity and n.method == METHODS[FORWARD]]
         if best:
-            told[-1] += f", the forward map's {against(best[0], paper)}"
+            said[-1] += f", the forward map's {against(best[0], paper)}"
     score = networks[names[0]].get("test")
     r2 = "" if score is None or score["r2"] is None else (
         f" The networks' R² is {r_squared(score['r2'])}, {'above' if score['r2'] > 0.9 else 'below'} the paper's 0.9; "
         f"{percent(score['coverage_90'])} of the rows lie in their 90 % interval.")
-    return f"On test rows {'; '.join(told)}.{r2}"
+    return f"On test rows {'; '.join(said)}.{r2}"

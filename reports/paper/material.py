@@ -33,7 +33,7 @@ def sections(run: Run) -> list[Section]:
     """Figures 3, 4, 5, table 1 and figure 6, of a run's cards."""
     if not run.card.is_file():
         why = "Not there: the card was not fitted."
-        return [_absent("3", why), _absent("4", why), _absent("5", why), _absent("T1", why), _absent("6", why)]
+        return [_absent(figure, why) for figure in ("3", "4", "5", "T1", "6")]
     record = read_record(run.card)
     plates = {plate.name: plate for plate in calibration_report.report(run.card).plates}
     return [_mode("3", record, plates), _mode("4", record, plates), _relaxing(record, plates), _parameters(record),
@@ -108,7 +108,7 @@ def _parameters(record: Record) -> Section:
                    "Terms are matched to the paper's by the nearest α. Moduli are long-term: the paper does not say "
                    "whether its own are instantaneous. Poisson's ratio is 0 as in the paper.",
                    f"Single terms are up to {number(spread, 2)} % off the paper's although the curves agree, for the "
-                   f"tests do not tell them apart; their sum μ₀, which they do tell, is {mu_0}.", (CARD,), (),
+                   f"tests do not distinguish them; their sum μ₀, which they determine, is {mu_0}.", (CARD,), (),
                    tuple(numbers), (calibration_tables.parameters(record.card),))
 
 

@@ -24,10 +24,8 @@ from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
 
-# cell in VTK -> its corners
-_CORNERS = {"triangle": 3, "triangle6": 3, "quad9": 4}
-# how far from the axis the section of the foam is drawn, in punch radii
-_SECTION = 3.0
+_CORNERS = {"triangle": 3, "triangle6": 3, "quad9": 4}  # cell in VTK -> its corners
+_SECTION = 3.0  # how far from the axis the section of the foam is drawn, in punch radii
 # series -> quantity, its axis
 COURSES = {"sigma_ave_kPa": ("mean contact stress", "Mean contact stress (kPa)"),
            "delta_max_mm": ("depth", "Depth (mm)")}
@@ -39,8 +37,7 @@ class Meshed:
     """A scene and the mesh of its skin."""
 
     scene: Mapping[str, Any]
-    # (edges, 2, 2) ends of the elements' straight edges, mm, each edge once
-    edges_mm: Array
+    edges_mm: Array  # (edges, 2, 2) ends of the elements' straight edges, mm, each edge once
     elements: int
 
 
@@ -75,7 +72,8 @@ def meshes(name: str, sensors: Sequence[Meshed]) -> ReportFigure:
         axes.set_title(f"({'abc'[k]})")
         if k:
             axes.set_ylabel("")
-        data[f"{name}_mesh_{'abc'[k]}"] = _edge_table(one.edges_mm)
+        data[f"{name}_mesh_{'abc'[k]}"] = pd.DataFrame(one.edges_mm.reshape(-1, 4),
+                                                       columns=["x_1_mm", "y_1_mm", "x_2_mm", "y_2_mm"])
     foam = _foam(figure.add_subplot(grid[1, :]), sensors[0].scene)
     data[name] = pd.DataFrame([one.scene["punch"][0] | {"skin_elements": one.elements} for one in sensors])
     words = "; ".join(f"({'abc'[k]}) {_words(one.scene['punch'][0])}" for k, one in enumerate(sensors))
@@ -95,10 +93,6 @@ def _edges(axes: Axes, ends: Array, width: float = 0.12) -> None:
     """All edges as one line with gaps."""
     parted = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     axes.plot(parted[:, 0], parted[:, 1], color=style.GREY, lw=width, zorder=2)
-
-
-def _edge_table(ends: Array) -> pd.DataFrame:
-    return pd.DataFrame(ends.reshape(-1, 4), columns=["x_1_mm", "y_1_mm", "x_2_mm", "y_2_mm"])
 
 
 def _punch(axes: Axes, punch: Mapping[str, Any]) -> None:
@@ -129,10 +123,8 @@ class ConvergenceSeries:
 
     elements: Array
     value: Array
-    # order of convergence fitted to all changes from mesh to mesh; None where they do not fall
-    observed: float | None
-    # (meshes,) estimated errors, 0 for the first mesh, which has none before it
-    error: Array
+    observed: float | None  # order of convergence fitted to all changes from mesh to mesh; None where they do not fall
+    error: Array  # (meshes,) estimated errors, 0 for the first mesh, which has none before it
 
 
 def course(rows: pd.DataFrame, column: str) -> ConvergenceSeries:
@@ -142,12 +134,9 @@ def course(rows: pd.DataFrame, column: str) -> ConvergenceSeries:
     changes = np.abs(np.diff(value))
     observed = -float(np.polyfit(np.arange(len(changes)), np.log2(changes), 1)[0]) if np.all(changes > 0) else None
     power = 2.0 ** max(observed or 0.5, 0.5) - 1
-    return ConvergenceSeries(
-        rows["elements"].to_numpy(dtype=float),
-        value,
-        observed if observed and observed > 0 else None,
-        np.concatenate([[0.0], changes / power]),
-    )
+    return ConvergenceSeries(rows["elements"].to_numpy(dtype=float), value,
+                             observed if observed and observed > 0 else None,
+                             np.concatenate([[0.0], changes / power]))
 
 
 def courses(table: pd.DataFrame) -> dict[tuple[str, int], ConvergenceSeries]:
@@ -181,10 +170,10 @@ def _with_errors(table: pd.DataFrame, found: Mapping[tuple[str, int], Convergenc
 
 
 def _convergence_caption(found: Mapping[tuple[str, int], ConvergenceSeries]) -> str:
-    told = []
+    said = []
     for (column, order), own in found.items():
         how = "falls at no single order" if own.observed is None else f"falls at order {number(own.observed, 2)}"
-        told.append(f"{COURSES[column][0]}, {ORDERS[order]}: {how}, "
+        said.append(f"{COURSES[column][0]}, {ORDERS[order]}: {how}, "
                     f"{percent(own.error[-1] / abs(own.value[-1]))} at the finest")
     return ("Convergence with elements that halve from mesh to mesh; bars are Richardson's estimates of the error, "
-            f"none at the first mesh: {'; '.join(told)}.")
+            f"none at the first mesh: {'; '.join(said)}.")

@@ -18,11 +18,11 @@ from reports.surrogate import parity_figures
 INPUTS = 208
 
 
-def hidden_units(parameters: int, inputs: int = INPUTS) -> int:
+def hidden_units(parameters: int) -> int:
     """Hidden units h of a network with one output and h (n + 2) + 1 weights; ValueError where none has so many."""
-    hidden, rest = divmod(parameters - 1, inputs + 2)
+    hidden, rest = divmod(parameters - 1, INPUTS + 2)
     if rest or hidden < 1:
-        raise ValueError(f"no network with one hidden layer on {inputs} inputs has {parameters} parameters.")
+        raise ValueError(f"no network with one hidden layer on {INPUTS} inputs has {parameters} parameters.")
     return hidden
 
 
@@ -42,7 +42,9 @@ def structure(name: str, model: Mapping[str, Any]) -> ReportFigure:
         for a in left:
             for b in right:
                 axes.plot([a[0], b[0]], [a[1], b[1]], color=style.FAINT, lw=0.4, zorder=1)
-    _box(axes, 6.35, f"{counted(len(networks), 'network')},\none for each of\n" + _outputs(networks))
+    names = [parity_figures.label(key).lower() for key in networks]
+    outputs = "\n".join(", ".join(names[i:i + 2]) for i in range(0, len(names), 2))
+    _box(axes, 6.35, f"{counted(len(networks), 'network')},\none for each of\n{outputs}")
     for start, end in ((0.62, 0.93), (2.17, 2.75), (5.35, 5.7)):
         axes.annotate("", (end, 0.5), (start, 0.5), arrowprops={"arrowstyle": "-|>", "color": style.INK, "lw": 0.8})
     axes.set_xlim(-0.65, 7.0)
@@ -55,11 +57,6 @@ def structure(name: str, model: Mapping[str, Any]) -> ReportFigure:
     rows = [{"output": key, "hidden_units": hidden, "parameters": net["parameters"], "effective": net["gamma"],
              "steps": net["epochs"], "stop": net["stop"]} for key, net in networks.items()]
     return ReportFigure(name, figure, caption, {name: pd.DataFrame(rows)})
-
-
-def _outputs(networks: Mapping[str, Any]) -> str:
-    names = [parity_figures.label(key).lower() for key in networks]
-    return "\n".join(", ".join(names[i:i + 2]) for i in range(0, len(names), 2))
 
 
 def _box(axes: Axes, x: float, words: str) -> None:

@@ -46,10 +46,8 @@ def make(run: Run, work: Path, say: Callable[[str], None] = print) -> None:
 
 
 def write(run: Run, folder: Path, *, png: bool = True) -> Path:
-    """Draw paper.pdf into a folder, its figures as SVG, PNG and CSV beside it, and its numbers as two tables.
-
-    Stages whose results are not there are said to be missing, those made from something else to be stale.
-    """
+    """Draw paper.pdf into a folder, its figures as SVG, PNG and CSV next to it, and its numbers as two tables. Stages
+    whose results are not there are said to be missing, those made from something else to be stale."""
     out = folder / "paper.pdf"
     with house():
         parts = sections(run)
@@ -84,14 +82,10 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
     for section in parts:
         prose |= _words(section, old)
     absent = {section.figure: section.missing for section in parts if section.missing}
+    cautions = [f"Stale: {', '.join(name for name in old if old[name] == why)}: {why}"
+                for why in dict.fromkeys(old.values())]
     return Report("paper", "The paper, walked through", _subtitle(run), _footer(run), _findings(parts, old), plates,
-                  tables, absent, prose, _cautions(old))
-
-
-def _cautions(old: Mapping[str, str]) -> list[str]:
-    """One sentence for the stages that are stale for one reason."""
-    return [f"Stale: {', '.join(name for name in old if old[name] == why)}: {why}"
-            for why in dict.fromkeys(old.values())]
+                  tables, absent, prose, cautions)
 
 
 def _words(section: Section, old: Mapping[str, str]) -> dict[str, str]:
@@ -106,14 +100,11 @@ def _words(section: Section, old: Mapping[str, str]) -> dict[str, str]:
 
 
 def _subtitle(run: Run) -> str:
+    scenes = "no sweep"
+    if (run.sweep / MANIFEST).is_file():
+        scenes = counted(int(read_manifest(run.sweep)["design"]["scenes"]), "scene")
     return (f"Elkhodbia, Barsoum, Korkees, Bojanampati: Finite element modeling of the electrical impedance tomography "
-            f"technique driven by machine learning. {run.setting.name.capitalize()} run, {_scenes(run)}")
-
-
-def _scenes(run: Run) -> str:
-    if not (run.sweep / MANIFEST).is_file():
-        return "no sweep"
-    return counted(int(read_manifest(run.sweep)["design"]["scenes"]), "scene")
+            f"technique driven by machine learning. {run.setting.name.capitalize()} run, {scenes}")
 
 
 def _footer(run: Run) -> dict[str, Any]:
@@ -132,11 +123,11 @@ def _findings(parts: Sequence[Section], old: Mapping[str, str]) -> list[str]:
     there = [section for section in parts if not section.missing]
     drawn = sum(section.figure not in ("C", "T1") for section in there)
     table = "and its Table 1" if any(section.figure == "T1" for section in there) else "but not its Table 1"
-    told = [f"{drawn} of the paper's {FIGURES} figures of data {table} are set beside our own; "
+    said = [f"{drawn} of the paper's {FIGURES} figures of data {table} are set next to our own; "
             f"{counted(len(old), 'stage')} {'is' if len(old) == 1 else 'are'} stale."]
-    told += [f"{NAMES.get(section.figure, f'Figure {section.figure}')}: {section.differs}" for section in there
+    said += [f"{NAMES.get(section.figure, f'Figure {section.figure}')}: {section.differs}" for section in there
              if section.figure in ("T1", "8", "9", "13", "15")]
-    return told
+    return said
 
 
 def _full_words(run: Run, full: pd.DataFrame | None) -> str:
@@ -156,15 +147,15 @@ def _full_words(run: Run, full: pd.DataFrame | None) -> str:
 def _other_code(run: Run, rows: pd.DataFrame) -> str:
     """Which stages of the run at full size were made by other code than is here, or do not tell, in words."""
     mixed = rows.loc[rows["state"] == "stale", "stage"].tolist()
-    told = [f" Of it, {', '.join(mixed)} was made by other code or another card than the rest."] if mixed else []
+    said = [f" Of it, {', '.join(mixed)} was made by other code or another card than the rest."] if mixed else []
     codes = rows["code"] if "code" in rows else pd.Series(index=rows.index, dtype=object)
     code_of = {name: stage.code for name, stage in run.stages.items()}
     here = pd.Series([code_of.get(name) for name in rows["stage"]], index=rows.index, dtype=object)
     if old := rows.loc[here.notna() & codes.notna() & (codes != here), "stage"].tolist():
-        told.append(f" Stale, made by other code than is here: {', '.join(old)}.")
+        said.append(f" Stale, made by other code than is here: {', '.join(old)}.")
     if unknown := rows.loc[here.notna() & codes.isna(), "stage"].tolist():
-        told.append(f" Not known to be of this code, since their record does not tell: {', '.join(unknown)}.")
-    return "".join(told)
+        said.append(f" Not known to be of this code, since their record does not tell: {', '.join(unknown)}.")
+    return "".join(said)
 
 
 def stage_table(run: Run) -> pd.DataFrame:
@@ -195,10 +186,10 @@ def _known(value: Any) -> str:
     return "–" if value is None or math.isnan(value) else number(value)
 
 
-def _write_png(plates: Iterable[ReportFigure], beside: Path) -> None:
-    """The figures as PNG beside their SVG, listed so that the next report forgets them."""
-    contents = json.loads((beside / CONTENTS).read_text(encoding="utf-8"))
+def _write_png(plates: Iterable[ReportFigure], folder: Path) -> None:
+    """The figures as PNG next to their SVG, listed so that the next report forgets them."""
+    contents = json.loads((folder / CONTENTS).read_text(encoding="utf-8"))
     for plate in plates:
-        plate.figure.savefig(beside / f"{plate.name}.png", dpi=PNG_DPI)
+        plate.figure.savefig(folder / f"{plate.name}.png", dpi=PNG_DPI)
         contents["files"].append(f"{plate.name}.png")
-    (beside / CONTENTS).write_text(json.dumps(contents, indent=1) + "\n", encoding="utf-8")
+    (folder / CONTENTS).write_text(json.dumps(contents, indent=1) + "\n", encoding="utf-8")

@@ -25,34 +25,26 @@ KEY = ["figure", "quantity", "unit", "method"]
 class Number:
     """One number that a run found."""
 
-    # what it is of; with the figure and the unit it names the paper's own value
-    quantity: str
+    quantity: str  # what it is of; with the figure and the unit it names the paper's own value
     unit: str
     value: float
-    # method that found it, where several did
-    method: str = ""
+    method: str = ""  # method that found it, where several did
 
 
 @dataclass(frozen=True)
 class Section:
     """One figure or table of the paper."""
 
-    # "3", "T1", or a word for what the paper has no figure of
-    figure: str
+    figure: str  # "3", "T1", or a word for what the paper has no figure of
     title: str
-    # what the paper states, and what was chosen here where it leaves a choice open
-    says: str
-    chosen: str
-    # how both differ
-    differs: str
-    # names of the stages whose results it is made from
-    stages: tuple[str, ...]
+    says: str  # what the paper states
+    chosen: str  # what was chosen here where it leaves a choice open
+    differs: str  # how both differ
+    stages: tuple[str, ...]  # names of the stages whose results it is made from
     plates: tuple[ReportFigure, ...] = ()
     numbers: tuple[Number, ...] = ()
-    # further tables
-    tables: tuple[Table, ...] = ()
-    # why it is empty; "" where it is not
-    missing: str = ""
+    tables: tuple[Table, ...] = ()  # further tables
+    missing: str = ""  # why it is empty; "" where it is not
 
 
 @functools.cache
@@ -89,7 +81,7 @@ def full_numbers() -> pd.DataFrame | None:
 
 
 def comparison(section: Section, full: pd.DataFrame | None) -> Table | None:
-    """The paper's values beside this run's and, where given, those of the run at full size; None without numbers."""
+    """The paper's values next to this run's and, where given, those of the run at full size; None without numbers."""
     if not section.numbers:
         return None
     methods = list(dict.fromkeys(n.method for n in section.numbers))
@@ -98,15 +90,12 @@ def comparison(section: Section, full: pd.DataFrame | None) -> Table | None:
     rows = [[quantity, unit, _stated(section.figure, quantity, unit),
              *(_cell(pd.DataFrame(side), quantity, unit, method) for method in methods for _, side in sides)]
             for quantity, unit in dict.fromkeys((n.quantity, n.unit) for n in section.numbers)]
-    head = ["quantity", "unit", "paper", *(_head(name, method) for method in methods for name, _ in sides)]
+    # short heads: the quantities need the width
+    head = ["quantity", "unit", "paper", *(name if not method else method if name == "this run" else f"{method}, full"
+                                           for method in methods for name, _ in sides)]
     known = sum(row[2] != "–" for row in rows)
     caption = f"{counted(len(rows), 'quantity', 'quantities')}, of which the paper gives {known or 'none'}."
     return Table(caption, head, rows, "wl" + "r" * (len(head) - 2))
-
-
-def _head(side: str, method: str) -> str:
-    """Head of a column, short: the quantities need the width."""
-    return side if not method else method if side == "this run" else f"{method}, full"
 
 
 def _stated(figure: str, quantity: str, unit: str) -> str:

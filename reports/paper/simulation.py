@@ -56,7 +56,7 @@ def potentials(run: Run) -> Section:
     numbers = (Number("RMS of the signal over that of the untouched voltages", "%", 100 * share),)
     return Section("1", title, "An object of another conductivity bends the lines of two injection patterns; a sketch "
                    "without numbers.",
-                   "Lines of the touch of figure 10, computed. The change of the potential is drawn beside both.",
+                   "Lines of the touch of figure 10, computed. The change of the potential is drawn next to both.",
                    f"The paper's object bends the lines visibly; a real touch does not: it changes the voltages by "
                    f"{percent(share)} of their RMS, so that only the change itself shows it.", (TOUCH,),
                    (renamed(plate, "figure_1"),), numbers)
@@ -175,7 +175,7 @@ def touched(run: Run) -> list[Section]:
                     "The touch of examples/scene.toml: 14 mm, 1 N. Electrodes carry 5 mA; the contact impedance "
                     "(1 Ω m) is ours.",
                     f"The touch lies within the line's width: its largest signal is "
-                    f"{number(np.nanmax(np.abs(signal)) * factor)} {unit}, so it is drawn apart.", (TOUCH,),
+                    f"{number(np.nanmax(np.abs(signal)) * factor)} {unit}, so it is drawn separately.", (TOUCH,),
                     (renamed(reading_figures.curves(signal + baseline, baseline), "figure_10"),), numbers)
     return [curve, _maps(run, result, titles[1])]
 
@@ -226,6 +226,6 @@ def open_choices(run: Run) -> Section:
                    "Default here: insulated, strain through the thickness (with β = 0 a free surface has none, so "
                    "the signal lives under the punch).",
                    f"A conducting punch changes the signal by {number(min(shares.values()))} to "
-                   f"{number(max(shares.values()))} % (RMS) of what it is insulated: both choices belong beside every "
+                   f"{number(max(shares.values()))} % (RMS) of what it is insulated: both choices belong next to every "
                    "number that is compared with the paper's.", (CHOICES,),
                    (touches.choices("figure_C", rows, 16),), numbers)

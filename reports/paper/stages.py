@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from reports.document.provenance import Source, combined, machine, source
-from touchcal.code_version import code_hash
 from touchcal.errors import InputFileError, NotConverged
 from touchcal.json_file import write_json
 from touchcal.terminal import NOT_CONVERGED
@@ -32,41 +31,22 @@ class Stage:
     """One command of a run and the folder that it fills."""
 
     name: str
-    # where its results lie
-    folder: Path
+    folder: Path  # where its results lie
     # what follows `python -m`; a place is a Path, of which only the name counts in the key
     command: tuple[str | Path, ...]
-    # files and folders that it reads
-    inputs: tuple[Path, ...]
-    # hash of the code that decides its numbers
-    code: str
-    # whether the command goes on where it was stopped
-    goes_on: bool = False
-    # further arguments that decide no number, such as how many processes share the work
-    beside: tuple[str, ...] = ()
-
-
-def calibration_code() -> str:
-    """Hash of the code that fits cards."""
-    return code_hash(("matcal.cli.main",))
-
-
-def touch_code() -> str:
-    """Hash of the code that solves one touch and writes its result."""
-    return code_hash(("eitsim.cli.main",))
+    inputs: tuple[Path, ...]  # files and folders that it reads
+    code: str  # hash of the code that decides its numbers
+    goes_on: bool = False  # whether the command goes on where it was stopped
+    extra: tuple[str, ...] = ()  # further arguments that decide no number, such as how many processes share the work
 
 
 def content(place: Path) -> Source:
     """Name and hash of a file, or of all files of a folder but the hidden ones."""
     if place.is_file():
         return source(place)
-    files = [Source(path.relative_to(place).as_posix(), source(path).sha256) for path in _files(place)]
+    files = [Source(path.relative_to(place).as_posix(), source(path).sha256) for path in sorted(place.rglob("*"))
+             if path.is_file() and not path.name.startswith(".")]
     return combined(place.name, files)
-
-
-def _files(folder: Path) -> list[Path]:
-    """All files of a folder but hidden ones, in order."""
-    return sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
 
 
 def key(stage: Stage) -> str:
@@ -100,10 +80,8 @@ def read_record(folder: Path) -> Mapping[str, Any] | None:
 
 
 def made(stage: Stage) -> bool:
-    """Make a stage's results unless they are current; whether anything was done.
-
-    ValueError, or NotConverged where the command exits with 3, with the last words of a command that fails.
-    """
+    """Make a stage's results unless they are current; whether anything was done. ValueError, or NotConverged where the
+    command exits with 3, with the last words of a command that fails."""
     if state(stage) == "current":
         return False
     now = key(stage)
@@ -131,13 +109,13 @@ def _run(stage: Stage) -> None:
     """Run the command, one thread a process; its words go to the log of the folder."""
     log = stage.folder / LOG
     with log.open("w", encoding="utf-8") as words:
-        command = [sys.executable, "-m", *map(str, stage.command), *stage.beside]
+        command = [sys.executable, "-m", *map(str, stage.command), *stage.extra]
         done = subprocess.run(command, stdout=words, stderr=words, env=dict.fromkeys(THREADS, "1") | os.environ)
     if done.returncode:
         last = "".join(log.read_text(encoding="utf-8").splitlines(keepends=True)[-3:]).strip()
-        told = (f"stage {stage.name} failed with exit status {done.returncode}: {last} Mend that and start again with "
+        said = (f"stage {stage.name} failed with exit status {done.returncode}: {last} Fix that and start again with "
                 f"the same --out; stages that are finished are not made again. All its words: {log}.")
-        raise NotConverged(told) if done.returncode == NOT_CONVERGED else ValueError(told)
+        raise NotConverged(said) if done.returncode == NOT_CONVERGED else ValueError(said)
 
 
 def _child_cpu_s() -> float:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from eitsim.sweeps.dataset.code_history import other_code
 from eitsim.sweeps.dataset.parquet import read_manifest
 from eitsim.sweeps.design.design import read_design, tables_at
 from matcal.card import card_identity, read_card
 from reports.document.provenance import source
-from reports.paper.stages import Stage, calibration_code, state, touch_code
+from reports.paper.stages import Stage, state
 from touchcal.code_version import ROOT, code_hash
 
 DATA, EXAMPLES, SCENES = ROOT / "data_raw", ROOT / "examples", Path(__file__).parent / "scenes"
@@ -28,10 +27,8 @@ class Setting:
     """How large a run is."""
 
     name: str
-    # scenes of the sweep
-    scenes: int
-    # most steps of the paper's networks
-    epochs: int
+    scenes: int  # scenes of the sweep
+    epochs: int  # most steps of the paper's networks
 
 
 QUICK, FULL = Setting("quick", 200, 60), Setting("full", 4000, 100)
@@ -43,19 +40,15 @@ class Run:
 
     setting: Setting
     stages: Mapping[str, Stage]
-    # card, and folder of the sweep
     card: Path
-    sweep: Path
-    # whether the sweep is one that was given
-    given_sweep: bool
+    sweep: Path  # its folder
+    given_sweep: bool  # whether the sweep is one that was given
 
 
 def planned(setting: Setting, work: Path, *, card: Path | None = None, sweep: Path | None = None,
             workers: int = 2) -> Run:
     """The stages of a run whose results lie in `work`; a card or the folder of a sweep that is given is not made.
-
-    ValueError where the checkout's raw data or examples are not there.
-    """
+    ValueError where the checkout's raw data or examples are not there."""
     if missing := [place for place in (DATA, EXAMPLES) if not place.is_dir()]:
         raise ValueError(f"{missing[0]}: no such folder. The paper's report is made from the checkout's raw data and "
                          "examples; clone the repository and run it there.")
@@ -75,7 +68,7 @@ def _card(work: Path) -> Stage:
     skin = [DATA / "mts_stretch.txt", DATA / "nova_stretch.txt"]
     return Stage(CARD, work / CARD, ("matcal", "fit", *files, _pair(*skin), "--specimen", DATA / "specimen.toml",
                                      "--posterior", "--seed", SEED, "--out", work / CARD / "card.json"),
-                 (*files, *skin, DATA / "specimen.toml"), calibration_code())
+                 (*files, *skin, DATA / "specimen.toml"), code_hash(("matcal.cli.main",)))
 
 
 def _pair(frame: Path, potentiostat: Path) -> Path:
@@ -87,7 +80,7 @@ def _cycles(work: Path) -> Stage:
     skin = [DATA / "mts_cyclic.txt", DATA / "nova_cyclic.txt"]
     return Stage(CYCLES, work / CYCLES, ("matcal", "fit", _pair(*skin), "--specimen", DATA / "specimen.toml", "--seed",
                                          SEED, "--out", work / CYCLES / "card.json"),
-                 (*skin, DATA / "specimen.toml"), calibration_code())
+                 (*skin, DATA / "specimen.toml"), code_hash(("matcal.cli.main",)))
 
 
 def _touches(work: Path, card: Path) -> dict[str, Stage]:
@@ -104,32 +97,32 @@ def _touch(work: Path, name: str, scene: Path, card: Path, skin: tuple[str, ...]
     folder = work / name
     maps = ("--skin", folder / "skin.vtu", *skin) if skin else ()
     return Stage(name, folder, ("eitsim", "run", scene, "--card", card, "--out", folder / "touch.json", *maps),
-                 (scene, card), touch_code())
+                 (scene, card), code_hash(("eitsim.cli.main",)))
 
 
 def _choices(work: Path, card: Path) -> Stage:
     design = SCENES / "choices.toml"
     return Stage(CHOICES, work / CHOICES, ("eitsim", "sweep", design, "--card", card, "--out", work / CHOICES),
-                 (design, card), code_hash(), goes_on=True, beside=("--workers", "1"))
+                 (design, card), code_hash(), goes_on=True, extra=("--workers", "1"))
 
 
 def _convergence(work: Path, card: Path) -> Stage:
     out = work / CONVERGENCE / "convergence.csv"
     scene, own = EXAMPLES / "scene.toml", source(Path(__file__).with_name("convergence.py")).sha256
     return Stage(CONVERGENCE, work / CONVERGENCE, ("reports.paper.convergence", scene, card, out), (scene, card),
-                 touch_code() + own)
+                 code_hash(("eitsim.cli.main",)) + own)
 
 
 def _sweep(work: Path, setting: Setting, card: Path, workers: int) -> Stage:
     design = EXAMPLES / "paper.toml"
     return Stage(SWEEP, work / SWEEP, ("eitsim", "sweep", design, "--card", card, "--scenes", str(setting.scenes),
                                        "--out", work / SWEEP),
-                 (design, card), code_hash(), goes_on=True, beside=("--workers", str(workers)))
+                 (design, card), code_hash(), goes_on=True, extra=("--workers", str(workers)))
 
 
 def _trained(work: Path, name: str, data: Path, workers: int, method: tuple[str, ...]) -> Stage:
     return Stage(name, work / name, ("surrogate", "train", data, "--out", work / name, *method, "--seed", SEED),
-                 (data,), code_hash(("surrogate.cli.main",)), beside=("--workers", str(workers)))
+                 (data,), code_hash(("surrogate.cli.main",)), extra=("--workers", str(workers)))
 
 
 def write_scenes(work: Path) -> None:
@@ -138,23 +131,18 @@ def write_scenes(work: Path) -> None:
     (work / "scenes").mkdir(parents=True, exist_ok=True)
     for index, name in enumerate(("first", "second")):
         (punch,) = tables_at(design, index)["punch"]
-        lines = [f"{key} = {json_number(value)}" for key, value in punch.items()]
+        lines = [f"{key} = {float(value)!r}" for key, value in punch.items()]  # TOML reads them back exactly
         text = "\n".join([f"# scene {index} of examples/paper.toml", "[punch]", *lines, ""])
         (work / "scenes" / f"{name}.toml").write_text(text, encoding="utf-8")
 
 
-def json_number(value: Any) -> str:
-    """A number as TOML reads it back exactly."""
-    return repr(float(value))
-
-
 def stale(run: Run) -> dict[str, str]:
     """Name of each stage whose results are there but not made from what lies there now -> what changed, in words."""
-    told = {name: "command, inputs, code or files changed since. Run the report again without --draw-only."
+    said = {name: "command, inputs, code or files changed since. Run the report again without --draw-only."
             for name, stage in run.stages.items() if state(stage) == "stale"}
     if run.given_sweep and (why := _differs(run)):
-        told[SWEEP] = f"as it was given, {why}."
-    return told
+        said[SWEEP] = f"as it was given, {why}."
+    return said
 
 
 def _differs(run: Run) -> str:

@@ -56,12 +56,12 @@ def holds(name: str, results: Mapping[str, Mapping[str, Any]]) -> ReportFigure:
     left.legend()
     right.legend()
     number_of = reading.split("_")[1]
-    told = [f"with the {kept} kept it goes from {number(rows['sigma_ave_kPa'].iloc[0])} to "
+    said = [f"with the {kept} kept it goes from {number(rows['sigma_ave_kPa'].iloc[0])} to "
             f"{number(rows['sigma_ave_kPa'].iloc[-1])} kPa and the voltage from "
             f"{number(factor * rows[reading].iloc[0], 5)} to {number(factor * rows[reading].iloc[-1], 5)} {unit}"
             for kept, rows in found.items()]
     caption = (f"Mean contact pressure (left) and the voltage of pattern {PATTERN}, reading {number_of} (right): "
-               f"{'; '.join(told)}.")
+               f"{'; '.join(said)}.")
     data = pd.concat([rows.assign(kept=kept) for kept, rows in found.items()], ignore_index=True)
     return ReportFigure(name, figure, caption, {name: data})
 
@@ -82,10 +82,10 @@ def choices(name: str, rows: pd.DataFrame, patterns: int) -> ReportFigure:
         axes.legend(title="punch", title_fontsize=7.5)
     sizes = {key: float(np.sqrt(np.nanmean(signal**2))) for key, signal in signals.items()}
     base = sizes["normal", 0]
-    told = ", ".join(f"{words} {number(sizes[strain, 0] / base, 2)} (insulated) and "
+    said = ", ".join(f"{words} {number(sizes[strain, 0] / base, 2)} (insulated) and "
                      f"{number(sizes[strain, 1] / base, 2)} (conducting)" for strain, words in STRAINS.items())
     caption = (f"Signal of pattern {pattern} by the strain that drives the skin. RMS of all readings over that of the "
-               f"strain through the thickness under an insulated punch: {told}. Each panel has its own scale.")
+               f"strain through the thickness under an insulated punch: {said}. Each panel has its own scale.")
     table = pd.DataFrame({f"dV_V {strain}, {PUNCHES[punch]}": signal.ravel() for (strain, punch), signal
                           in signals.items()})
     return ReportFigure(name, figure, caption, {name: table})

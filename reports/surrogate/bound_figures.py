@@ -13,7 +13,7 @@ from matplotlib.tri import Triangulation
 from reports.document import style
 from reports.document.numerals import number
 from reports.document.page import ReportFigure
-from reports.surrogate import parity_figures
+from reports.surrogate.parity_figures import label
 from surrogate.bounds.bound_files import MATERIALS
 
 OUTPUTS = {"x0": ("sd_x0_mm", "mm"), "y0": ("sd_y0_mm", "mm"), "d": ("sd_d_mm", "mm"), "F": ("sd_F_N", "N")}
@@ -40,7 +40,7 @@ def _plate(found: pd.DataFrame, level: float) -> ReportFigure:
         bar.ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0), numticks=4))
         bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         bar.ax.xaxis.set_minor_formatter(NullFormatter())
-        panels[0, column].set_title(parity_figures.label(output))
+        panels[0, column].set_title(label(output))
     for axes, material in zip(panels[:, 0], materials, strict=True):
         style.label(axes, "", f"{WORDS[material]}\ny (mm)", axes.get_title("left"))
     for axes in panels[-1]:
@@ -61,18 +61,14 @@ def _panel(axes: Axes, part: pd.DataFrame, name: str, shades: LogNorm) -> Collec
 
 
 def _caption(found: pd.DataFrame, level: float, materials: list[str]) -> str:
-    told = []
+    said = []
     for material in materials:
         part = found.loc[found["material"] == material]
         centre = int(np.hypot(part["x_mm"], part["y_mm"]).to_numpy().argmin())
-        ends = [
-            f"{parity_figures.label(output).lower()} {number(part[name].iloc[centre])} and {number(part[name].min())} "
-            f"{unit}"
-            for output, (name, unit) in OUTPUTS.items()
-            if output != "y0"
-        ]
-        told.append(f"{WORDS[material]}: {', '.join(ends)}")
+        ends = [f"{label(output).lower()} {number(part[name].iloc[centre])} and {number(part[name].min())} {unit}"
+                for output, (name, unit) in OUTPUTS.items() if output != "y0"]
+        said.append(f"{WORDS[material]}: {', '.join(ends)}")
     return (f"The least standard deviation of an unbiased reading of one frame (Cramér–Rao, no prior) with noise "
             f"{number(level)} dB below the RMS of the baseline voltages, by the place of a punch of "
             f"{number(found['d_mm'].iloc[0])} mm under {number(found['F_N'].iloc[0])} N. At the centre and where it is "
-            f"least, {'; '.join(told)}.")
+            f"least, {'; '.join(said)}.")

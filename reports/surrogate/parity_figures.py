@@ -15,7 +15,7 @@ from reports.document.page import ReportFigure
 
 NAMES = {"x0": "Position x", "y0": "Position y", "d": "Punch diameter", "F": "Force", "sigma_max": "Peak pressure",
          "sigma_ave": "Mean pressure", "A_c": "Contact area", "delta_max": "Depth"}
-# bars that a panel can show apart
+# bars that a panel can show separately
 BARS = 200
 TITLES = {"train": "training rows", "val": "validation rows", "test": "test rows", "new": "new rows", "all": "all rows"}
 
@@ -72,14 +72,14 @@ def _scatter(axes: Axes, drawn: np.ndarray, ends: Sequence[float]) -> None:
 
 
 def _caption(predicted: str, sign: str, shown: list[str], parts: Mapping[str, Any]) -> str:
-    told = []
+    said = []
     for part in shown:
         score = parts[part]
         r2 = "" if score["r2"] is None else f", R² {r_squared(score['r2'])}"
-        told.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
+        said.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
     last, most = parts[shown[-1]], max(parts[part]["n"] for part in shown)
     drawn = "bars, cut at the frame" if most <= BARS else f"bars of at most {BARS} rows a panel, cut at the frame"
-    return (f"{predicted} against target: {'; '.join(told)}. The 90 % intervals ({drawn}) hold "
+    return (f"{predicted} against target: {'; '.join(said)}. The 90 % intervals ({drawn}) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 
 

@@ -11,9 +11,10 @@ import pandas as pd
 
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent, r_squared
-from reports.document.page import Report, ReportFigure, write_pdf
+from reports.document.page import Report, write_pdf
 from reports.document.style import house
 from reports.surrogate import bound_figures, noise_figures, parity_figures, surrogate_tables, training_figures
+from reports.surrogate.parity_figures import TITLES, label, unit, unseen
 from surrogate.bounds import bound_files
 from surrogate.learners.registry import METHODS
 from touchcal.errors import InputFileError
@@ -23,28 +24,27 @@ NO_NOISE = "No noise was added for these scores: the stored evaluation holds no 
 
 
 def write(model_dir: Path, out: Path) -> None:
-    """Write the PDF of a model: predictions against targets, scores, training record.
-
-    InputFileError where `model_dir` lacks what `surrogate train` writes; ValueError where the folder of `out` is
-    missing.
-    """
+    """Write the PDF of a model: predictions against targets, scores, training record. InputFileError where `model_dir`
+    lacks what `surrogate train` writes; ValueError where the folder of `out` is missing."""
     with house():
         write_pdf(report(model_dir), out)
 
 
 def report(model_dir: Path) -> Report:
     """Everything that the template `surrogates.typ` shows of a model."""
+    from surrogate.model.store import histories
+
     model, evaluation = (_json(model_dir, name) for name in (DESCRIPTION, EVALUATION))
     predictions = pd.read_parquet(_present(model_dir, PREDICTIONS))
     sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]
     scores = evaluation["outputs"]
-    limits, told = _limits(model_dir, evaluation)
+    limits, prose = _limits(model_dir, evaluation)
     if limits is not None:
         sources.append(provenance.source(model_dir / bound_files.LIMITS))
-    plates = [
-        parity_figures.plate(name, parity_figures.points(predictions, name), parts) for name, parts in scores.items()
-    ]
-    plates += _history(model_dir, model)
+    plates = [parity_figures.plate(name, parity_figures.points(predictions, name), parts)
+              for name, parts in scores.items()]
+    if trained := histories(model_dir, [output["name"] for output in model.get("outputs", [])]):
+        plates.append(training_figures.history(trained, model["dataset"]["split"]["train"]))
     tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
     absent = {}
     if (found := bound_files.read_map(model_dir)) is not None:
@@ -57,8 +57,10 @@ def report(model_dir: Path) -> Report:
         absent["noise"] = NO_NOISE
     subtitle = f"Method {model['method']}, {counted(evaluation['dataset']['rows'], 'scene')}"
     footer = provenance.footer(sources, provenance.seed_words(model.get("seed")))
+    if words := evaluation.get("scored", ""):
+        prose["scored"] = words[0].upper() + words[1:]
     return Report("surrogates", "Surrogate of the touch", subtitle, footer, _findings(model, evaluation), plates,
-                  tables, absent, _prose(model) | told | _scored(evaluation))
+                  tables, absent, _prose(model) | prose)
 
 
 def _limits(model_dir: Path, evaluation: Mapping[str, Any]) -> tuple[pd.DataFrame | None, dict[str, str]]:
@@ -68,23 +70,8 @@ def _limits(model_dir: Path, evaluation: Mapping[str, Any]) -> tuple[pd.DataFram
     if limits is not None or not evaluation["noise"]:
         return limits, {}
     why = "is not there" if found is None else "is of another data set"
-    told = (f"The least error that any reading can reach is not told: {bound_files.LIMITS} {why}; `surrogate limit "
-            f"CARD --data DIR --out MODEL_DIR/{bound_files.LIMITS}` writes it.")
-    return None, {"limits": told}
-
-
-def _scored(evaluation: Mapping[str, Any]) -> dict[str, str]:
-    """Prose on which rows are scored, where not all are."""
-    words = evaluation.get("scored", "")
-    return {"scored": words[0].upper() + words[1:]} if words else {}
-
-
-def _history(model_dir: Path, model: Mapping[str, Any]) -> list[ReportFigure]:
-    """The plate of how networks were trained; none where the method has no such networks."""
-    from surrogate.model.store import histories
-
-    found = histories(model_dir, [output["name"] for output in model.get("outputs", [])])
-    return [training_figures.history(found, model["dataset"]["split"]["train"])] if found else []
+    return None, {"limits": f"The least error that any reading can reach is not known: {bound_files.LIMITS} {why}; "
+                            f"`surrogate limit CARD --data DIR --out MODEL_DIR/{bound_files.LIMITS}` writes it."}
 
 
 def _present(folder: Path, name: str) -> Path:
@@ -105,19 +92,17 @@ def _json(folder: Path, name: str) -> dict[str, Any]:
 def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[str]:
     found = []
     for name, parts in evaluation["outputs"].items():
-        part = parity_figures.unseen(parts)
+        part = unseen(parts)
         score = parts[part]
         r2 = "undefined, the targets do not vary" if score["r2"] is None else r_squared(score["r2"])
-        found.append(
-            f"{parity_figures.label(name)}: RMSE {number(score['rmse'])} {parity_figures.unit(parts)} on {score['n']} "
-            f"{parity_figures.TITLES[part]} (R² {r2}); {percent(score['coverage_90'])} lie in their 90 % interval."
-        )
+        found.append(f"{label(name)}: RMSE {number(score['rmse'])} {unit(parts)} on {score['n']} {TITLES[part]} "
+                     f"(R² {r2}); {percent(score['coverage_90'])} lie in their 90 % interval.")
     found.append(f"Training took {number(model['fit_s'])} s of CPU, a frame takes "
                  f"{number(evaluation['predict_ms'])} ms.")
     if evaluation["dataset"]["sha256"] != model["dataset"]["sha256"]:
         found.append("The scores are of another data set than the one that the model was trained on.")
     networks = {name: net for name, net in model["training"].items() if isinstance(net, dict)}
-    if collapsed := [parity_figures.label(name) for name, net in networks.items() if net.get("collapsed")]:
+    if collapsed := [label(name) for name, net in networks.items() if net.get("collapsed")]:
         found.append(f"The evidence collapsed for {', '.join(collapsed)}: there it says little more than the mean.")
     return found
 

@@ -9,56 +9,42 @@ import pandas as pd
 
 from reports.document.numerals import counted, number, percent, r_squared
 from reports.document.page import Table
-from reports.surrogate import parity_figures
+from reports.surrogate.parity_figures import TITLES, label, unit, unseen
 from surrogate.bounds.bound_files import MATERIALS, floor
 
 
 def scores(by_output: Mapping[str, Any]) -> Table:
     """One row an output and part of the rows."""
-    rows = [
-        [
-            parity_figures.label(name),
-            parity_figures.unit(parts),
-            parity_figures.TITLES.get(part, part),
-            str(s["n"]),
-            number(s["mse"]),
-            number(s["rmse"]),
-            number(s["mae"]),
-            "–" if s["r2"] is None else r_squared(s["r2"]),
-            percent(s["coverage_90"]),
-        ]
-        for name, parts in by_output.items()
-        for part, s in parts.items()
-    ]
+    rows = [[label(name), unit(parts), TITLES.get(part, part), str(s["n"]), number(s["mse"]), number(s["rmse"]),
+             number(s["mae"]), "–" if s["r2"] is None else r_squared(s["r2"]), percent(s["coverage_90"])]
+            for name, parts in by_output.items() for part, s in parts.items()]
     head = ["output", "unit", "rows", "n", "MSE", "RMSE", "MAE", "R²", "in 90 %"]
     return Table(_scores_caption(by_output), head, rows, "wllrrrrrr")
 
 
 def _scores_caption(by_output: Mapping[str, Any]) -> str:
-    r2 = {name: parts[parity_figures.unseen(parts)]["r2"] for name, parts in by_output.items()}
+    r2 = {name: parts[unseen(parts)]["r2"] for name, parts in by_output.items()}
     known = {name: value for name, value in r2.items() if value is not None}
     if not known:
         return "Scores; MSE is in the unit squared. R² is undefined: no target varies."
     best, worst = max(known, key=known.__getitem__), min(known, key=known.__getitem__)
-    return (
-        f"Scores; MSE is in the unit squared. On unseen rows R² lies between {r_squared(known[worst])} "
-        f"({parity_figures.label(worst).lower()}) and {r_squared(known[best])} ({parity_figures.label(best).lower()})."
-    )
+    return (f"Scores; MSE is in the unit squared. On unseen rows R² lies between {r_squared(known[worst])} "
+            f"({label(worst).lower()}) and {r_squared(known[best])} ({label(best).lower()}).")
 
 
-def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None = None
-          ) -> Table:
+def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]],
+          limits: pd.DataFrame | None = None) -> Table:
     """RMSE on unseen rows, one column a level of noise; below each output the least possible, where it is known."""
     rows = []
     for name, parts in by_output.items():
-        part = parity_figures.unseen(parts)
+        part = unseen(parts)
         noisy = [number(level["outputs"][name][part]["rmse"]) for level in levels]
-        rows.append([parity_figures.label(name), parity_figures.unit(parts), number(parts[part]["rmse"]), *noisy])
+        rows.append([label(name), unit(parts), number(parts[part]["rmse"]), *noisy])
         for material, words in MATERIALS.items():
             if least := floor(limits, name, material):
                 known = [least.get(round(level["db_below_baseline"], 1)) for level in levels]
                 cells = ["–" if value is None else number(value) for value in known]
-                rows.append([words, parity_figures.unit(parts), "–", *cells])
+                rows.append([words, unit(parts), "–", *cells])
     head = ["RMSE of unseen rows", "unit", "no noise", *(f"{number(v['db_below_baseline'])} dB" for v in levels)]
     caption = (f"RMSE under white noise, by its level below the RMS of the baseline voltages; the last column is "
                f"{number(levels[-1]['db_below_signal'])} dB below the RMS of the signal.")
@@ -69,16 +55,14 @@ def training(record: Mapping[str, Any]) -> Table:
     """How the training went: a row a network with its effective parameters, or the record's own entries."""
     if record and all(isinstance(value, Mapping) and "gamma" in value for value in record.values()):
         return _networks(record)
-    rows = [[parity_figures.label(name.replace("_", " ")), _words(value)] for name, value in record.items()]
+    rows = [[label(name.replace("_", " ")), _words(value)] for name, value in record.items()]
     return Table(f"How the training went: {counted(len(rows), 'entry', 'entries')} of the model's own record.",
                  ["entry", "value"], rows, "lw")
 
 
 def _networks(record: Mapping[str, Any]) -> Table:
-    rows = [
-        [parity_figures.label(name), str(net["parameters"]), number(net["gamma"]), str(net["epochs"]), str(net["stop"])]
-        for name, net in record.items()
-    ]
+    rows = [[label(name), str(net["parameters"]), number(net["gamma"]), str(net["epochs"]), str(net["stop"])]
+            for name, net in record.items()]
     shares = [net["gamma"] / net["parameters"] for net in record.values()]
     caption = (f"How each network was trained: of its parameters, {percent(min(shares))} to {percent(max(shares))} are "
                "determined by the data.")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from reports.document import style
 from reports.document.numerals import counted, number
 from reports.document.page import ReportFigure
-from reports.surrogate import parity_figures
+from reports.surrogate.parity_figures import label
 
 # columns of surrogate.learners.bayesian_network.bayesian_regularisation.Training.history
 COLUMNS = ("squared_error", "squared_weights", "gamma", "alpha", "beta")
@@ -27,8 +27,8 @@ def history(found: Mapping[str, NDArray[np.float64]], rows: int) -> ReportFigure
              ("alpha", "α, weight of the weights (–)", True), ("beta", "β, weight of the errors (–)", True))
     for axes, (column, words, logarithmic) in zip(panels.flat, shown, strict=True):
         for k, (output, steps) in enumerate(tables.items()):
-            axes.plot(steps["step"], steps[column], color=style.SERIES[k % 4], ls=style.DASHES[k // 4 % 4],
-                      label=parity_figures.label(output))
+            axes.plot(steps["step"], steps[column], label=label(output), color=style.SERIES[k % 4],
+                      ls=style.DASHES[k // 4 % 4])
         style.label(axes, "Step (–)" if axes in panels[1] else "", words)
         if logarithmic:
             axes.set_yscale("log")
@@ -57,7 +57,7 @@ def _caption(tables: Mapping[str, pd.DataFrame]) -> str:
     return (f"Training of {counted(len(tables), 'network')} over up to {counted(longest, 'step')}: the error of the "
             f"training rows ends at {number(min(errors))} to {number(max(errors))} of half the span{effective}. Over "
             f"the last tenth of the steps the error fell by at most {number(100 * falling[most], 2)} % "
-            f"({parity_figures.label(most).lower()}).")
+            f"({label(most).lower()}).")
 
 
 def _late_fall(steps: pd.DataFrame) -> float:

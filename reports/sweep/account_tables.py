@@ -1,4 +1,4 @@
-"""The account of a data set on a page: cost by stage, errors against the wanted ones, what the plans left out."""
+"""The account of a data set on a page: cost by stage, errors against the requested ones, what the plans left out."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ if TYPE_CHECKING:
     from eitsim.sweeps.run.account import Accounted
     from eitsim.sweeps.run.omissions import Omission
 
-# decisions told with their bound
-_MOST = 5
+_MOST = 5  # decisions shown with their bound
 
 
 def stage_table(account: Accounted) -> Table:
@@ -21,41 +20,38 @@ def stage_table(account: Accounted) -> Table:
     rows = [[stage.name, str(stage.count), number(stage.cpu_s), percent(stage.cpu_s / whole) if whole else ""]
             for stage in account.stages]
     rate = account.rows_per_core_hour
-    caption = f"Cost by stage: {number(whole)} CPU s in all" + (
-        "" if rate is None else f"; beside tables {number(rate)} rows per core-hour") + f", {_bytes(account)}."
+    caption = f"Cost by stage: {number(whole)} CPU s in all"
+    caption += "" if rate is None else f"; tables not counted, {number(rate)} rows per core-hour"
+    caption += f", {number(account.bytes_per_row / 1e3)} kB a row on disk"
+    caption += f" and {number(account.field_bytes_per_row / 1e3)} kB of fields." if account.field_bytes_per_row else "."
     return Table(caption, ["stage", "count", "CPU (s)", "share"], rows, "wrrr")
 
 
-def _bytes(account: Accounted) -> str:
-    fields = f" and {number(account.field_bytes_per_row / 1e3)} kB of fields" if account.field_bytes_per_row else ""
-    return f"{number(account.bytes_per_row / 1e3)} kB a row on disk{fields}"
-
-
 def findings(account: Accounted) -> list[str]:
-    """Errors against the wanted ones, and how busy the workers were."""
-    told = []
+    """Errors against the requested ones, and how busy the workers were."""
+    said = []
     if (errors := account.errors) is not None:
-        wanted = "the one wanted" if errors.wanted is None else f"the {percent(errors.wanted)} wanted"
-        told.append(f"The estimated relative error of the signal is {percent(errors.median)} in the median scene, 95 % "
+        requested = "the one requested" if errors.wanted is None else f"the {percent(errors.wanted)} requested"
+        said.append(f"The estimated relative error of the signal is {percent(errors.median)} in the median scene, 95 % "
                     f"of scenes lie below {percent(errors.p95)}, the worst has {percent(errors.largest)}; "
-                    f"{percent(errors.share_above)} of the scenes are above {wanted}.")
+                    f"{percent(errors.share_above)} of the scenes are above {requested}.")
     for run in account.runs[-1:]:
         by = "lent workers" if run.workers is None else counted(run.workers, "worker")
         busy = "" if run.efficiency is None else f", which were busy with them {percent(run.efficiency)} of the time"
         runs = f" The last of {len(account.runs)} runs" if len(account.runs) > 1 else " The run"
-        told.append(f"{run.method[:1].upper()}{run.method[1:]}.{runs} made "
+        said.append(f"{run.method[:1].upper()}{run.method[1:]}.{runs} made "
                     f"{counted(run.rows, 'scene')} in {number(run.rows_wall_s)} s on {by}{busy}.")
-    return told
+    return said
 
 
 def left_out(account: Accounted) -> list[str]:
     """What the plans of the rows leave out: bounds first, then what is unknown."""
     bounded = [one for one in account.left_out if not one.unbounded][:_MOST]
     unknown = [one.decision for one in account.left_out if one.unbounded]
-    told = [_bound(one) for one in bounded]
+    said = [_bound(one) for one in bounded]
     if unknown:
-        told.append(f"At a cost that is unknown and in no error: {'; '.join(unknown)}.")
-    return told
+        said.append(f"At a cost that is unknown and in no error: {'; '.join(unknown)}.")
+    return said
 
 
 def _bound(one: Omission) -> str:

@@ -16,12 +16,9 @@ from reports.document.page import ReportFigure
 from reports.touch.reading_figures import Array
 from reports.touch.touch_figures import sensor
 
-# a histogram of values that span more than this has a logarithmic axis
-SPREAD = 100
-# least area of a mark that must be seen among thousands, points squared
-LEAST_CROSS = 14.0
-# columns of a data set, each (scenes,) numbers
-Columns = Mapping[str, Array]
+SPREAD = 100  # a histogram of values that span more than this has a logarithmic axis
+LEAST_CROSS = 14.0  # least area of a mark that must be seen among thousands, points squared
+Columns = Mapping[str, Array]  # columns of a data set, each (scenes,) numbers
 
 # column -> name, unit
 LABELS = {"x_mm": ("x", "mm"), "y_mm": ("y", "mm"), "d_mm": ("Punch diameter", "mm"), "F_N": ("Force", "N"),
@@ -81,9 +78,9 @@ def ranges(ok: Columns, inputs: Sequence[str], outputs: Sequence[str]) -> Report
         for axes in line[len(columns):]:
             axes.set_visible(False)
         style.label(line[0], axis_label(columns[0]), "Scenes (–)")
-    told = [", ".join(f"{LABELS[c][0].lower()} {number(ok[c].min(), 4)} to {number(ok[c].max(), 4)} {LABELS[c][1]}"
+    said = [", ".join(f"{LABELS[c][0].lower()} {number(ok[c].min(), 4)} to {number(ok[c].max(), 4)} {LABELS[c][1]}"
                       for c in columns) for columns in (inputs, outputs)]
-    caption = f"Over {counted(ok['scene'].size, 'scene')}, drawn: {told[0]}; what came out: {told[1]}."
+    caption = f"Over {counted(ok['scene'].size, 'scene')}, drawn: {said[0]}; what came out: {said[1]}."
     return ReportFigure("ranges", figure, caption, {"ranges": _frame(ok, ("scene", *inputs, *outputs))})
 
 

@@ -1,35 +1,47 @@
-"""The report of a data set, from the folder that `eitsim sweep` wrote."""
+"""The simulation report: one touch from its `result.json`, or a data set from the folder that `eitsim sweep` wrote."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
 from eitsim.scene.scene import is_list, scene_from, scene_tables
-from eitsim.sweeps.dataset import code_history
+from eitsim.sweeps.dataset import code_history, parquet
 from eitsim.sweeps.dataset.parquet import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_dataset
 from eitsim.sweeps.design.distributions import Distribution, distribution_of
 from eitsim.sweeps.design.variables import number_of_touches
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent
-from reports.document.page import Report, ReportFigure, Table
-from reports.sweep import account_tables, signals, sweep_figures
+from reports.document.page import Report, ReportFigure, Table, write_pdf
+from reports.document.style import house
+from reports.sweep import account_tables, sweep_figures
 from reports.sweep.sweep_figures import Columns
+from reports.touch import touch_report
+from reports.touch.reading_figures import Array
+from touchcal.errors import InputFileError
 
 if TYPE_CHECKING:
     from eitsim.sweeps.run.account import Accounted
 
-# outcomes whose messages are told, and letters of one
+# outcomes whose messages are shown, and letters of one
 MOST, LETTERS = 4, 240
 NO_SCENE = "Not there: no scene of the set has the outcome “ok”."
-# of a scene, beside what every row holds
+# of a scene, next to what every row holds
 ACCURACY = ("signal_error", "depth_error", "skin_fraction_extrapolated", "cpu_s")
-# What is read beside dataset.FIXED; signals are read apart.
-_COLUMNS = (*ACCURACY, "message", "touches")
+_COLUMNS = (*ACCURACY, "message", "touches")  # what is read next to dataset.FIXED; signals are read separately
+
+
+def write(source: Path, out: Path) -> None:
+    """Write the PDF of a result of `eitsim run` (a JSON file) or of a data set of `eitsim sweep` (a folder).
+    InputFileError where `source` is neither; ValueError where the folder of `out` is missing."""
+    with house():
+        write_pdf(report(source) if source.is_dir() else touch_report.report(source), out)
 
 
 def report(folder: Path) -> Report:
@@ -47,12 +59,12 @@ def report(folder: Path) -> Report:
         plates = _plates(folder, data, ok, failed)
     else:
         absent |= dict.fromkeys(("map", "ranges", "accuracy"), NO_SCENE)
-    return Report("sweep", "Data set of touches", _subtitle(data), _footer(folder, data), _findings(data, account, ok),
-                  plates, tables, absent, _prose(data, account), _cautions(data))
-
-
-def _cautions(data: Dataset) -> list[str]:
-    return [f"Stale: {words}."] if (words := code_history.other_code(data.manifest)) else []
+    cautions = [f"Stale: {words}."] if (words := code_history.other_code(data.manifest)) else []
+    subtitle = counted(len(data.table), "simulated scene")
+    if card := data.manifest.get("card"):
+        subtitle += f" with card {provenance.card_words(card)}"
+    return Report("sweep", "Data set of touches", subtitle, _footer(folder, data), _findings(data, account, ok), plates,
+                  tables, absent, _prose(data, account), cautions)
 
 
 def _columns(data: Dataset, rows: np.ndarray) -> Columns:
@@ -68,17 +80,12 @@ def _footer(folder: Path, data: Dataset) -> dict[str, Any]:
     return provenance.footer(sources, provenance.seed_words(data.design.get("seed")))
 
 
-def _subtitle(data: Dataset) -> str:
-    card = data.manifest.get("card")
-    return counted(len(data.table), "simulated scene") + (f" with card {provenance.card_words(card)}" if card else "")
-
-
 def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
-    wanted, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
+    asked, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
     lost = f"; {present - solved} did not, see their messages" if solved < present else ""
     found = [f"{solved} of {counted(present, 'scene')} ended ok{lost}."]
-    if present < wanted:
-        found.append(f"The set is unfinished: the design asks for {wanted} scenes, {present} are there.")
+    if present < asked:
+        found.append(f"The set is unfinished: the design asks for {asked} scenes, {present} are there.")
     most = int(np.nanmax(data.table["touches"].to_numpy(dtype=float))) if "touches" in data.table else 1
     if most > 1:
         found.append(f"A scene has up to {most} touches; figures and tables show the first of each, readings tell of "
@@ -94,18 +101,38 @@ def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
 def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[ReportFigure]:
     given = data.design["tables"]
     tables = scene_tables(scene_from({key: given[key] for key in ("body", "electrodes") if key in given}))
-    rms_V = signals.rms_of(folder, ok["scene"].astype(np.int64))
+    rms_V = rms_of(folder, ok["scene"].astype(np.int64))
     placed = np.isfinite(failed["x_mm"]) & np.isfinite(failed["y_mm"])
     return [sweep_figures.touch_map(ok, {name: values[placed] for name, values in failed.items()}, rms_V, tables),
-            sweep_figures.ranges(ok, TOUCH, OUTPUTS),
-            sweep_figures.accuracy(ok)]
+            sweep_figures.ranges(ok, TOUCH, OUTPUTS), sweep_figures.accuracy(ok)]
+
+
+def rms_of(folder: Path, scenes: NDArray[np.int64]) -> Array:
+    """(scenes,) RMS of the signals dV of these scenes, V, over the readings that each has. InputFileError where one has
+    no columns of signals."""
+    found = [pd.Series(np.sqrt(np.nanmean(table.to_numpy(dtype=float)**2, axis=1)), table.index)
+             for table in _signals_of(folder, scenes)]
+    return pd.concat(found).loc[scenes].to_numpy(dtype=float)
+
+
+def _signals_of(folder: Path, scenes: NDArray[np.int64]) -> Iterator[pd.DataFrame]:
+    """Signals of these scenes, V, by scene; part by part, so that no more than one is held at a time."""
+    for path in parquet.parts(folder):
+        asked = np.isin(parquet.read_part(path, ["scene"])["scene"].to_numpy(), scenes)
+        if not asked.any():
+            continue
+        columns = sorted(name for name in parquet.columns_of(path) if name.startswith("dv_"))
+        if not columns:
+            raise InputFileError(folder, "the data set has scenes that ended ok but no columns dv_000 ...; sweep "
+                                         "again.")
+        yield parquet.read_part(path, ["scene", *columns]).loc[asked].set_index("scene")
 
 
 def _outcome_tables(data: Dataset) -> dict[str, Table]:
     """How often each outcome is there, and why."""
     outcomes = [str(o) for o in data.table["outcome"]]
-    told = data.table["message"] if "message" in data.table else [""] * len(outcomes)
-    messages = [m if isinstance(m, str) else "" for m in told]
+    said = data.table["message"] if "message" in data.table else [""] * len(outcomes)
+    messages = [m if isinstance(m, str) else "" for m in said]
     counts = Counter(outcomes).most_common()
     rows = [[outcome, str(count), percent(count / len(outcomes), 3)] for outcome, count in counts]
     tables = {"outcomes": Table(f"How the scenes ended: {counted(len(rows), 'kind')} of outcome.",
@@ -157,35 +184,31 @@ def _words(key: str, cell: Any) -> str | None:
 
 def _prose(data: Dataset, account: Accounted) -> dict[str, Any]:
     prose: dict[str, Any] = {"conditions": _conditions(data)}
-    if told := account_tables.left_out(account):
-        prose["left_out"] = told
-    if card := data.manifest.get("card"):
-        prose["card"] = f"Card “{card['name']}”, sha256 of its material parts {card['sha256']}."
-    if versions := data.manifest.get("versions"):
-        prose["versions"] = f"Computed with {provenance.version_lines(versions)}."
-    return prose
+    if said := account_tables.left_out(account):
+        prose["left_out"] = said
+    return prose | provenance.origin(data.manifest)
 
 
 def _conditions(data: Dataset) -> list[str]:
     """Which cards served the rows, and what an instrument added to them."""
-    told, design = [], data.design
+    said, design = [], data.design
     if (material := design.get("material")) is not None:
         drawn = data.table["card_sample"].to_numpy(dtype=float)
         parts = f", in {' and '.join(material['parts'])} alone" if material.get("parts") else ""
         rows = material.get("rows_per_draw") or 1
-        told.append(f"Whole cards are drawn from the posterior{parts}: {len(np.unique(drawn[drawn >= 0]))} of its "
+        said.append(f"Whole cards are drawn from the posterior{parts}: {len(np.unique(drawn[drawn >= 0]))} of its "
                     f"samples serve the scenes, {counted(rows, 'scene')} in a row with each"
                     + ("; further specimens, stiffer or softer as replicates scatter." if material.get("specimen")
                        else "."))
     if "measured" in data.manifest:
         measured = data.manifest["measured"]
-        told.append(f"Readings are as an instrument gives them: noise of {number(measured['noise_V'])} V in one frame, "
+        said.append(f"Readings are as an instrument gives them: noise of {number(measured['noise_V'])} V in one frame, "
                     f"all terms together {number(measured['signal_error_V'])} V rms in the signal; "
                     f"{measured['clipped']} samples clipped.")
     elif design.get("measurement"):
-        told.append("Readings are clean; the design's [measurement] is applied by “eitsim measure”.")
+        said.append("Readings are clean; the design's [measurement] is applied by “eitsim measure”.")
     touches = data.table["touches"].dropna() if "touches" in data.table else []
     if len(counts := Counter(int(n) for n in touches)) and max(counts) > 1:
-        told.append(", ".join(f"{counted(counts[n], 'scene')} with {counted(n, 'touch', 'touches')}"
+        said.append(", ".join(f"{counted(counts[n], 'scene')} with {counted(n, 'touch', 'touches')}"
                               for n in sorted(counts)) + ".")
-    return told
+    return said

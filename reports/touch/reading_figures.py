@@ -40,8 +40,7 @@ def curves(touched_V: Array, baseline_V: Array) -> ReportFigure:
     pattern, reading = largest(signal)
     caption = (f"Under the touch {size_words(signal, baseline_V)}; the change is largest in pattern {pattern}, reading "
                f"{reading}. The largest voltage of the baseline is {number(np.nanmax(np.abs(baseline_V)) * factor)} "
-               f"{unit}. "
-               "Vertical lines part the drive patterns.")
+               f"{unit}. Vertical lines part the drive patterns.")
     return ReportFigure("readings", figure, caption, {"readings": _table(touched_V, baseline_V)})
 
 
@@ -55,7 +54,8 @@ def curve_panels(upper: Axes, lower: Axes, touched_V: Array, baseline_V: Array) 
     upper.legend(loc="lower right", ncols=2, bbox_to_anchor=(1, 0.98), borderaxespad=0)
     style.label(upper, "", f"Voltage V ({unit})")
     fine, fine_unit = volts(signal)
-    _bars(lower, signal.ravel() * fine)
+    lower.stairs(np.nan_to_num(signal.ravel() * fine), np.arange(signal.size + 1) - 0.5, fill=True, color=style.ACCENT,
+                 lw=0)
     style.label(lower, f"Reading, {touched_V.shape[1]} a pattern in drive order (–)", f"Signal ΔV ({fine_unit})")
     for axes in (upper, lower):
         _patterns(axes, touched_V.shape)
@@ -65,11 +65,6 @@ def curve_panels(upper: Axes, lower: Axes, touched_V: Array, baseline_V: Array) 
 def _parted(values: Array) -> Array:
     """(patterns, readings) values in a row, with a gap after each pattern."""
     return np.column_stack([values, np.full(len(values), np.nan)]).ravel()
-
-
-def _bars(axes: Axes, values: Array) -> None:
-    """Bars from zero as one outline."""
-    axes.stairs(np.nan_to_num(values), np.arange(values.size + 1) - 0.5, fill=True, color=style.ACCENT, lw=0)
 
 
 def _patterns(axes: Axes, shape: tuple[int, ...]) -> None:
@@ -102,7 +97,9 @@ def signal_map(touched_V: Array, baseline_V: Array) -> ReportFigure:
     share = energy[strongest] / energy.sum() if energy.sum() > 0 else 0.0
     caption = (f"The signal by pattern and reading. Pattern {strongest} carries most of it: {number(100 * share, 2)} % "
                f"of the sum of squares; an even spread would give {number(100 / patterns, 2)} %.")
-    return ReportFigure("signal_map", figure, caption, {"signal_map": _grid(signal)})
+    grid = pd.DataFrame(signal, columns=[f"reading_{i}_V" for i in range(readings)])
+    grid.insert(0, "pattern", np.arange(patterns))
+    return ReportFigure("signal_map", figure, caption, {"signal_map": grid})
 
 
 def _table(touched_V: Array, baseline_V: Array) -> pd.DataFrame:
@@ -110,9 +107,3 @@ def _table(touched_V: Array, baseline_V: Array) -> pd.DataFrame:
     return pd.DataFrame({"pattern": np.repeat(np.arange(patterns), readings),
                          "reading": np.tile(np.arange(readings), patterns), "touched_V": touched_V.ravel(),
                          "baseline_V": baseline_V.ravel(), "signal_V": (touched_V - baseline_V).ravel()})
-
-
-def _grid(signal: Array) -> pd.DataFrame:
-    grid = pd.DataFrame(signal, columns=[f"reading_{i}_V" for i in range(signal.shape[1])])
-    grid.insert(0, "pattern", np.arange(signal.shape[0]))
-    return grid

@@ -25,12 +25,9 @@ from touchcal.errors import InputFileError
 Array = NDArray[np.float64]
 
 # Cell in VTK -> the triangles of its nodes that are drawn.
-_TRIANGLES = {
-    "triangle": [(0, 1, 2)],
-    "triangle6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
-    "quad9": [(0, 4, 8), (0, 8, 7), (4, 1, 5), (4, 5, 8), (8, 5, 2), (8, 2, 6), (7, 8, 6), (7, 6, 3)]}
-# Points closer than this, mm, are one.
-_SAME_MM = 1e-6
+_TRIANGLES = {"triangle": [(0, 1, 2)], "triangle6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
+              "quad9": [(0, 4, 8), (0, 8, 7), (4, 1, 5), (4, 5, 8), (8, 5, 2), (8, 2, 6), (7, 8, 6), (7, 6, 3)]}
+_SAME_MM = 1e-6  # Points closer than this, mm, are one.
 # Half width of the maps about the punches, in their largest radius, and how many lines are drawn.
 _ABOUT, _LINES = 2.0, 21
 NEEDED = ("displacement_m", "contact_pressure_Pa", "largest_in_plane_strain")
@@ -40,12 +37,9 @@ NEEDED = ("displacement_m", "contact_pressure_Pa", "largest_in_plane_strain")
 class SkinMap:
     """A skin cut into triangles, and fields at their corners."""
 
-    # places on the untouched surface, mm
-    triangles: Triangulation
-    # name -> values (points,) or (points, 3), units in the names
-    fields: Mapping[str, Array]
-    # numbers of the drive patterns whose potentials it holds
-    patterns: tuple[int, ...]
+    triangles: Triangulation  # places on the untouched surface, mm
+    fields: Mapping[str, Array]  # name -> values (points,) or (points, 3), units in the names
+    patterns: tuple[int, ...]  # numbers of the drive patterns whose potentials it holds
 
 
 def read(path: Path) -> SkinMap:
@@ -58,11 +52,8 @@ def read(path: Path) -> SkinMap:
     fields = {name: np.asarray(values, dtype=float) for name, values in mesh.point_data.items()}
     missing = [name for name in NEEDED if name not in fields]
     if missing or cells.type not in _TRIANGLES:
-        raise InputFileError(
-            path,
-            f"not a VTU file of `eitsim run --skin`: it lacks {', '.join(missing) or 'triangles'}"
-            ". Write it again with this version.",
-        )
+        raise InputFileError(path, "not a VTU file of `eitsim run --skin`: it lacks "
+                                   f"{', '.join(missing) or 'triangles'}. Write it again with this version.")
     corners = np.concatenate([cells.data[:, list(three)] for three in _TRIANGLES[cells.type]])
     places = mesh.points[:, :2] * 1e3
     _, first, merged = np.unique(np.round(places / _SAME_MM).astype(np.int64), axis=0, return_index=True,
@@ -107,9 +98,8 @@ def equipotentials(skin: SkinMap, scene: Mapping[str, Any], patterns: Sequence[i
         axes.set_xlabel("")
     for axes in panels[:, 1:].ravel():
         axes.set_ylabel("")
-    return ReportFigure(
-        "equipotentials", figure, _line_caption(patterns, sizes), {"equipotentials": pd.DataFrame(data)}
-    )
+    return ReportFigure("equipotentials", figure, _line_caption(patterns, sizes),
+                        {"equipotentials": pd.DataFrame(data)})
 
 
 def _potential(skin: SkinMap, name: str, pattern: int) -> Array:
@@ -118,7 +108,7 @@ def _potential(skin: SkinMap, name: str, pattern: int) -> Array:
 
 
 def _levels(triangles: Triangulation, values: Array) -> Array:
-    """Levels that part the disc in equal areas, each once; two about zero where all values are alike."""
+    """Levels that part the disc in equal areas, each once; two about zero where all values are the same."""
     corners = triangles.triangles
     x, y = triangles.x[corners], triangles.y[corners]
     area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))

@@ -85,9 +85,8 @@ def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone:
     reach = _reach(r, fields["u_z_mm"])
     down.set_xlim(0, reach)
     name = "profile" if count == 1 else f"profile_{index + 1}"
-    return ReportFigure(
-        name, figure, _profile_caption(fields, reach, index, count, alone), {name: pd.DataFrame(fields)}
-    )
+    caption = _profile_caption(fields, reach, index, count, alone)
+    return ReportFigure(name, figure, caption, {name: pd.DataFrame(fields)})
 
 
 def _reach(r: Array, u_z: Array) -> float:
@@ -101,14 +100,13 @@ def _last_above(r: Array, u_z: Array, fraction: float) -> float:
     return float(r[above[-1]]) if above.size else float(r[-1])
 
 
-def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, count: int,
-                     alone: bool) -> str:
+def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, count: int, alone: bool) -> str:
     r, u_z, pressure, normal = (fields[k] for k in ("radius_mm", "u_z_mm", "pressure_kPa", "stretch_normal"))
     which = "" if count == 1 else f"Touch {index + 1}. "
     if alone:
         which += "The touch alone, before what the rim or its neighbour changes is added; the table holds it. "
     peak, least = int(np.argmax(pressure)), int(np.argmin(normal))
-    return (f"{which}The surface sinks by up to {number(-u_z.min())} mm; beyond {number(_last_above(r, u_z, 0.01))} mm "
-            f"from the axis it moves by less than 1 % of that. Contact pressure peaks at {number(pressure[peak])} kPa, "
-            f"{number(r[peak])} mm from the axis; the least stretch through the thickness, {number(normal[least])}, "
-            f"lies at {number(r[least])} mm. Drawn to {number(reach)} mm.")
+    return (f"{which}The surface sinks by up to {number(-u_z.min())} mm; farther than "
+            f"{number(_last_above(r, u_z, 0.01))} mm from the axis it moves by less than 1 % of that. Contact pressure "
+            f"peaks at {number(pressure[peak])} kPa, {number(r[peak])} mm from the axis; the least stretch through the "
+            f"thickness, {number(normal[least])}, lies at {number(r[least])} mm. Drawn to {number(reach)} mm.")

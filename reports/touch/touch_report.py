@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from reports.document import provenance
-from reports.document.numerals import counted, number, percent
+from reports.document.numerals import counted, number, percent, volts
 from reports.document.page import Report, ReportFigure, Table
-from reports.touch import hold_table, reading_figures, skin_maps, touch_figures
+from reports.touch import reading_figures, skin_maps, touch_figures
 from touchcal.errors import InputFileError
 
 # key of a result -> what it is called, its unit
@@ -41,7 +41,7 @@ def report(path: Path) -> Report:
     else:
         absent["mechanics"] = f"No mechanical outputs: the outcome is \"{result['outcome']}\"."
     if times := result.get("times", []):
-        tables["hold"] = hold_table.table(times, _voltages(result)[1])
+        tables["hold"] = _hold_table(times, _voltages(result)[1])
     if "scene" in result:
         tables["scene"] = _scene_table(result["scene"])
     else:
@@ -49,8 +49,9 @@ def report(path: Path) -> Report:
     tables["quality"] = _quality_table(result)
     files = [file for file in (path, _skin_file(path, result)) if file is not None and file.is_file()]
     footer = provenance.footer([provenance.source(file) for file in files], "no seed: nothing is drawn")
-    return Report("touch", "Touch simulation", _subtitle(result), footer, _findings(result), plates, tables, absent,
-                  _prose(result))
+    card = f"Card {provenance.card_words(result['card'])}, " if result.get("card") else ""
+    return Report("touch", "Touch simulation", f"{card}outcome: {result['outcome']}", footer, _findings(result), plates,
+                  tables, absent, provenance.origin(result))
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -65,11 +66,6 @@ def read_result(path: Path) -> dict[str, Any]:
     return result
 
 
-def _subtitle(result: Mapping[str, Any]) -> str:
-    card = result.get("card")
-    return (f"Card {provenance.card_words(card)}, " if card else "") + f"outcome: {result['outcome']}"
-
-
 def touches(result: Mapping[str, Any], key: str) -> list[float]:
     """The values of a mechanical output, one a touch."""
     value = result[key]
@@ -82,7 +78,7 @@ def _findings(result: Mapping[str, Any]) -> list[str]:
         depths, forces = touches(result, "delta_max_mm"), touches(result, "force_N")
         peaks = touches(result, "sigma_max_kPa")
         names = ["the punch"] if len(depths) == 1 else [f"punch {i}" for i in range(1, len(depths) + 1)]
-        at = f"{when.capitalize()}, " if (when := hold_table.when(result)) else ""
+        at = f"{when.capitalize()}, " if (when := _when(result)) else ""
         found += [f"{at}{number(force)} N presses {name} {number(depth, 4)} mm deep; the peak contact pressure is "
                   f"{number(peak)} kPa." for name, force, depth, peak in zip(names, forces, depths, peaks, strict=True)]
     if "readings_V" in result:
@@ -107,7 +103,9 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFig
     if "scene" in result:
         plates.append(touch_figures.scene(result["scene"]))
     if profiles := result.get("profile", []):
-        alone = _drawn_alone(result["plan"])
+        # where the rim or a neighbour changes the surface outside the profile, that is of the touch alone
+        alone = any(words in decision["decision"] for decision in result["plan"]
+                    for words in ("mechanics in three dimensions", "solved together"))
         plates += [touch_figures.profile(block, i, len(profiles), alone) for i, block in enumerate(profiles)]
     else:
         absent["profile"] = "No surface profile: the result holds none."
@@ -126,7 +124,7 @@ def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list
         absent["maps"] = NO_MAPS
         return []
     if not file.is_file():
-        absent["maps"] = f"No maps: {file.name}, which the result names, is not beside it."
+        absent["maps"] = f"No maps: {file.name}, which the result names, is not next to it."
         return []
     if provenance.source(file).sha256 != result["skin_file"]["sha256"]:
         absent["maps"] = f"No maps: {file.name} is not the file that was written with this result. {RUN_AGAIN}"
@@ -137,13 +135,8 @@ def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list
 
 
 def _skin_file(path: Path, result: Mapping[str, Any]) -> Path | None:
-    """The file of `eitsim run --skin` that the result names, beside it."""
+    """The file of `eitsim run --skin` that the result names, next to it."""
     return path.parent / result["skin_file"]["name"] if "skin_file" in result else None
-
-
-def _drawn_alone(plan: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the rim or a neighbour changes the surface beyond the profile, which is of the touch alone."""
-    return any(words in d["decision"] for d in plan for words in ("mechanics in three dimensions", "solved together"))
 
 
 def _mechanics_table(result: Mapping[str, Any]) -> Table:
@@ -151,7 +144,7 @@ def _mechanics_table(result: Mapping[str, Any]) -> Table:
     count = len(next(iter(columns.values())))
     rows = [[MECHANICS[key][0], MECHANICS[key][1], *(number(v, 4) for v in values)] for key, values in columns.items()]
     heads = ["value"] if count == 1 else [f"touch {i + 1}" for i in range(count)]
-    at = f" {when}" if (when := hold_table.when(result)) else ""
+    at = f" {when}" if (when := _when(result)) else ""
     caption = f"The mechanical outputs{at}{_peaks(columns['sigma_max_kPa'], columns['sigma_ave_kPa'])}."
     return Table(caption, ["output", "unit", *heads], rows, "wl" + "r" * count)
 
@@ -164,6 +157,38 @@ def _peaks(peaks: Sequence[float], means: Sequence[float]) -> str:
     if len({ratio for _, ratio in ratios}) > 1:
         return f"; the peak pressure is {', '.join(f'{ratio} (touch {i})' for i, ratio in ratios)} times the mean"
     return f"; the peak pressure is {ratios[0][1]} times the mean" + (" in each touch" if len(ratios) > 1 else "")
+
+
+def _when(result: Mapping[str, Any]) -> str:
+    """The time that the results of a hold stand for, its last, in words; empty without a hold."""
+    times = result.get("times", [])
+    if not times:
+        return ""
+    last = times[-1]["time_s"]
+    return f"after {number(last)} s" if last > 0 else "at the end of loading"
+
+
+def _hold_table(times: Sequence[Mapping[str, Any]], baseline_V: reading_figures.Array) -> Table:
+    """Force, depth, peak pressure and largest signal of a hold, a row a time; `times` of a result, baseline in V."""
+    signals = [float(np.nanmax(np.abs(np.array(block["readings_V"], dtype=float) - baseline_V))) for block in times]
+    factor, unit = volts(signals)
+    keys = ("force_N", "delta_max_mm", "sigma_max_kPa")
+    rows = [[number(block["time_s"]), *(number(block[key], 4) for key in keys), number(signal * factor)]
+            for block, signal in zip(times, signals, strict=True)]
+    first, last = times[0], times[-1]
+    caption = "The hold, timed from the end of loading"
+    if len(times) > 1:
+        changes = [_change(name, first[key], last[key], unit_of) for name, key, unit_of in
+                   (("force", "force_N", "N"), ("depth", "delta_max_mm", "mm"))]
+        caption += f": {' and '.join(changes)}"
+    caption += f". The other results in this report are those {_when({'times': times})}."
+    return Table(caption, ["time (s)", "force (N)", "depth (mm)", "peak pressure, facet average (kPa)",
+                           f"largest signal ({unit})"], rows, "rrrrr")
+
+
+def _change(name: str, first: float, last: float, unit: str) -> str:
+    start, end = number(first, 4), number(last, 4)
+    return f"the {name} stays at {end} {unit}" if start == end else f"the {name} goes from {start} to {end} {unit}"
 
 
 def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
@@ -196,16 +221,15 @@ def _cell(value: Any) -> str:
 
 
 def _quality_table(result: Mapping[str, Any]) -> Table:
-    rows = []
-    for key, value in result.get("error_estimate", {}).items():
-        rows.append([f"estimated relative error of the {ERRORS.get(key, key)}", percent(value)])
-    for key, value in result.get("interaction", {}).items():
-        rows.append([f"most that its neighbours change of a touch, {key}", percent(value)])
+    rows = [[f"estimated relative error of the {ERRORS.get(key, key)}", percent(value)]
+            for key, value in result.get("error_estimate", {}).items()]
+    rows += [[f"most that its neighbours change of a touch, {key}", percent(value)]
+             for key, value in result.get("interaction", {}).items()]
     stability = result.get("stability", {})
     if "fraction_non_elliptic" in stability:
         rows.append(["quadrature points where strong ellipticity is lost", percent(stability["fraction_non_elliptic"])])
     if "skin_fraction_extrapolated" in stability:
-        rows.append(["skin area strained beyond the fitted range of the conductivity",
+        rows.append(["skin area strained outside the fitted range of the conductivity",
                      percent(stability["skin_fraction_extrapolated"])])
     names = {"cpu_s": ("CPU time", "s"), "wall_s": ("wall time", "s"), "peak_MB": ("peak memory of the process", "MB")}
     cost = result["cost"]
@@ -218,15 +242,6 @@ def _quality_caption(stability: Mapping[str, Any]) -> str:
         return "Error, stability and cost, as far as the run reached."
     held = ("Strong ellipticity holds everywhere" if stability["elliptic"] else
             f"Strong ellipticity is lost at {percent(stability['fraction_non_elliptic'])} of the quadrature points")
-    beyond = stability.get("skin_fraction_extrapolated", 0.0)
-    return held + (f"; {percent(beyond)} of the skin is strained beyond the range in which the conductivity was "
-                   "measured." if beyond else "; the whole skin stays in the range of the conductivity fit.")
-
-
-def _prose(result: Mapping[str, Any]) -> dict[str, str | Sequence[str]]:
-    prose: dict[str, str | Sequence[str]] = {}
-    if card := result.get("card"):
-        prose["card"] = f"Card “{card['name']}”, sha256 of its material parts {card['sha256']}."
-    if versions := result.get("versions"):
-        prose["versions"] = f"Computed with {provenance.version_lines(versions)}."
-    return prose
+    outside = stability.get("skin_fraction_extrapolated", 0.0)
+    return held + (f"; {percent(outside)} of the skin is strained outside the range in which the conductivity was "
+                   "measured." if outside else "; the whole skin stays in the range of the conductivity fit.")

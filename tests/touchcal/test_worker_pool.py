@@ -28,12 +28,12 @@ def by_item(pool: WorkerPool, items: list[str], tries: int = 2) -> dict[str, obj
 
 def test_every_item_is_answered_by_anyone() -> None:
     items = [f"{i} * {i}" for i in range(9)]
-    wanted = {item: i * i for i, item in enumerate(items)}
-    assert by_item(InProcess(), items) == wanted
+    expected = {item: i * i for i, item in enumerate(items)}
+    assert by_item(InProcess(), items) == expected
     with ThreadPoolExecutor(2) as threads:
-        assert by_item(ExecutorPool(threads, 4), items) == wanted
+        assert by_item(ExecutorPool(threads, 4), items) == expected
     with processes(2) as pool:
-        assert by_item(pool, items) == wanted
+        assert by_item(pool, items) == expected
 
 
 def test_what_an_item_does_costs_no_other_one() -> None:

@@ -13,8 +13,7 @@ from touchcal import cache
 from touchcal.array_store import from_arrays, to_arrays
 from touchcal.parallel.pool import Failed, PoolUnavailable, WorkerPool, answers
 
-# Workers that may be lost on a piece.
-_TRIES = 4
+_TRIES = 4  # Workers that may be lost on a piece.
 
 
 class CheckpointedMap:
@@ -38,9 +37,8 @@ class CheckpointedMap:
                 if not value.lost:
                     raise value.error
                 raise PoolUnavailable(
-                    f"a piece of the table of load paths was given up after {_TRIES} tries: {value.reason}. "
-                    "What is finished is kept, and the same command goes on from there; fewer workers leave "
-                    "each of them more memory.")
+                    f"a piece of the table of load paths was given up after {_TRIES} tries: {value.reason}. What is "
+                    "finished is kept, and the same command goes on from there; fewer workers leave each more memory.")
             found[i] = value
             with contextlib.suppress(OSError):  # table_for says so where nothing can be kept
                 cache.store(keys[i], to_arrays(value))

@@ -23,12 +23,10 @@ _GONE = "the dask scheduler is gone. Start one, and the same command again: what
 
 @contextmanager
 def cluster(address: str) -> Iterator[WorkerPool]:
-    """The workers of the scheduler at `address`, for instance tcp://10.0.0.1:8786.
-
-    ValueError without dask.distributed or where the address is none; PoolUnavailable where no scheduler answers, or it
-    has no workers, or any of several threads, or that runs other code or libraries than this process, which one that
-    joins later tells with its first item.
-    """
+    """The workers of the scheduler at `address`, for instance tcp://10.0.0.1:8786. ValueError without dask.distributed
+    or where the address is none; PoolUnavailable where no scheduler answers, or it has no workers, or any of several
+    threads, or that runs other code or libraries than this process, which one that joins later tells with its first
+    item."""
     try:
         from distributed import Client
     except ImportError:
@@ -38,14 +36,12 @@ def cluster(address: str) -> Iterator[WorkerPool]:
     try:
         client = Client(address, timeout=_ANSWER_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise PoolUnavailable(
-            f"no dask scheduler answers at {address} ({error}). Start one with `dask scheduler`, or correct "
-            "the address.") from None
+        raise PoolUnavailable(f"no dask scheduler answers at {address} ({error}). Start one with `dask scheduler`, or "
+                              "correct the address.") from None
     with client:
         if not _threads(client):
-            raise PoolUnavailable(
-                f"the dask scheduler at {address} has no workers. Start some with `dask worker {address} "
-                "--nthreads 1`, or wait for them, and start again.")
+            raise PoolUnavailable(f"the dask scheduler at {address} has no workers. Start some with `dask worker "
+                                  f"{address} --nthreads 1`, or wait for them, and start again.")
         _check_code(client, address)
         yield _Cluster(client)
 
@@ -85,9 +81,8 @@ def _check_code(client: Any, address: str) -> None:
         for worker, (key, there) in client.run(_code).items():
             _compare(key_of({}), key, f"the dask worker {worker}", there)
     except ImportError as error:
-        raise PoolUnavailable(
-            f"a dask worker of {address} cannot load this package ({error}). Install it there as it is here, "
-            "restart the workers, and start again.") from None
+        raise PoolUnavailable(f"a dask worker of {address} cannot load this package ({error}). Install it there as it "
+                              "is here, restart the workers, and start again.") from None
 
 
 def _code() -> tuple[str, dict[str, str]]:
@@ -96,17 +91,15 @@ def _code() -> tuple[str, dict[str, str]]:
 
 def _compare(requested: str, key: str, worker: str, there: dict[str, str]) -> None:
     if key != requested:
-        told = ", ".join(f"{name} {version}" for name, version in there.items())
+        found = ", ".join(f"{name} {version}" for name, version in there.items())
         raise PoolUnavailable(
-            f"{worker} runs other code or libraries than the sweep ({told}, {key[:12]}; wanted "
-            f"{requested[:12]}). Install the same there, restart it, and start again: what is finished is kept.")
+            f"{worker} runs other code or libraries than the sweep ({found}, {key[:12]}; requested {requested[:12]}). "
+            "Install the same there, restart it, and start again: what is finished is kept.")
 
 
 class _Cluster:
-    """A client, and futures of the interface of concurrent.futures for its own.
-
-    (Those of its `get_executor` stay pending for ever where a task cannot be computed again.)
-    """
+    """A client, and futures of the interface of concurrent.futures for its own. (Those of its `get_executor` stay
+    pending for ever where a task cannot be computed again.)"""
 
     def __init__(self, client: Any) -> None:
         from distributed import KilledWorker
@@ -154,9 +147,8 @@ class _Cluster:
             logging.getLogger(__name__).warning(
                 "the dask cluster has lost all its workers; waiting %.3g min for others", _WITHOUT_S / 60)
         elif now > self._alone_s + _WITHOUT_S:
-            raise PoolUnavailable(
-                f"the dask cluster has had no workers for {_WITHOUT_S / 60:.3g} min. Start some, and the same "
-                "command again: what is finished is kept.")
+            raise PoolUnavailable(f"the dask cluster has had no workers for {_WITHOUT_S / 60:.3g} min. Start some, and "
+                                  "the same command again: what is finished is kept.")
 
     def _check_scheduler(self) -> None:
         if self._client.status != "running":

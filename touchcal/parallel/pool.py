@@ -13,11 +13,9 @@ from typing import Any, Protocol
 from threadpoolctl import threadpool_limits
 
 Task = Callable[[Any], Any]
-# hands one item to the task that the pool was given
-Submit = Callable[[Any], Future[Any]]
+Submit = Callable[[Any], Future[Any]]  # hands one item to the task that the pool was given
 
-# How often a pool that does not answer is looked after, s.
-_LOOK_S = 5.0
+_LOOK_S = 5.0  # How often a pool that does not answer is looked after, s.
 
 
 class WorkerLost(Exception):
@@ -53,10 +51,8 @@ class WorkerPool(Protocol):
 class Failed:
     """In place of an answer."""
 
-    # what the task raised, or what the loss of its last worker raised
-    error: BaseException
-    # whether it is a loss, so that the item may succeed elsewhere
-    lost: bool
+    error: BaseException  # what the task raised, or what the loss of its last worker raised
+    lost: bool  # whether it is a loss, so that the item may succeed elsewhere
 
     @property
     def reason(self) -> str:
@@ -66,11 +62,8 @@ class Failed:
 
 def answers(pool: WorkerPool, task: Task, items: Iterable[Any], tries: int = 2) -> Iterator[tuple[Any, Any]]:
     """Yield (item, task(item)) as they come, or (item, Failed) where the task raises or `tries` workers were lost on
-    it.
-
-    Items are taken from their iterable as workers become free. PoolUnavailable where there is nobody to work. This
-    process has one thread of linear algebra meanwhile, as its workers have.
-    """
+    it. Items are taken from their iterable as workers become free. PoolUnavailable where there is nobody to work. This
+    process has one thread of linear algebra meanwhile, as its workers have."""
     with _ONE_THREAD:
         yield from _answers(pool, task, items, tries)
 
@@ -172,8 +165,7 @@ class ExecutorPool:
     """Any executor of the interface of concurrent.futures; the task travels with every item."""
 
     executor: Executor
-    # items handed out at a time, for instance twice its workers
-    count: int
+    count: int  # items handed out at a time, for instance twice its workers
     losses: tuple[type[BaseException], ...] = ()
 
     def max_in_flight(self) -> int:
@@ -186,8 +178,8 @@ class ExecutorPool:
             try:
                 return self.executor.submit(task, item)
             except (BrokenExecutor, RuntimeError) as error:
-                raise PoolUnavailable(
-                    f"the executor takes no more work: {error}. Start another and call again.") from None
+                raise PoolUnavailable(f"the executor takes no more work: {error}. Start another and call "
+                                      "again.") from None
         return submit
 
     def look(self) -> None:

@@ -42,8 +42,7 @@ def processes(count: int) -> Iterator[WorkerPool]:
 class _Worker:
     process: BaseProcess
     pipe: connection.Connection
-    # the task that it was given last, pickled
-    task: bytes | None = None
+    task: bytes | None = None  # the task that it was given last, pickled
 
 
 class _Processes:

@@ -116,7 +116,7 @@ def test_workers_of_other_code_are_refused_at_once_and_when_they_join(address: s
                                                                       monkeypatch: pytest.MonkeyPatch) -> None:
     with cluster(address) as pool:
         monkeypatch.setattr("touchcal.parallel.dask_cluster.key_of", lambda _: "0" * 64)
-        with pytest.raises(PoolUnavailable, match=r"worker that joined runs other code.*wanted 0000.*restart it"):
+        with pytest.raises(PoolUnavailable, match=r"worker that joined runs other code.*requested 0000.*restart it"):
             list(answers(pool, abs, [-1]))
     with pytest.raises(PoolUnavailable, match=r"tcp://.* runs other code or libraries"), cluster(address):
         pass

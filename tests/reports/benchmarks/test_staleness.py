@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from eitsim.sweeps.dataset.code_history import other_code
-from reports.benchmarks.staleness import CURRENT, STALE, UNKNOWN, cautions, state
+from reports.benchmarks.stored_tables import CURRENT, STALE, UNKNOWN, cautions, state
 from touchcal.cache import key_of
 from touchcal.code_version import script_hash
 

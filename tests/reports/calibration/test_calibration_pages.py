@@ -26,7 +26,7 @@ LEAST_FILLED, LEAST_LAST = 0.5, 0.2
 
 
 def fit(folder: Path, *arguments: object) -> Path:
-    """The card of a calibration, its report beside it as card.pdf."""
+    """The card of a calibration, its report next to it as card.pdf."""
     folder.mkdir(parents=True)
     card = folder / "card.json"
     words = ["fit", *arguments, "--out", card, "--report", folder / "card.pdf"]
@@ -77,15 +77,15 @@ def test_no_page_is_nearly_empty(cards: dict[str, Path], tmp_path: Path) -> None
 
 def test_figures_hold_the_numbers_of_the_card(cards: dict[str, Path]) -> None:
     for name, card in cards.items():
-        found, beside = json.loads(card.read_text()), card.with_name("card_files")
+        found, files = json.loads(card.read_text()), card.with_name("card_files")
         for label, row in found["fit"].items():
             if not (isinstance(row, dict) and row.get("kind") in ("uniaxial", "conductivity")):
                 continue
-            drawn = pd.read_csv(beside / f"{label}.csv")
+            drawn = pd.read_csv(files / f"{label}.csv")
             value, fitted = drawn.iloc[:, 1], drawn.filter(like="fit_").iloc[:, 0]
             assert len(drawn) == row["n"], (name, label)
             assert np.sqrt(((value - fitted) ** 2).mean()) == pytest.approx(row["rms"], rel=1e-6), (name, label)
-        for figure in beside.glob("*.svg"):
+        for figure in files.glob("*.svg"):
             assert figure.stat().st_size > 5000, (name, figure.name)
 
 
@@ -123,7 +123,7 @@ def test_a_relaxation_alone_is_warned_of(cards: dict[str, Path], read_pdf: Reade
     assert "The data are synthetic" in text
 
 
-@pytest.mark.skipif(not FOAM.exists(), reason="third-party files are not beside this checkout")
+@pytest.mark.skipif(not FOAM.exists(), reason="third-party files are not next to this checkout")
 def test_a_real_foam_is_reported_with_the_tension_it_misses(tmp_path: Path, read_pdf: Reader) -> None:
     card = fit(tmp_path / "foam", f"uniaxial={FOAM / 'foam_leap_UC.csv'}", f"shear={FOAM / 'foam_leap_SS.csv'}",
                "--order", 3, "--predict", f"uniaxial={FOAM / 'foam_leap_UT.csv'}")

@@ -214,7 +214,7 @@ def test_a_missing_folder_is_said(tmp_path: Path, card_path: Path, read_pdf: Rea
     (card_path.parent / "card.d").rename(tmp_path / "elsewhere")
     write(card_path, tmp_path / "c.pdf")
     text = read_pdf(tmp_path / "c.pdf").whole
-    assert "The folder card.d that the card names is not beside it" in text
+    assert "The folder card.d that the card names is not next to it" in text
     assert sorted(p.name for p in (tmp_path / "c_files").glob("*.svg")) == ["orders.svg", "stability.svg"]
 
 

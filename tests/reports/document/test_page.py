@@ -99,13 +99,13 @@ def test_what_is_absent_is_said(tmp_path: Path, read_pdf: Reader) -> None:
 
 
 def test_figures_lie_beside_the_page_and_old_ones_go(tmp_path: Path) -> None:
-    out, beside = tmp_path / "a.pdf", tmp_path / "a_files"
+    out, files = tmp_path / "a.pdf", tmp_path / "a_files"
     render(make_report(tmp_path, plate("scene"), plate("readings")), out)
-    (beside / "mine.csv").write_text("kept\n")
+    (files / "mine.csv").write_text("kept\n")
     render(make_report(tmp_path, plate("scene")), out)
-    assert sorted(p.name for p in beside.iterdir()) == ["contents.json", "mine.csv", "scene.csv", "scene.svg"]
-    assert (beside / "scene.csv").read_text() == "t_s,F_N\n0,2\n1,-3\n"
-    assert json.loads((beside / "contents.json").read_text())["files"] == ["scene.svg", "scene.csv"]
+    assert sorted(p.name for p in files.iterdir()) == ["contents.json", "mine.csv", "scene.csv", "scene.svg"]
+    assert (files / "scene.csv").read_text() == "t_s,F_N\n0,2\n1,-3\n"
+    assert json.loads((files / "contents.json").read_text())["files"] == ["scene.svg", "scene.csv"]
 
 
 def test_errors_name_what_was_wrong(tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ def test_the_house_style_leaves_no_trace() -> None:
 
 def test_reports_leave_pyplot_alone() -> None:
     code = (
-        "import sys, reports.sweep.dispatch, reports.calibration.calibration_report; "
+        "import sys, reports.sweep.sweep_report, reports.calibration.calibration_report; "
         "import reports.surrogate.surrogate_report; "
         "sys.exit(any(m in sys.modules for m in ('matplotlib.pyplot', 'torch', 'emcee', 'arviz', 'skfem')))"
     )

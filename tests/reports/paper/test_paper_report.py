@@ -54,7 +54,7 @@ def write_hold(folder: Path, write_result: Writer, relaxes: bool) -> None:
 
 
 def write_models(folder: Path) -> None:
-    """A model of one kind with scores of the predictions beside it."""
+    """A model of one kind with scores of the predictions next to it."""
     rng, tables, scores = np.random.default_rng(5), [], {}
     for name, unit in UNITS.items():
         for part, count in (("train", 20), ("test", 8)):

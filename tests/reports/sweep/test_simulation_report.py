@@ -12,7 +12,7 @@ import pytest
 
 from eitsim.sweeps.dataset.parquet import read_dataset
 from reports.sweep import sweep_report
-from reports.sweep.dispatch import write
+from reports.sweep.sweep_report import write
 from touchcal.errors import InputFileError
 
 Make = Callable[..., Path]

@@ -1,4 +1,4 @@
-"""The first page of a sweep's report: cost by stage, errors against wanted ones, the last run, what was left out."""
+"""The first page of a sweep's report: cost by stage, errors against requested ones, the last run, what was left out."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pandas as pd
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.sweep_record import RUNS, Run
 from eitsim.sweeps.run.omissions import LEFT_OUT, Omission
-from reports.sweep import dispatch
+from reports.sweep import sweep_report
 from reports.sweep.sweep_report import report
 
 
@@ -47,7 +47,7 @@ def test_runs_and_omissions_are_told(write_set: Callable[..., Path]) -> None:
     made = report(with_account(write_set(20)))
     assert any("20 scenes in 10.0 s on 2 workers, which were busy with them 80 % of the time" in found
                for found in made.findings)
-    assert any("above the 1.0 % wanted" in found for found in made.findings)
+    assert any("above the 1.0 % requested" in found for found in made.findings)
     assert made.prose["left_out"] == ["The skin is a sheet: at most 0.16 % of the signal.",
                                       "At a cost that is unknown and in no error: no friction."]
 
@@ -62,6 +62,6 @@ def test_rows_of_other_code_are_marked(write_set: Callable[..., Path], tmp_path:
     folder = write_set(8)
     assert not report(folder).cautions
     parquet.write_manifest(folder, {**parquet.read_manifest(folder), "code": "0" * 64})
-    dispatch.write(folder, tmp_path / "s.pdf")
+    sweep_report.write(folder, tmp_path / "s.pdf")
     text = read_pdf(tmp_path / "s.pdf").whole
     assert "Stale: other code or libraries than are here solved its rows." in text

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eitsim.sweeps.dataset import parquet
-from reports.sweep.signals import rms_of
+from reports.sweep.sweep_report import rms_of
 from touchcal.errors import InputFileError
 
 

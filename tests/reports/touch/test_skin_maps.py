@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports.sweep.dispatch import write
+from reports.sweep.sweep_report import write
 from reports.touch import skin_maps
 from touchcal.errors import InputFileError
 from touchcal.provenance import file_identity
@@ -75,7 +75,7 @@ def test_maps_of_another_run_are_not_shown(tmp_path: Path, write_result: Make, r
     assert "is not the file that was written with this result" in read_pdf(tmp_path / "t.pdf").whole
     skin.unlink()
     write(source, tmp_path / "t.pdf")
-    assert "is not beside it" in read_pdf(tmp_path / "t.pdf").whole
+    assert "is not next to it" in read_pdf(tmp_path / "t.pdf").whole
     assert "skin_file" not in json.loads(write_result().read_text())
     write(write_result(), tmp_path / "t.pdf")
     assert "the result names no file of them" in read_pdf(tmp_path / "t.pdf").whole
