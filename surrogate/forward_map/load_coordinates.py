@@ -11,7 +11,7 @@ import numpy as np
 from touchcal.arrays import Array
 
 LIGHT = 0.1  # part of the training touches that are lighter than p0
-MOST, ROWS = 12, 40  # most diameters that are taken for those of known punches, and fewest rows of each
+MOST, ROWS = 12, 8  # most diameters that are taken for those of known punches, and fewest rows of each
 
 
 def light_pressure(touch: Array) -> float:

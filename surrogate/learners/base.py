@@ -25,6 +25,10 @@ class Estimate:
     misfit: Array
     # (n,) whether the touch lies among the trained ones; True for learners that only map signals to outputs
     inside: Mask
+    # (n, outputs) one-sided standard deviations: distances of the value to the ends of the central 90 % interval, in
+    # those of the normal variable
+    below: Array
+    above: Array
     parts: Parts | None = None  # what makes up sd, for learners that can tell
 
 
@@ -42,7 +46,8 @@ class Parts:
 
 def regression(value: Array, variance: Array) -> Estimate:
     """The estimate of a learner that only maps signals to outputs: values and variances (n, outputs)."""
-    return Estimate(value, np.sqrt(variance), np.ones(len(value)), np.ones(len(value), bool))
+    sd = np.sqrt(variance)
+    return Estimate(value, sd, np.ones(len(value)), np.ones(len(value), bool), sd, sd)
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from surrogate.data import material_states, outputs
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map, rim_correction
-from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
-from surrogate.forward_map.inversion.diameter_force_posterior import make_table, moments
+from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
 from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.learners.base import Estimate, Learner, Parts, Training
@@ -23,7 +23,7 @@ from touchcal.arrays import Array, Mask
 
 BATCH = 64  # frames solved together, to bound the memory
 # What an estimate holds for each frame, besides the parts of its standard deviations.
-_EACH = ("value", "sd", "misfit", "inside")
+_EACH = ("value", "sd", "misfit", "inside", "below", "above")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +71,19 @@ class TouchInversion(Learner):
 def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
     found = invert(learner.forward, signal, noise_V)
     value, sd, own = found.touch, np.sqrt(np.einsum("npp->np", found.covariance)), 0.0
+    sides = np.stack([found.below, found.above])
     slope = np.concatenate([np.broadcast_to(np.eye(4), (len(signal), 4, 4)),
                             np.zeros((len(signal), 4, found.material.shape[1]))], axis=2)
     if learner.response.processes:
         answer = mechanical_response.respond(learner.response, found.touch, found.material)
         mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)
         slope, own = np.concatenate([slope, mechanical], axis=1), np.column_stack([0 * value, answer.sd])
-        value, sd = (np.column_stack(both) for both in zip((value, sd), _response(learner, found, answer), strict=True))
+        mean, spread, both = _response(learner, found, answer)
+        value, sd, sides = (np.concatenate(pair, axis=-1) for pair in ((value, mean), (sd, spread), (sides, both)))
     c = learner.columns
     parts = _parts(found.peak, slope, own, sd)
-    return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, Parts(parts.noise[:, c], parts.material[:, c]))
+    return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, sides[0][:, c], sides[1][:, c],
+                    Parts(parts.noise[:, c], parts.material[:, c]))
 
 
 def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
@@ -93,18 +96,26 @@ def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
     return Parts(np.sqrt(np.minimum(noise, known) * per_variance), np.sqrt((whole - known) * per_variance))
 
 
-def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array]:
-    """Mechanical outputs and their standard deviations; over the whole posterior where that is broad."""
+def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array, Array]:
+    """Mechanical outputs, their standard deviations and the one-sided ones (2, n, outputs); over the posterior of the
+    punches where that speaks."""
     carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
-    of_table, discrepancy = _table_response(learner)
-    mean, covariance = moments(found.punches, of_table)
-    spread = np.sqrt(np.einsum("npp->np", covariance) + found.punches.weight @ discrepancy**2)
-    broad = found.broad[:, None]
-    return np.where(broad, mean, answer.value), np.where(broad, spread, np.sqrt(carried + answer.sd**2))
+    of_table, discrepancy = (drawn(found.punches, part) for part in _table_response(learner))
+    mean, covariance = moments(of_table)
+    own, widened = np.maximum(discrepancy.mean(axis=1), 0.0), np.maximum(found.misfit, 1.0)[:, None]
+    k, peak = found.broad[:, None], np.sqrt(carried + answer.sd**2)
+    whole = np.where(k, np.sqrt(np.einsum("npp->np", covariance) * widened + own), peak)
+    sides = np.where(k, np.sqrt(one_sided(of_table) ** 2 * widened + own), peak)
+    return np.where(k, mean, answer.value), whole, sides
 
 
 @lru_cache(maxsize=8)
 def _table_response(learner: TouchInversion) -> tuple[Array, Array]:
-    touch = make_table(learner.forward).touch
-    answer = mechanical_response.respond(learner.response, touch, np.zeros((len(touch), learner.forward.materials)))
-    return answer.value, answer.sd
+    """(RADII, D, G, outputs) outputs of the table's punches and the variances of their own errors and materials."""
+    forward, nodes = learner.forward, make_table(learner.forward).touch
+    touch = np.zeros((len(RADII), *nodes.shape[:2], 4))
+    touch[..., 0], touch[..., 2:] = INTERIOR * forward.ring.radius_mm * np.sqrt(RADII)[:, None, None], nodes
+    flat = touch.reshape(-1, 4)
+    answer = mechanical_response.respond(learner.response, flat, np.zeros((len(flat), forward.materials)))
+    variance = answer.sd**2 + np.sum(answer.slope[..., 2:] ** 2, axis=-1)
+    return answer.value.reshape(*touch.shape[:3], -1), variance.reshape(*touch.shape[:3], -1)

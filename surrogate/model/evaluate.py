@@ -25,8 +25,8 @@ from surrogate.statistics.gaussian_process import spread_evenly
 from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Score, rms, score
 from touchcal.arrays import Array, Index, Mask
 
-# Columns of the half widths of intervals, one for each of COVERAGES.
-HALF_WIDTHS = tuple(f"half_width_{coverage:.0%}".rstrip("%") for coverage in COVERAGES)
+# Columns of the distances from a value to the ends of its intervals, one for each of COVERAGES.
+BELOW, ABOVE = (tuple(f"{side}_{coverage:.0%}".rstrip("%") for coverage in COVERAGES) for side in ("below", "above"))
 # Rows that the model has not seen, by what their part is called, the first that a set has.
 UNSEEN = ("test", "new", "all")
 
@@ -66,7 +66,7 @@ class Evaluation:
     """Scores, and the noise-free predictions behind them."""
 
     scores: Mapping[str, Any]  # scores as JSON
-    # one row a scene and output: part, scene, output, unit, target, value, HALF_WIDTHS, in the output's unit
+    # one row a scene and output: part, scene, output, unit, target, value, BELOW, ABOVE, half_width_90, in its unit
     predictions: pd.DataFrame
 
 
@@ -190,17 +190,21 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
     begun = time.process_time()
     found = estimate(model, noisy, noise)
     predict_ms = (time.process_time() - begun) / len(samples) * 1e3
-    half_width = found.sd * interval_scales(model, noise, COVERAGES)[:, None]
+    scales = interval_scales(model, noise, COVERAGES)[:, None]
     part, target = parts_of(model, samples), samples.targets(model.names)
-    tables = [_long(model, samples.scene, part, k, target[:, k], found.value[:, k], half_width[..., k])
+    tables = [_long(model, samples.scene, part, k, target[:, k], found.value[:, k],
+                    (found.below * scales)[..., k], (found.above * scales)[..., k])
               for k in range(len(model.names))]
     return pd.concat(tables, ignore_index=True), predict_ms, _force_sd(model, found, part)
 
 
 def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int, target: Array, value: Array,
-          half_width: Array) -> pd.DataFrame:
+          below: Array, above: Array) -> pd.DataFrame:
+    """Distances (3, n) to the ends of intervals as BELOW and ABOVE."""
+    ends = dict(zip((*BELOW, *ABOVE), (*below, *above), strict=True))
     table = pd.DataFrame({"part": part, "scene": scene, "output": model.names[k], "unit": model.units[k],
-                          "target": target, "value": value, **dict(zip(HALF_WIDTHS, half_width, strict=True))})
+                          "target": target, "value": value, **ends})
+    table["half_width_90"] = (table["below_90"] + table["above_90"]) / 2
     order = [*PARTS, "new", "all"]
     return table.iloc[np.argsort([order.index(p) for p in part], kind="stable")]
 
@@ -214,8 +218,9 @@ def _scores(model: Model, table: pd.DataFrame) -> dict[str, dict[str, Any]]:
 
 
 def _score(group: pd.DataFrame, unit: str) -> Score:
-    target, value, *half_widths = (group[key].to_numpy(np.float64) for key in ("target", "value", *HALF_WIDTHS))
-    return score(target, value, np.array(half_widths), unit)
+    target, value = (group[key].to_numpy(np.float64) for key in ("target", "value"))
+    below, above = (group[list(keys)].to_numpy(np.float64).T for keys in (BELOW, ABOVE))
+    return score(target, value, below, above, unit)
 
 
 def transfer(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:

@@ -18,6 +18,8 @@ from surrogate.model.trained import TrainedModel, estimate, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Index, Mask
 
+# An interval of F wider than this part of its training range says that d and F have several answers.
+SEVERAL, SEVERAL_PART = "several answers for F", 0.5
 NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
 # Where nearly all trained touches lower the readings, or nearly all raise them.
 OTHER_SIGN = "signal of the other sign than a touch's"
@@ -54,11 +56,18 @@ class Predictions:
     """One row a frame; NaN where a frame has no touch to read."""
 
     value: Array  # (n, outputs)
-    half_width: Array  # (n, outputs) half widths of the 90 % intervals
+    # (n, outputs) distances of the values to the lower and upper ends of the 90 % intervals
+    below: Array
+    above: Array
     flag: list[str]  # (n,) what is to be known of the frame, empty where nothing is
     # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
     # half_width over the normal factor. No columns where the model cannot tell
     force_parts: Array
+
+    @property
+    def half_width(self) -> Array:
+        """(n, outputs) half widths of the 90 % intervals."""
+        return (self.below + self.above) / 2
 
 
 def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None, *,
@@ -83,12 +92,12 @@ def predict(predictor: Predictor, volts: Array) -> Predictions:
     flagged, and intervals calibrated without them, never by less than with them. Else such a frame has no values.
     """
     shape = (len(volts), len(predictor.model.names))
-    found = Predictions(np.full(shape, np.nan), np.full(shape, np.nan), [""] * len(volts),
-                        np.full((len(volts), _parts_told(predictor.model)), np.nan))
+    found = Predictions(*(np.full(shape, np.nan) for _ in range(3)), flag=[""] * len(volts),
+                        force_parts=np.full((len(volts), _parts_told(predictor.model)), np.nan))
     dead = silent(volts, predictor.model.baseline_V) | predictor.dead
     for mask, rows in _groups(dead):
         part = _without(predictor, mask, volts[rows]) if mask.any() else _sound(predictor, volts[rows])
-        found.value[rows], found.half_width[rows] = part.value, part.half_width
+        found.value[rows], found.below[rows], found.above[rows] = part.value, part.below, part.above
         found.force_parts[rows] = part.force_parts
         for row, flag in zip(rows.tolist(), part.flag, strict=True):
             found.flag[row] = flag
@@ -108,7 +117,7 @@ def _groups(dead: Mask) -> Iterator[tuple[Mask, Index]]:
 def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     if problem := why_not(predictor.model, dead):
         none = np.full((len(volts), len(predictor.model.names)), np.nan)
-        return Predictions(none, none, [f"{named(dead)}; {problem}"] * len(volts),
+        return Predictions(none, none, none, [f"{named(dead)}; {problem}"] * len(volts),
                            none[:, :_parts_told(predictor.model)])
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
@@ -125,7 +134,8 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     wild = size > WILD * predictor.novelty.strongest_V
     touched = (size >= WEAK * model.trained.weakest_V) & ~wild
     shape = (len(signal), len(model.names))
-    value, half_width, flags = np.full(shape, np.nan), np.full(shape, np.nan), np.full(len(signal), NO_TOUCH, object)
+    value, below, above = (np.full(shape, np.nan) for _ in range(3))
+    flags = np.full(len(signal), NO_TOUCH, object)
     flags[wild] = f"{OUTSIDE}; {MISFIT}"
     reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise_V)
     reverse |= volts @ predictor.baseline_V < 0
@@ -135,12 +145,15 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
         outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value
-        half_width[touched] = _widened(model, found.sd * predictor.scale, strange, outside)
+        below[touched], above[touched] = (_widened(model, side * predictor.scale, strange, outside)
+                                          for side in (found.below, found.above))
         flags[touched] = _flags(model, found, strange > 1, outside)
         if parts.shape[1]:
-            parts[touched] = _force_parts(model, found, half_width[touched] / normal(COVERAGE))
+            parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
     flags[reverse] += f"; {OTHER_SIGN}"
-    return Predictions(value, half_width, flags.tolist(), parts)
+    flags[_several(model, below + above)] += f"; {SEVERAL}"
+    flags = np.array([flag.removeprefix("; ") for flag in flags], object)
+    return Predictions(value, below, above, flags.tolist(), parts)
 
 
 def _parts_told(model: TrainedModel) -> int:
@@ -153,7 +166,7 @@ def _force_parts(model: TrainedModel, found: Estimate, sd: Array) -> Array:
     assert found.parts is not None
     k = model.names.index("F")
     each = (found.parts.noise, found.parts.material, found.parts.model(found.sd))
-    return np.column_stack([part[:, k] for part in each]) * (sd / found.sd)[:, k, None]
+    return np.column_stack([part[:, k] for part in each]) * (sd / np.maximum(found.sd, np.finfo(float).tiny))[:, k, None]
 
 
 def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Mask) -> Array:
@@ -171,6 +184,14 @@ def _outside(model: TrainedModel, found: Estimate) -> Mask:
     slack = SLACK * (model.trained.highest - model.trained.lowest)
     off = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
     return off.any(axis=1) | ~found.inside
+
+
+def _several(model: TrainedModel, width: Array) -> Mask:
+    """(n,) whether the interval of F, of widths (n, outputs), is so wide that F has no one answer."""
+    if "F" not in model.names or not METHODS[model.method].separates_errors:
+        return np.zeros(len(width), bool)
+    k = model.names.index("F")
+    return width[:, k] > SEVERAL_PART * (model.trained.highest - model.trained.lowest)[k]
 
 
 def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
@@ -192,7 +213,7 @@ def _columns(model: TrainedModel, units: Sequence[str]) -> list[str]:
 
 def numbers_of(found: Predictions) -> Array:
     """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
-    ends = (found.value, found.value - found.half_width, found.value + found.half_width)
+    ends = (found.value, found.value - found.below, found.value + found.above)
     return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
 
 
@@ -216,7 +237,7 @@ def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
         whole[sound] = part
         return whole
 
-    return Predictions(spread(found.value), spread(found.half_width),
+    return Predictions(spread(found.value), spread(found.below), spread(found.above),
                        [problem or next(flags) for problem in lines.problem], spread(found.force_parts))
 
 

@@ -110,4 +110,5 @@ def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> 
     noisy = signal + noise_V * np.random.default_rng(model.seed).normal(size=signal.shape)
     found = estimate(model, noisy, noise_V)
     error, few = found.value - target, model.learner.discrete(model.names)
-    return np.array([conformal_scale(error, found.sd, len(rows.target), c, few) for c in coverages])
+    sd = np.where(error > 0, found.below, found.above)
+    return np.array([conformal_scale(error, sd, len(rows.target), c, few) for c in coverages])

@@ -57,7 +57,8 @@ def enough() -> int:
 
 def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE,
                     discrete: Mask | None = None) -> Array:
-    """(k,) factor of sd (n, k) whose intervals hold this part of errors (n, k) made on `rows` different rows.
+    """(k,) factor of sd (n, k), on the side of the error, whose intervals hold this part of errors (n, k) made on
+    `rows` different rows.
 
     The order statistic is that of `rows` exchangeable errors. Few rows have none (fewer than 9 at 90 %, 19 at 95 %):
     then the largest ratio is taken, or the normal factor where that is larger.

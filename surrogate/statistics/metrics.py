@@ -29,15 +29,17 @@ class Score:
     half_width_90: float  # median half width of the 90 % intervals
 
 
-def score(target: Array, value: Array, half_width: Array, unit: str) -> Score:
-    """Score predictions (n,) with intervals value +- half_width (3, n), one for each of COVERAGES."""
+def score(target: Array, value: Array, below: Array, above: Array, unit: str) -> Score:
+    """Score predictions (n,) with intervals from value - below to value + above (3, n), one for each of COVERAGES."""
     error = value - target
     mse = float(np.mean(error**2))
     spread = float(np.var(target))
     r2 = 1 - mse / spread if spread > 1e-20 * max(1.0, float(np.mean(target**2))) else None
-    half, ninety, ninety_five = (float(np.mean(np.abs(error) <= width)) for width in half_width)
+    half, ninety, ninety_five = (float(np.mean((error <= low) & (-error <= high)))
+                                 for low, high in zip(below, above, strict=True))
+    width = (below + above)[COVERAGES.index(0.90)] / 2
     return Score(mse, float(np.sqrt(mse)), r2, float(np.mean(np.abs(error))), len(target), half, ninety, ninety_five,
-                 unit, float(np.median(half_width[COVERAGES.index(0.90)])))
+                 unit, float(np.median(width)))
 
 
 def rms(values: Array) -> float:

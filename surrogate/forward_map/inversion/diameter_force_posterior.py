@@ -1,42 +1,50 @@
-"""Which punch made these multipoles: the posterior of (d, F) on a table, exact where it is broad or has branches.
+"""Which punch made these multipoles: the posterior of (d, F) on all branches of a signal, away from the rim.
 
-Along the load g the strengths are taken as linear between the nodes of the table, so that the Gaussian likelihood of
-measured strengths integrates over each interval in closed form. The prior is uniform over the d and F of the training
-touches.
+The strengths of a located touch have a normal likelihood under those of a table of punches, whose own errors count node
+by node. Along the load g the strengths are taken as linear between nodes, so that the likelihood integrates over each
+interval in closed form however narrow it is. The prior is uniform over the F of the training touches; over their d too,
+or, where training rows share a few diameters, almost all of it on these.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import log_ndtr, ndtri
 
-from surrogate.forward_map.forward_map import ForwardMap, by_material, log_strengths
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, by_material, log_strengths, strength_discrepancy
 from surrogate.forward_map.inversion.multipole_location import Located
-from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
-from touchcal.arrays import Array, Mask
+from surrogate.forward_map.load_coordinates import force
+from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.arrays import Array, Index, Mask
 
-DIAMETERS, LOADS = 48, 96
-RESOLVED = 1.5  # spacings of the table that a standard deviation must exceed for the table to resolve it
+# Diameters of the table where none is known, and besides known ones; loads of each.
+DIAMETERS, OTHERS, LOADS = 48, 16, 96
+RESOLVED = 1.5  # spacings of the diameters that a standard deviation must exceed for the table to resolve it
+FITS = 25.0  # squared distance in standard deviations from which a punch of the table made the strengths no more
+DRAWS = 1000  # punches in equal steps of probability that stand for the posterior of a frame
+# Squares of the radii of the table over that of the interior; between them strengths are taken as parabolas.
+RADII = np.array([0.0, 0.5, 1.0])
 
 
 @dataclass(frozen=True)
 class Table:
-    """Strengths of punches at the mean radius of the training touches."""
+    """Strengths of punches at some radii."""
 
-    d_mm: Array  # (D,) diameters, mm
-    load: Array  # (G,) loads g
-    p0: float  # pressure of the load, N/mm^2
-    strengths: Array  # (D, G, orders) log |p_1 / V|, p_2 / p_1 ...
+    d_mm: Array  # (D,) diameters, mm: the known punches, then others in equal steps
+    known: int  # how many of them are known
+    load: Array  # (D, G) loads g
+    force_N: Array  # (D, G) their forces
+    strengths: Array  # (RADII, D, G, orders) log |p_1 / V|, p_2 / p_1 ...
+    variance: Array  # (RADII, D, G, orders) of their own errors
+    log_prior: Array  # (D, G - 1) of each interval
 
     @property
     def touch(self) -> Array:
-        """(D (G - 1), 4) x = y = 0, d in mm and F in N of the middle of each interval."""
-        middle = (self.load[1:] + self.load[:-1]) / 2
-        log_d = np.repeat(np.log(self.d_mm), len(middle))
-        return to_touch(np.column_stack([0 * log_d, 0 * log_d, log_d, np.tile(middle, len(self.d_mm))]), self.p0)
+        """(D, G, 2) d, mm, and F, N, of the nodes."""
+        return np.stack(np.broadcast_arrays(self.d_mm[:, None], self.force_N), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -44,58 +52,78 @@ class Posterior:
     """Posterior of the punch of each frame."""
 
     table: Table
+    radial: Array  # (n, RADII) weights of the table's radii at the places
     log_weight: Array  # (n, D, G - 1) log probability of each interval
-    load: Array  # (n, D, G - 1) most probable load in each interval
+    along: Array  # (n, D, G - 1) mean place along each interval, 0 to 1
+    spread: Array  # (n, D, G - 1) standard deviation of that place
+    cost: Array  # (n,) least squared distance of the strengths from the table's, in standard deviations
 
-    @property
-    def weight(self) -> Array:
-        """(n, D (G - 1)) probability of each interval."""
-        return np.exp(self.log_weight).reshape(len(self.log_weight), -1)
+    @cached_property
+    def draws(self) -> tuple[Index, Array]:
+        """(n, DRAWS) intervals of punches in equal steps of probability, as flat positions, and places on these."""
+        flat = [part.reshape(len(self.cost), -1) for part in (np.exp(self.log_weight), self.along, self.spread)]
+        reached, steps = np.cumsum(flat[0], axis=1), (np.arange(DRAWS) + 0.5) / DRAWS
+        which = np.array([np.searchsorted(row, steps * row[-1]) for row in reached])
+        weight, along, spread, up_to = (np.take_along_axis(part, which, axis=1) for part in (*flat, reached))
+        share = 1 - (up_to - steps * reached[:, -1:]) / weight
+        return which, np.clip(along + spread * ndtri(np.clip(share, 1e-9, 1 - 1e-9)), 0.0, 1.0)
 
 
 @lru_cache(maxsize=8)
 def make_table(forward: ForwardMap) -> Table:
     """The table over the diameters and forces of the training touches; one diameter where all are the same."""
     (_, d_lo, f_lo), (_, d_hi, f_hi) = forward.bounds
-    d = np.linspace(d_lo, d_hi, DIAMETERS) if d_hi > 1.001 * d_lo else np.array([d_lo])
-    load = np.linspace(np.arcsinh(f_lo / (d_hi**2 * forward.p0)), np.arcsinh(f_hi / (d_lo**2 * forward.p0)), LOADS)
-    unknown = np.zeros((len(d), len(load), 4))
-    unknown[..., 0] = np.hypot(*forward.sd[:2])
+    known, count = forward.known_mm, OTHERS if len(forward.known_mm) else DIAMETERS
+    others = np.linspace(d_lo, d_hi, count) if d_hi > 1.001 * d_lo else np.array([d_lo])
+    d = np.r_[known, others]
+    ends = np.arcsinh(np.array([f_lo, f_hi]) / (d[:, None] ** 2 * forward.p0))
+    load = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * np.linspace(0, 1, LOADS)
+    unknown = np.zeros((len(RADII), *load.shape, 4))
+    unknown[..., 0] = INTERIOR * forward.ring.radius_mm * np.sqrt(RADII)[:, None, None]
     unknown[..., 2], unknown[..., 3] = np.log(d)[:, None], load
-    return Table(d, load, forward.p0, log_strengths(forward, unknown.reshape(-1, 4)).reshape(len(d), len(load), -1))
+    flat, shape = unknown.reshape(-1, 4), (*unknown.shape[:3], -1)
+    force_N = force(np.log(d)[:, None], load, forward.p0)
+    of_force = np.diff(force_N, axis=1) / (f_hi - f_lo)
+    log_prior = np.log(_diameter_prior(forward, len(others))[:, None] * of_force)
+    return Table(d, len(known), load, force_N, log_strengths(forward, flat).reshape(shape),
+                 strength_discrepancy(forward, flat).reshape(shape) ** 2, log_prior)
+
+
+def _diameter_prior(forward: ForwardMap, others: int) -> Array:
+    """(D,) prior of the known diameters, as the training rows leave it, and of others by the trapezoidal rule."""
+    uniform = np.ones(others)
+    uniform[[0, -1]] = 0.5 if others > 1 else 1.0
+    known = len(forward.known_mm)
+    other = 1 / (forward.rows + 2) if known else 1.0
+    return np.r_[np.full(known, (1 - other) / max(known, 1)), other * uniform / uniform.sum()]
 
 
 def posterior(forward: ForwardMap, table: Table, located: Located) -> Posterior:
-    """Posterior of the punches of located touches; the scatter of the training strengths counts as error, and what the
-    material makes of those of the mean touch."""
-    scatter = np.diag([float(np.median(process.noise)) for process in forward.strengths])
+    """Posterior of the punches of located touches; what the material makes of the strengths of the mean touch counts as
+    error, too."""
+    radial = _radial(forward, located.place_mm)
     of_card = by_material(forward, forward.mean[None])[0]
-    scatter = scatter + of_card @ of_card.T
-    precision = np.linalg.inv(located.covariance + scatter)
-    miss = table.strengths[None, :, :-1] - located.strengths[:, None, None]
-    step = np.diff(table.strengths, axis=1)[None]
-    weighed = np.einsum("npq,xijq->nijp", precision, step, optimize=True)
-    curvature = np.maximum(np.einsum("nijp,xijp->nij", weighed, step), np.finfo(float).tiny)
-    best = -np.einsum("nijp,nijp->nij", weighed, miss) / curvature
-    cost = np.einsum("nijp,npq,nijq->nij", miss, precision, miss, optimize=True) - best**2 * curvature
-    width = 1 / np.sqrt(curvature)
-    load = table.load[:-1] + np.clip(best, 0, 1) * np.diff(table.load)
-    log_weight = -0.5 * cost + _log_mass(-best / width, (1 - best) / width) + np.log(width)
-    log_weight += _log_prior(forward, table)
-    top = log_weight.max(axis=(1, 2), keepdims=True)
-    total = np.log(np.sum(np.exp(log_weight - top), axis=(1, 2), keepdims=True))
-    return Posterior(table, log_weight - top - total, load)
+    strengths = np.tensordot(radial, table.strengths, 1)
+    covariance = (located.covariance + of_card @ of_card.T)[:, None, None] + (
+        np.maximum(np.tensordot(radial, table.variance, 1)[:, :, :-1], 0.0)[..., None] * np.eye(strengths.shape[-1]))
+    precision = np.linalg.inv(covariance)
+    miss, step = strengths[:, :, :-1] - located.strengths[:, None, None], np.diff(strengths, axis=2)
+    weighed = np.einsum("nijpq,nijq->nijp", precision, step, optimize=True)
+    curvature = np.maximum(np.sum(weighed * step, axis=-1), np.finfo(float).tiny)
+    best, width = -np.sum(weighed * miss, axis=-1) / curvature, 1 / np.sqrt(curvature)
+    cost = np.einsum("nijp,nijpq,nijq->nij", miss, precision, miss, optimize=True) - best**2 * curvature
+    mass = _log_mass(-best / width, (1 - best) / width)
+    log_weight = -0.5 * (cost + np.linalg.slogdet(covariance)[1]) + mass + np.log(width) + table.log_prior
+    log_weight -= log_weight.max(axis=(1, 2), keepdims=True)
+    log_weight -= np.log(np.sum(np.exp(log_weight), axis=(1, 2), keepdims=True))
+    nearest = np.min(cost + (best - np.clip(best, 0, 1)) ** 2 * curvature, axis=(1, 2))
+    return Posterior(table, radial, log_weight, *_truncated(best, width, mass), nearest)
 
 
-def _log_prior(forward: ForwardMap, table: Table) -> Array:
-    """(D, G - 1) log of the density of (d, g) that is uniform in (d, F), by the trapezoidal rule in d."""
-    touch, (lowest, highest) = table.touch, forward.bounds[:, 2]
-    density = np.log(touch_slope(to_unknown(touch, table.p0), table.p0)[:, 3, 3])
-    density[(touch[:, 3] < lowest) | (touch[:, 3] > highest)] = -np.inf
-    density = density.reshape(len(table.d_mm), -1)
-    if len(density) > 1:
-        density[[0, -1]] += np.log(0.5)
-    return density
+def _radial(forward: ForwardMap, place_mm: Array) -> Array:
+    """(n, RADII) weights of Lagrange's parabola through the table's radii at places (n, 2)."""
+    square = np.minimum((np.hypot(*place_mm.T) / (INTERIOR * forward.ring.radius_mm)) ** 2, 1.0)
+    return np.stack([np.prod([(square - b) / (a - b) for b in RADII if b != a], axis=0) for a in RADII], axis=1)
 
 
 def _log_mass(lower: Array, upper: Array) -> Array:
@@ -106,40 +134,60 @@ def _log_mass(lower: Array, upper: Array) -> Array:
     return larger + np.log1p(-np.exp(np.minimum(smaller - larger, -1e-300)))
 
 
-def moments(found: Posterior, values: Array) -> tuple[Array, Array]:
-    """Mean (n, k) and covariance (n, k, k) of values (D (G - 1), k) of the table's intervals."""
-    weight, middle, k = found.weight, values.mean(axis=0), values.shape[1]
-    centred = values - middle
-    mean = weight @ centred
-    second = weight @ (centred[:, :, None] * centred[:, None, :]).reshape(len(values), k * k)
-    covariance = second.reshape(-1, k, k) - mean[:, :, None] * mean[:, None, :]
-    diagonal = np.arange(k)
-    covariance[:, diagonal, diagonal] = np.maximum(covariance[:, diagonal, diagonal], 0.0)
-    return middle + mean, covariance
+def _truncated(best: Array, width: Array, log_mass: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation of normal variables of these means and widths, truncated to [0, 1] (Johnson, Kotz,
+    Balakrishnan, Continuous Univariate Distributions 1, 1994, section 13.10.1)."""
+    lower, upper = -best / width, (1 - best) / width
+    at_lower, at_upper = (np.exp(np.minimum(-0.5 * z**2 - 0.5 * np.log(2 * np.pi) - log_mass, 300.0))
+                          for z in (lower, upper))
+    shift = at_lower - at_upper
+    variance = 1 + lower * at_lower - upper * at_upper - shift**2
+    return np.clip(best + width * shift, 0.0, 1.0), np.sqrt(np.clip(width**2 * variance, 0.0, 1 / 12))
+
+
+def drawn(found: Posterior, values: Array) -> Array:
+    """(n, DRAWS, k) values (RADII or 1, D, G, k) of the table's nodes at the punches that stand for each posterior."""
+    which, place = found.draws
+    weights = found.radial if len(values) > 1 else np.ones((len(which), 1))
+    lower, gain = (part.reshape(len(values), -1, values.shape[-1])
+                   for part in (values[:, :, :-1], np.diff(values, axis=2)))
+    out = np.zeros((*which.shape, values.shape[-1]))
+    for of_radius, start, step in zip(weights.T, lower, gain, strict=True):
+        out += of_radius[:, None, None] * (start[which] + step[which] * place[..., None])
+    return out
+
+
+def moments(values: Array) -> tuple[Array, Array]:
+    """Mean (n, k) and covariance (n, k, k) of drawn values (n, DRAWS, k)."""
+    mean = values.mean(axis=1)
+    off = values - mean[:, None]
+    return mean, off.transpose(0, 2, 1) @ off / values.shape[1]
+
+
+def one_sided(values: Array) -> Array:
+    """(2, n, k) distances, down and up, of the mean of drawn values (n, DRAWS, k) to the ends of the central interval
+    that holds COVERAGE of them, in those of the normal variable; 0 where the mean lies outside it."""
+    mean, (low, high) = values.mean(axis=1), np.quantile(values, [(1 - COVERAGE) / 2, (1 + COVERAGE) / 2], axis=1)
+    return np.maximum([mean - low, high - mean], 0.0) / normal(COVERAGE)
 
 
 def resolved(found: Posterior) -> Mask:
-    """(n,) whether the posterior is broad enough for the table, in diameter or in load."""
-    table = found.table
-    by_d, by_load = np.exp(found.log_weight).sum(axis=2), np.exp(found.log_weight).sum(axis=1)
-    broad = _sd(by_load, (table.load[1:] + table.load[:-1]) / 2) > 2 * RESOLVED * (table.load[1] - table.load[0])
-    if len(table.d_mm) > 1:
-        broad |= _sd(by_d, table.d_mm) > RESOLVED * (table.d_mm[1] - table.d_mm[0])
-    return broad
-
-
-def _sd(weight: Array, values: Array) -> Array:
-    mean = weight @ values
-    return np.sqrt(np.maximum(weight @ values**2 - mean**2, 0.0))
+    """(n,) whether a punch of the table made the strengths, and its diameters are known, one, or nearer than the
+    posterior is wide."""
+    d, fits = found.table.d_mm, found.cost < FITS
+    if found.table.known or len(d) == 1:
+        return fits
+    by_d = np.exp(found.log_weight).sum(axis=2)
+    return fits & (np.sqrt(np.maximum(by_d @ d**2 - (by_d @ d) ** 2, 0.0)) > RESOLVED * (d[1] - d[0]))
 
 
 def starts(found: Posterior, bands: int) -> Array:
     """(n, bands, 2) most probable (d, g) in each of some bands of loads, which part the branches of one signal."""
-    n, groups = len(found.log_weight), np.array_split(np.arange(len(found.table.load) - 1), bands)
+    n, groups = len(found.log_weight), np.array_split(np.arange(LOADS - 1), bands)
+    load = found.table.load[:, :-1] + found.along * np.diff(found.table.load, axis=1)
     out = np.empty((n, bands, 2))
     for k, group in enumerate(groups):
-        flat = found.log_weight[:, :, group].reshape(n, -1)
-        best = np.argmax(flat, axis=1)
+        best = np.argmax(found.log_weight[:, :, group].reshape(n, -1), axis=1)
         out[:, k, 0] = found.table.d_mm[best // len(group)]
-        out[:, k, 1] = found.load[:, :, group].reshape(n, -1)[np.arange(n), best]
+        out[:, k, 1] = load[:, :, group].reshape(n, -1)[np.arange(n), best]
     return out

@@ -2,8 +2,8 @@
 
 Unknowns are (x, y, log d, load g) and one standard normal discrepancy for each multipole strength, so the map's own
 error is marginalised. The training touches give a Gaussian prior. Punches of different d and F may have nearly one
-signal, on several branches: the start is sought over all of them, and where noise leaves d and F broad, their mean and
-covariance are those of the whole posterior instead of its peak.
+signal, on a curved ridge with several branches: the start is sought over all of them, and away from the rim d and F are
+those of the whole posterior, `diameter_force_posterior`, instead of its peak.
 """
 
 from __future__ import annotations
@@ -12,10 +12,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from surrogate.forward_map import electrode_correction
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, extent, linearise, noise_floor, strength_discrepancy
-from surrogate.forward_map.inversion import diameter_force_posterior, known_diameters, reading_covariance
-from surrogate.forward_map.inversion.diameter_force_posterior import Posterior
+from surrogate.forward_map import electrode_correction, rim_correction
+from surrogate.forward_map.forward_map import (
+    INTERIOR,
+    ForwardMap,
+    extent,
+    linearise,
+    noise_floor,
+    place,
+    strength_discrepancy,
+)
+from surrogate.forward_map.inversion import known_diameters, reading_covariance
+from surrogate.forward_map.inversion.diameter_force_posterior import (
+    Posterior,
+    drawn,
+    make_table,
+    moments,
+    one_sided,
+    posterior,
+    resolved,
+    starts,
+)
 from surrogate.forward_map.inversion.known_diameters import Selected
 from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
 from surrogate.forward_map.inversion.reading_covariance import Uncertainty, of, whitened
@@ -29,8 +46,8 @@ BANDS = 5  # bands of loads that each give one start
 # Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
 SHORT, MIDDLE, LONG = 6, 12, 100
 BRANCHES, HELD = 2, 20  # branches of each frame that known punches are tried from, and the steps of each
-# Noise over the map's own error above which the table of punches, which is for one radius, may speak for the peak.
-NOISY = 2.0
+LEAST_SIDE = 0.25  # least one-sided standard deviation over the two-sided one
+RIM_PART = 0.1  # part of a signal that the rim may add where the table of punches speaks for the peak
 FORCE, LOAD = 3, 3  # column of F in a touch, and that of g among the unknowns
 # Standard deviation of g from which known punches are tried aside of an end, too, and how many of these aside.
 WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
@@ -54,18 +71,20 @@ class Inversion:
     touch: Array  # (n, 4) x, y, d in mm, F in N
     covariance: Array  # (n, 4, 4) covariance of the touch, widened by the misfit where that exceeds 1
     material: Array  # (n, k) most probable states of the material
-    peak: Peak  # the covariance about the peak, as it is where d and F are not broad, and what makes it up
+    peak: Peak  # the covariance about the peak, and what makes it up
     misfit: Array  # (n,) squared residual over what noise and the map's error explain, a degree of freedom
     inside: Mask  # (n,) whether the solution's radius, d and F lie among those of the training touches
-    broad: Mask  # (n,) whether d and F are the mean over a broad posterior rather than its peak
+    broad: Mask  # (n,) whether d and F are the mean over the posterior of punches rather than its peak
     punches: Posterior  # that posterior
+    below: Array  # (n, 4) one-sided standard deviations of the touch, towards smaller values
+    above: Array  # (n, 4) and towards larger ones
 
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
     size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
-    punches = diameter_force_posterior.posterior(forward, diameter_force_posterior.make_table(forward), located)
+    punches = posterior(forward, make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
     usual = noise_floor(forward, near) * size
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
@@ -76,8 +95,8 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
     selected = _selected(forward, signal, sd, free, branches)
-    found = _inversion(forward, selected.end, punches, noise_V > NOISY * floor, noise_V)
-    return _broadened(_bounded(forward, _mixed(forward, found, selected)))
+    found = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, punches, noise_V), selected))
+    return _along_ridge(_without_rim(forward, signal, found, located, np.hypot(noise_V, floor)))
 
 
 def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
@@ -150,18 +169,40 @@ def _inside(forward: ForwardMap, touch: Array) -> Mask:
     return np.all((reached >= np.r_[0.0, forward.bounds[0, 1:]]) & (reached <= forward.bounds[1]), axis=1)
 
 
-def _broadened(found: Inversion) -> Inversion:
-    """With mean and covariance of (d, F) over the table where their posterior is broad."""
-    mean, covariance = diameter_force_posterior.moments(found.punches, found.punches.table.touch[:, 2:])
+def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array) -> Inversion:
+    """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak."""
+    unknown = to_unknown(found.touch, forward.p0)
+    near, usable = electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)), found.broad
+    if not np.any(near):
+        return replace(found, broad=usable & resolved(found.punches))
+    series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
+    added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
+    usable = usable.copy()
+    usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
+    again = locate(forward, signal[near] - added, sd[near])
+    merged = Located(*(part.copy() for part in (located.place_mm, located.strengths, located.covariance)))
+    merged.place_mm[near], merged.strengths[near], merged.covariance[near] = (
+        again.place_mm, again.strengths, again.covariance)
+    punches = posterior(forward, make_table(forward), merged)
+    return replace(found, punches=punches, broad=usable & resolved(punches))
+
+
+def _along_ridge(found: Inversion) -> Inversion:
+    """With d and F over the posterior of punches where that may speak, and one-sided standard deviations."""
+    punches, k = drawn(found.punches, found.punches.table.touch[None]), found.broad
+    mean, covariance = moments(punches)
+    widened = np.maximum(found.misfit, 1.0)[:, None]
     touch, spread = found.touch.copy(), found.covariance.copy()
-    touch[found.broad, 2:] = mean[found.broad]
-    spread[found.broad, :2, 2:], spread[found.broad, 2:, :2] = 0.0, 0.0
-    spread[found.broad, 2:, 2:] = covariance[found.broad]
-    return replace(found, touch=touch, covariance=spread)
+    touch[k, 2:] = mean[k]
+    spread[k, :2, 2:], spread[k, 2:, :2] = 0.0, 0.0
+    spread[k, 2:, 2:] = covariance[k] * widened[k, :, None]
+    sides = np.repeat(np.sqrt(np.einsum("npp->np", spread))[None], 2, axis=0)
+    sides[:, k, 2:] = np.maximum(one_sided(punches) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
+                                 )[:, k]
+    return replace(found, touch=touch, covariance=spread, below=sides[0], above=sides[1])
 
 
-def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: Mask,
-               noise_V: float) -> Inversion:
+def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: float) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
     misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1])
@@ -169,9 +210,9 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noisy: Mas
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
     peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
-    in_table = noisy & (np.hypot(touch[:, 0], touch[:, 1]) <= INTERIOR * forward.ring.radius_mm)
-    return Inversion(touch, peak.joint[:, :4, :4], state[:, 4 + len(forward.strengths):], peak, misfit,
-                     _inside(forward, touch), diameter_force_posterior.resolved(punches) & in_table, punches)
+    covariance = peak.joint[:, :4, :4]
+    return Inversion(touch, covariance, state[:, 4 + len(forward.strengths):], peak, misfit, _inside(forward, touch),
+                     np.ones(len(touch), bool), punches, np.zeros_like(touch), np.zeros_like(touch))
 
 
 def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
@@ -201,7 +242,7 @@ def _carried(slope: Array, covariance: Array) -> Array:
 def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
     """(n BANDS, 4 + discrepancies) states with the most probable punch of each band of loads at the located places; of
     each band the touch whose foreseen signal is closest where that place is near the rim."""
-    chosen = diameter_force_posterior.starts(punches, BANDS)
+    chosen = starts(punches, BANDS)
     unknown = np.empty((len(chosen), BANDS, 4))
     unknown[..., :2] = located.place_mm[:, None]
     unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]

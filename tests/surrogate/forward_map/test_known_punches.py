@@ -25,7 +25,7 @@ def learned(ring: Ring, synthetic: Synthetic) -> ForwardMap:
 
 def test_punches_are_known_where_many_rows_share_few_diameters() -> None:
     assert load_coordinates.known_mm(np.repeat([14.0, 10.0], 50)).tolist() == [10.0, 14.0]
-    for others in (np.linspace(10, 18, 500), np.full(200, 12.0), np.repeat([10.0, 14.0], [200, 20])):
+    for others in (np.linspace(10, 18, 500), np.full(200, 12.0), np.repeat([10.0, 14.0], [200, 7])):
         assert not len(load_coordinates.known_mm(others))
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, log_strengths
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, log_strengths, strength_discrepancy
 from surrogate.forward_map.inversion import diameter_force_posterior
 from surrogate.forward_map.inversion.multipole_location import Located, locate
 from surrogate.forward_map.load_coordinates import to_unknown
@@ -31,17 +32,15 @@ def measured(learned: ForwardMap, d_mm: float, force_N: float, sd: Array) -> Loc
 
 
 def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tuple[Array, Array]:
-    """Posterior mean and standard deviation of (d, F) by summing over a fine grid, uniform in d and F."""
+    """(points^2, 2) d and F on a fine grid, and their probabilities, uniform in d and F."""
     (_, d_lo, f_lo), (_, d_hi, f_hi) = learned.bounds
     d, force = (g.ravel() for g in np.meshgrid(np.linspace(d_lo, d_hi, points), np.linspace(f_lo, f_hi, points)))
-    place = np.repeat(located.place_mm, len(d), axis=0)
-    miss = log_strengths(learned, to_unknown(np.column_stack([place, d, force]), learned.p0)) - located.strengths
-    scatter = np.diag([np.median(process.noise) for process in learned.strengths])
-    log_weight = -0.5 * np.einsum("np,pq,nq->n", miss, np.linalg.inv(located.covariance[0] + scatter), miss)
-    weight = np.exp(log_weight - log_weight.max())
-    values = np.column_stack([d, force])
-    mean = weight @ values / weight.sum()
-    return mean, np.sqrt(weight @ (values - mean) ** 2 / weight.sum())
+    unknown = to_unknown(np.column_stack([np.repeat(located.place_mm, len(d), axis=0), d, force]), learned.p0)
+    miss, error = log_strengths(learned, unknown) - located.strengths, strength_discrepancy(learned, unknown)
+    covariance = located.covariance + error[..., None] ** 2 * np.eye(error.shape[1])
+    log_weight = -0.5 * np.einsum("np,npq,nq->n", miss, np.linalg.inv(covariance), miss)
+    weight = np.exp(log_weight - 0.5 * np.linalg.slogdet(covariance)[1] - log_weight.max())
+    return np.column_stack([d, force]), weight / weight.sum()
 
 
 @pytest.mark.parametrize(("d_mm", "force_N", "sd"), [(14.0, 1.0, [0.02, 2e-4, 1.0]), (11.0, 0.4, [0.1, 4e-4, 1.0]),
@@ -49,12 +48,40 @@ def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tup
 def test_the_posterior_equals_brute_force(learned: ForwardMap, d_mm: float, force_N: float, sd: list[float]) -> None:
     located = measured(learned, d_mm, force_N, np.array(sd))
     found = diameter_force_posterior.posterior(learned, diameter_force_posterior.make_table(learned), located)
-    mean, covariance = diameter_force_posterior.moments(found, found.table.touch[:, 2:])
-    wanted_mean, wanted_sd = brute_force(learned, located)
-    assert np.allclose(mean[0], wanted_mean, atol=0.05 * wanted_sd)
-    assert np.allclose(np.sqrt(np.diagonal(covariance[0])), wanted_sd, rtol=0.06)
-    assert found.weight.sum() == pytest.approx(1.0)
+    punches = diameter_force_posterior.drawn(found, found.table.touch[None])
+    mean, covariance = diameter_force_posterior.moments(punches)
+    values, weight = brute_force(learned, located)
+    expected_mean = weight @ values
+    expected_sd = np.sqrt(weight @ (values - expected_mean) ** 2)
+    assert np.allclose(mean[0], expected_mean, atol=0.05 * expected_sd)
+    assert np.allclose(np.sqrt(np.diagonal(covariance[0])), expected_sd, rtol=0.06)
+    assert np.exp(found.log_weight).sum() == pytest.approx(1.0)
     assert diameter_force_posterior.resolved(found)[0]
+    below, above = 1.6449 * diameter_force_posterior.one_sided(punches)[:, 0, 1]
+    order = np.argsort(values[:, 1])
+    ends = np.interp([0.05, 0.95], np.cumsum(weight[order]), values[order, 1])
+    assert np.allclose([mean[0, 1] - below, mean[0, 1] + above], ends, atol=0.08 * expected_sd[1])
+
+
+def test_known_punches_keep_every_branch(learned: ForwardMap) -> None:
+    """The signal of a 10 mm punch grows with F and falls again: both answers stay in the interval, and no diameter in
+    between known ones is taken."""
+    known = replace(learned, known_mm=np.array([10.0, 12, 14, 16, 18]))
+    located = measured(known, 10.0, 1.6, np.array([3e-3, 1e-2, 1.0]))
+    found = diameter_force_posterior.posterior(known, diameter_force_posterior.make_table(known), located)
+    punches = diameter_force_posterior.drawn(found, found.table.touch[None])
+    mean = punches.mean(axis=1)
+    below, above = 1.6449 * diameter_force_posterior.one_sided(punches)[:, 0, 1]
+    assert mean[0, 1] - below < 1.6 < mean[0, 1] + above
+    assert np.exp(found.log_weight)[0, :5].sum() > 0.9
+    assert diameter_force_posterior.resolved(found)[0]
+
+
+def test_strengths_of_no_punch_of_the_table_are_left_to_the_peak(learned: ForwardMap) -> None:
+    known = replace(learned, known_mm=np.array([10.0, 12, 14, 16, 18]))
+    located = measured(known, 10.9, 1.0, np.array([1e-4, 1e-6, 1e-6]))
+    found = diameter_force_posterior.posterior(known, diameter_force_posterior.make_table(known), located)
+    assert not diameter_force_posterior.resolved(found)[0]
 
 
 def test_a_sharp_posterior_is_left_to_its_peak(learned: ForwardMap) -> None:

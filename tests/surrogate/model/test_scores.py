@@ -27,8 +27,8 @@ def test_too_few_rows_are_refused() -> None:
 
 
 def test_a_score_by_hand() -> None:
-    found = score(np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 3.0, 3.0, 4.0]),
-                  np.array([[0.5] * 4, [1.5] * 4, [2.0] * 4]), "mm")
+    below, above = (np.tile(widths, (4, 1)).T for widths in ((0.5, 2.0, 1.0), (0.5, 1.0, 2.0)))
+    found = score(np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 3.0, 3.0, 4.0]), below, above, "mm")
     assert (found.mse, found.mae, found.n, found.coverage_90, found.unit) == (1.25, 0.75, 4, 0.75, "mm")
     assert (found.coverage_50, found.coverage_95, found.half_width_90) == (0.5, 1.0, 1.5)
     assert found.rmse == pytest.approx(np.sqrt(1.25))
