@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from matcal.fitting.hyperfoam.curves import weigh
-from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, fit
+from matcal.fitting.hyperfoam.curves import weigh, with_history
+from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents, fit
 from matcal.fitting.uncertainty.intervals import (
     Uncertainty,
     derived_quantities,
@@ -22,6 +23,7 @@ from matcal.fitting.uncertainty.nuisance import nuisance, refined_records, surpr
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 
 MU, ALPHA, NOISE_Pa = 12e3, 3.0, 50.0
@@ -203,3 +205,52 @@ def test_an_unknown_drift_pools_those_measured_with_one_that_adds_up_to_the_nois
     assert both[1].facts["drift_sd_N_per_s"] == pytest.approx(np.sqrt((3**2 + 4**2) / 2) * 1e-3)
     assert "0 ± 3.5 mN/s" in said[0]
     assert "other tests (1) and 4 mN/s" in said[0]
+
+
+def test_shares_are_the_parts_of_the_variance() -> None:
+    """A load zero that is known a million times better has no share; the order's share is form^2/sd^2."""
+    found = _uncertain()
+    test = found.curves[0].experiment
+    facts = {"area_mm2": 500.0, "strain_zero_sd": 1e-3, "zero_sd_N": 2e-8}
+    sure = fit(weigh([replace(test, facts=facts)]), 1, starts=1)
+    told = linearised(sure)
+    shares = {name.split(" of ")[0]: share for name, share in told.shares.items()}
+    assert shares["the load zero"] < 1e-6
+    assert shares["the contact point"] > shares["the load zero"]
+    mu_0 = told.derived["mu_0_Pa"]
+    assert told.shares["the order of the law"] == pytest.approx((mu_0.form / mu_0.sd) ** 2, rel=1e-6)
+    assert f"{max(told.shares.values()):.0%}" in told.decisions[0]
+
+
+def test_a_series_moves_the_stress_as_its_covariance_says() -> None:
+    """Over its directions the effects add up to J C J', J the slopes of the rate-corrected stress in (g, tau)."""
+    series, time = Prony([0.2, 0.1], [0.5, 20.0]), np.linspace(0.0, 30.0, 60)
+    strain = np.linspace(0.0, -0.6, 60)
+    record = Experiment("uniaxial", strain, _stress("uniaxial", strain), time, ("a",), 5.0)
+    found = fit([with_history(curve, series) for curve in weigh([record])], 1, thorough=False)
+    covariance = np.diag([1e-4, 4e-4, 1e-3, 1.0])
+    covariance[0, 1] = covariance[1, 0] = -1e-4
+    known = nuisance(found, SimpleNamespace(prony=series, covariance=covariance))  # pyright: ignore[reportArgumentType]
+
+    def stress(g: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        curve = with_history(found.curves[0], Prony(g, tau))
+        return curve.model(found.law) / curve.scale_Pa
+
+    steps = 1e-6 * np.eye(4)
+    slopes = np.column_stack([(stress(series.g + s[:2], series.tau_s + s[2:])
+                               - stress(series.g - s[:2], series.tau_s - s[2:])) / 2e-6 for s in steps])
+    expected = slopes @ covariance @ slopes.T
+    assert known.effect.shape == (60, 4)
+    assert known.effect @ known.effect.T == pytest.approx(expected, abs=0.02 * float(expected.max()))
+    assert known.series is not None
+    assert known.series @ known.series.T == pytest.approx(covariance, abs=1e-9)
+
+
+def test_an_exponent_at_its_bound_has_no_standard_error() -> None:
+    strain = np.linspace(0.02, 0.8, 40)
+    steep = fit(weigh([Experiment("shear", strain, np.expm1(60 * strain))]), 1, thorough=False)
+    bound = allowed_exponents(steep.curves)
+    assert steep.law.alpha[0] == pytest.approx(bound.high, abs=1e-3)
+    found = standard_errors(steep)
+    assert found["alpha_1"]["stderr"] is None
+    assert found["mu_1_Pa"]["stderr"] is not None

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom, norm
 
 from surrogate.statistics.conformal import conformal_scale, describe_rows, enough, few, normal, sure_coverage
-from surrogate.statistics.metrics import rms, score
+from surrogate.statistics.metrics import COVERAGES, rms, score
 
 
 def test_the_normal_factor() -> None:
@@ -60,6 +60,7 @@ def test_scores_by_hand() -> None:
     assert found.r2 == pytest.approx(1 - 3 / 5)
     assert (found.coverage_50, found.coverage_90, found.coverage_95) == (0.5, 1.0, 1.0)
     assert found.half_width_90 == 1.5
+    assert COVERAGES == (0.50, 0.90, 0.95)
     assert score(np.full(4, 7.0), value, half, "mm").r2 is None
     assert score(1e-3 * target, 1e-3 * value, half, "m").r2 == pytest.approx(1 - 3 / 5)
     assert rms(np.array([3.0, -4.0])) == pytest.approx(12.5**0.5)
