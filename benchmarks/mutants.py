@@ -208,7 +208,8 @@ def main() -> None:
         every = mutants(module)
         if given.again:
             left = before[(before["module"] == module) & (before["outcome"] == "survived")]
-            chosen[module] = [m for m in every if m.mutation in set(left["mutation"])]
+            again = set(zip(left["line"], left["mutation"], strict=True))
+            chosen[module] = [m for m in every if (m.line, m.mutation) in again]
         else:
             chosen[module] = random.Random(f"{given.seed} {module}").sample(every, min(given.count, len(every)))
     with tempfile.TemporaryDirectory() as place:
@@ -217,8 +218,9 @@ def main() -> None:
             copied(ROOT / name, Path(place) / name)
         table = before
         for row in rows(Path(place), chosen, tests):
-            table = table[(table["module"] != row["module"]) | (table["mutation"] != row["mutation"])] \
-                if len(table) else table
+            if len(table):
+                key = ["module", "line", "mutation"]
+                table = table[(table[key] != [row[name] for name in key]).any(axis=1)]
             table = written(pd.concat([table, pd.DataFrame([row])], ignore_index=True), "mutants")
     shown(score(table))
 

@@ -246,11 +246,12 @@ def test_a_series_moves_the_stress_as_its_covariance_says() -> None:
     assert known.series @ known.series.T == pytest.approx(covariance, abs=1e-9)
 
 
-def test_an_exponent_at_its_bound_has_no_standard_error() -> None:
-    strain = np.linspace(0.02, 0.8, 40)
-    steep = fit(weigh([Experiment("shear", strain, np.expm1(60 * strain))]), 1, thorough=False)
-    bound = allowed_exponents(steep.curves)
-    assert steep.law.alpha[0] == pytest.approx(bound.high, abs=1e-3)
+@pytest.mark.parametrize(("mode", "strain", "stress", "end"), [
+    ("shear", np.linspace(0.02, 0.8, 40), lambda e: np.expm1(60 * e), "high"),
+    ("uniaxial", np.linspace(-0.6, -0.02, 40), lambda e: -np.expm1(-90 * e), "low")])
+def test_an_exponent_at_its_bound_has_no_standard_error(mode, strain, stress, end) -> None:
+    steep = fit(weigh([Experiment(mode, strain, stress(strain))]), 1, thorough=False)
+    assert steep.law.alpha[0] == pytest.approx(getattr(allowed_exponents(steep.curves), end), abs=1e-3)
     found = standard_errors(steep)
     assert found["alpha_1"]["stderr"] is None
     assert found["mu_1_Pa"]["stderr"] is not None

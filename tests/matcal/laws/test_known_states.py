@@ -63,6 +63,24 @@ def test_strong_ellipticity_is_dacorognas_at_unequal_stretches() -> None:
     assert 20 < sum(seen) < len(seen) - 20
 
 
+def test_a_rare_loss_by_equal_signs_alone_is_seen() -> None:
+    """A state, found by search among random laws, where no pair and no diagonal fails."""
+    law = Hyperfoam([16732.30397587, 12192.11461314], [-9.01274421, 9.51977721], [0.3591558, 0.19548457])
+    x = np.array([-1.13183587, -0.60191682, 0.63827612])
+    assert _copositive_least(law, x) < 0
+    assert not strongly_elliptic(law, x)
+
+
+def test_strong_ellipticity_does_not_depend_on_the_order_of_the_axes_or_the_shape() -> None:
+    x = np.random.default_rng(5).uniform(-1.6, 1.6, (1200, 3))
+    for law in (TABLE_1, UNEQUAL, Hyperfoam([1e4], [12.0], [0.0]), Hyperfoam([1e4, 2e3], [2.0, -8.0], [0.0, 0.3])):
+        found = strongly_elliptic(law, x)
+        for order in itertools.permutations(range(3)):
+            assert np.array_equal(strongly_elliptic(law, x[:, order]), found)
+        assert np.array_equal(strongly_elliptic(law, x.reshape(4, 300, 3)), found.reshape(4, 300))
+        assert strongly_elliptic(law, x[0]) == found[0]
+
+
 @pytest.mark.parametrize(("mode", "strain"), [("biaxial", -0.45), ("shear", 1.3), ("uniaxial", -0.8)])
 def test_the_elliptic_margin_is_the_least_over_directions(mode: str, strain: float) -> None:
     """m . J Q(n) m = d2/dt2 of the energy along F + t m n'F, least over unit m, n by search from random starts."""
