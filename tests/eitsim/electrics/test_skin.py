@@ -167,3 +167,14 @@ def test_the_compiled_metric_is_that_of_whole_arrays(towards):
     np.testing.assert_allclose(metric, axes.T @ stretch @ change @ stretch @ axes, rtol=0, atol=1e-13)
     np.testing.assert_allclose(stretch_normal, normal * factor, rtol=0, atol=1e-13)
     assert 0 < np.mean(xx == 1) < 0.5
+
+
+def test_the_metric_of_a_touch_far_from_the_rim_has_its_stretches_as_axes():
+    """C_s n = l_m^2 n away from the punch and C_s t = l_h^2 t across."""
+    pressed, punch = touch([0.0, 0.05], 1.5, 0.9, 0.8), Punch(x_m=0.01, y_m=-0.02)
+    for angle in (0.0, 0.7, 2.5):
+        away = np.array([math.cos(angle), math.sin(angle)])
+        metric, normal = surface_metric(np.array([0.01, -0.02]) + 0.02 * away, punch, pressed)
+        np.testing.assert_allclose(metric @ away, 1.5**2 * away, atol=1e-13)
+        np.testing.assert_allclose(metric @ [-away[1], away[0]], 0.9**2 * np.array([-away[1], away[0]]), atol=1e-13)
+        assert normal == pytest.approx(0.8)

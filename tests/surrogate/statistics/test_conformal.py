@@ -1,0 +1,66 @@
+"""Conformal factors, coverages and scores against counts and tables worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import binom, norm
+
+from surrogate.statistics.conformal import conformal_scale, describe_rows, enough, few, normal, sure_coverage
+from surrogate.statistics.metrics import COVERAGES, rms, score
+
+
+def test_the_normal_factor() -> None:
+    assert normal(0.90) == pytest.approx(1.6449, abs=1e-4)
+    assert norm.cdf(normal(0.95)) - norm.cdf(-normal(0.95)) == pytest.approx(0.95)
+
+
+@pytest.mark.parametrize(("rows", "coverage", "order"), [
+    (100, 0.90, 91), (19, 0.90, 18), (200, 0.95, 191), (5, 0.90, 5)])
+def test_sure_coverage_fails_in_one_calibration_of_twenty(rows: int, coverage: float, order: int) -> None:
+    """The k-th of n ratios covers less than p where at least k of n uniform numbers lie below p."""
+    p = sure_coverage(rows, coverage)
+    assert binom.sf(order - 1, rows, p) == pytest.approx(0.05, rel=1e-6)
+
+
+def test_enough_rows_are_the_fewest_that_hold_85_percent() -> None:
+    assert sure_coverage(enough()) >= 0.85 > sure_coverage(enough() - 1)
+    assert few(enough()) == ""
+    assert f"until {enough()} do" in few(enough() - 1)
+    assert describe_rows(100).startswith("100 rows calibrate the 90 % intervals")
+    assert f"hold {100 * sure_coverage(100):.0f} % or more, in 95 of 100" in describe_rows(100)
+
+
+@pytest.mark.parametrize(("rows", "factor"), [(19, 18), (9, 9), (8, 8), (1, normal(0.90)), (100, 91)])
+def test_the_factor_is_the_order_statistic_of_n_plus_one(rows: int, factor: float) -> None:
+    """Ratios 1, 2, ..., n in any order: the ceil(0.9 (n + 1))-th, the last or the normal one where there is none."""
+    error = np.random.default_rng(0).permutation(np.arange(1.0, rows + 1))[:, None] * [1.0, -2.0]
+    assert conformal_scale(error, np.full((rows, 2), [1.0, 2.0]), rows) == pytest.approx(factor)
+
+
+def test_the_largest_ratio_counts_among_few_rows_where_it_is_above_the_normal_factor() -> None:
+    sd = np.ones((5, 1))
+    assert conformal_scale(0.1 * sd, sd, 5) == pytest.approx(normal(0.90))
+    assert conformal_scale(3.0 * sd, sd, 5) == pytest.approx(3.0)
+
+
+def test_several_errors_a_row_and_outputs_of_few_values() -> None:
+    """19 rows with two errors each: the 36th of 38; a discrete output never below the normal factor."""
+    error = np.arange(1.0, 39)[:, None] * np.ones(2) / 100
+    found = conformal_scale(error, np.ones((38, 2)), 19, discrete=np.array([False, True]))
+    assert found == pytest.approx([0.36, normal(0.90)])
+
+
+def test_scores_by_hand() -> None:
+    """Errors 1, -1, 3, -1 on targets 0, 2, 4, 6, whose variance is 5."""
+    target, value = np.array([0.0, 2.0, 4.0, 6.0]), np.array([1.0, 1.0, 7.0, 5.0])
+    half = np.array([[0.5, 1.0, 2.0, 1.0], [1.0, 1.0, 3.0, 2.0], [4.0] * 4])
+    found = score(target, value, half, "mm")
+    assert (found.mse, found.rmse, found.mae, found.n, found.unit) == (3.0, pytest.approx(3**0.5), 1.5, 4, "mm")
+    assert found.r2 == pytest.approx(1 - 3 / 5)
+    assert (found.coverage_50, found.coverage_90, found.coverage_95) == (0.5, 1.0, 1.0)
+    assert found.half_width_90 == 1.5
+    assert COVERAGES == (0.50, 0.90, 0.95)
+    assert score(np.full(4, 7.0), value, half, "mm").r2 is None
+    assert score(1e-3 * target, 1e-3 * value, half, "m").r2 == pytest.approx(1 - 3 / 5)
+    assert rms(np.array([3.0, -4.0])) == pytest.approx(12.5**0.5)
