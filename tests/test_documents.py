@@ -328,3 +328,10 @@ def test_five_thousand_changed_documents_are_used_or_refused(name: str, folder: 
     settings(max_examples=5000, **QUIET)(run)()
     assert tracemalloc.get_traced_memory()[0] - before < 50e6
     tracemalloc.stop()
+
+
+def test_patterns_without_an_end_are_refused(command: Callable[..., Any], folder: Path) -> None:
+    scene, card = written(folder / "scene.toml", SCENE), written(folder / "card.json", CARD)
+    done = command("eitsim", "run", scene, "--card", card, "--skin", folder / "a.vtu", "--skin-patterns=inf")
+    assert done.returncode == 2
+    assert "--skin-patterns must hold whole numbers, got inf" in done.stderr
