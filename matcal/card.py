@@ -12,11 +12,32 @@ from typing import Any
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
+from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
-from touchcal.json_file import write_json
+from touchcal.json_file import read_json, write_json
 
 SCHEMA = 1
 _FREE = ("fit", "stability", "posterior", "provenance")
+# Least exponent in size, and moduli, Pa, of any solid: softer than any gel, stiffer than diamond.
+_LEAST_ALPHA, _LEAST_PA, _MOST_PA = 1e-6, 1e-3, 1e13
+_STRAINS = [Number(-1e3, 1e3)] * 2
+# What each part of the file must hold; the laws check themselves how their numbers go together.
+_SHAPE = Keys({"schema": Number()}, {
+    "name": str, "data": str,
+    "hyperfoam": Keys({"mu_Pa": [Number(-1e15, 1e15)], "alpha": [Number(-1e3, 1e3)], "nu": [Number(-1, 0.5)],
+                       "moduli": str}, {"strain_range": {str: _STRAINS}}, further=False),
+    "prony": Keys({"g": [Number(0, 1)], "tau_s": [Number(1e-15, 1e20)]}, further=False),
+    "conductivity": Keys({"c0_S_per_m": Number(), "a": [Number(-1e6, 1e6)] * 3, "strain_range": _STRAINS},
+                         further=False),
+    "fit": Keys(allowed={"derived": {str: {str: (Number(), None)}}, "parameters": {str: {str: (Number(), None)}},
+                         "orders": [dict], "data_stability": [dict], "predicted": [dict], "prony": dict,
+                         "conductivity": dict, "cross_prediction": {str: dict}, "without_stability": dict}),
+    "stability": {str: {str: dict}},
+    "posterior": Keys(allowed={"file": str, "n": Number(0, whole=True), "checks": dict, "derived": {str: dict}}),
+    "provenance": Keys(allowed={"files": [Keys({"name": str, "sha256": str})], "versions": {str: str},
+                                "synthetic": bool, "seed": (Number(0, whole=True), None), "date": str,
+                                "decisions": [str], "decisions_of": {str: Number(0, whole=True)},
+                                "cpu_s": {str: Number(0)}})}, further=False)
 # what a stage of `matcal.fitting.calibrate.Calibration` is called
 STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperfoam law", "checks": "checks of the law",
           "skin": "conductivity"}
@@ -92,36 +113,46 @@ def read_card(path: Path | str) -> MaterialCard:
     12000.0
     """
     path = Path(path)
-    text = path.read_text(encoding="utf-8")
-    try:
-        raw = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputFileError(path, f"not a card: {error.msg}. A card is the JSON that `matcal fit` writes.",
-                             line=error.lineno) from None
-    if not isinstance(raw, dict) or "schema" not in raw:
-        raise InputFileError(path, "not a card: no key 'schema'. A card is the JSON that `matcal fit` writes.")
+    raw = read_json(path, "a card", "A card is the JSON that `matcal fit` writes.", Keys({"schema": object}))
     if raw["schema"] != SCHEMA:
         raise InputFileError(path, f"card schema {raw['schema']!r} is not {SCHEMA}. Fit it again with this version.")
-    known = {"schema", "name", "hyperfoam", "prony", "conductivity", "data", *_FREE}
-    if unknown := sorted(set(raw) - known):
-        raise InputFileError(path, f"unknown key '{unknown[0]}'; known: {', '.join(sorted(known))}.")
+    parts: dict[str, Any] = {}
     try:
-        parts: dict[str, Any] = {}
+        check(raw, _SHAPE)
         if "hyperfoam" in raw:
-            h = raw["hyperfoam"]
-            ranges = {mode: (float(lo), float(hi)) for mode, (lo, hi) in h.get("strain_range", {}).items()}
-            parts["hyperfoam"] = Hyperfoam(h["mu_Pa"], h["alpha"], h["nu"], h["moduli"], ranges)
+            parts["hyperfoam"] = _hyperfoam(raw["hyperfoam"])
         if "prony" in raw:
             parts["prony"] = Prony(raw["prony"]["g"], raw["prony"]["tau_s"])
         if "conductivity" in raw:
             c = raw["conductivity"]
-            parts["conductivity"] = Conductivity(float(c["c0_S_per_m"]), c["a"], tuple(c["strain_range"]))
-    except KeyError as error:
-        raise InputFileError(path, f"the key {error} is missing.") from None
-    except (TypeError, ValueError) as error:
+            parts["conductivity"] = Conductivity(float(c["c0_S_per_m"]), c["a"], _range("conductivity", c))
+        for key, place in (("data", raw.get("data")), ("posterior.file", raw.get("posterior", {}).get("file"))):
+            if place is not None and (Path(place).is_absolute() or ".." in Path(place).parts):
+                raise ValueError(f"{key} must lie next to the card, as foam.d lies next to foam.json, got {place!r}. "
+                                 "Move it there, and name it without its folder.")
+    except ValueError as error:
         raise InputFileError(path, str(error)) from None
     free = {key: raw[key] for key in _FREE if key in raw}
-    return MaterialCard(name=str(raw.get("name", path.stem)), data=raw.get("data"), file=path, **parts, **free)
+    return MaterialCard(name=raw.get("name", path.stem), data=raw.get("data"), file=path, **parts, **free)
+
+
+def _hyperfoam(raw: Mapping[str, Any]) -> Hyperfoam:
+    ranges = {mode: _range(f"hyperfoam.strain_range.{mode}", {"strain_range": ends})
+              for mode, ends in raw.get("strain_range", {}).items()}
+    law = Hyperfoam(raw["mu_Pa"], raw["alpha"], raw["nu"], raw["moduli"], ranges)
+    if min(map(abs, raw["alpha"])) < _LEAST_ALPHA:
+        raise ValueError(f"hyperfoam.alpha must be at least {_LEAST_ALPHA:g} in size, got {raw['alpha']}.")
+    if not _LEAST_PA <= law.mu_0_Pa <= _MOST_PA:
+        raise ValueError(f"hyperfoam: mu_0 = sum of mu_Pa must be from {_LEAST_PA:g} to {_MOST_PA:g} Pa, got "
+                         f"{law.mu_0_Pa:g} Pa; check its unit.")
+    return law
+
+
+def _range(where: str, raw: Mapping[str, Any]) -> tuple[float, float]:
+    low, high = map(float, raw["strain_range"])
+    if low > high:
+        raise ValueError(f"{where}: the lowest strain {low:g} is above the highest {high:g}; exchange them.")
+    return low, high
 
 
 def as_card(card: MaterialCard | Path | str) -> MaterialCard:

@@ -1,14 +1,16 @@
-"""JSON files, written in one step."""
+"""JSON files, written in one step and read with errors that name the file."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
+from touchcal.document import check, check_plain, read_text, too_deep
+from touchcal.errors import InputFileError
 from touchcal.whole_file import written
 
 
@@ -17,6 +19,36 @@ def write_json(value: Mapping[str, Any], path: Path | str) -> None:
     text = json.dumps(value, indent=1, allow_nan=False, default=_plain) + "\n"
     with written(Path(path)) as file:
         file.write(text.encode())
+
+
+def read_json(path: Path, name: str, fix: str, shape: Any = dict) -> dict[str, Any]:
+    """The object of a JSON file that is to be `name`; InputFileError, which ends with `fix`, where it is none or has
+    not the shape."""
+    try:
+        value = json.loads(read_text(path), parse_constant=_refused, parse_float=_finite)
+    except InputFileError:
+        raise
+    except RecursionError:
+        raise too_deep(path) from None
+    except json.JSONDecodeError as error:
+        raise InputFileError(path, f"not JSON: {error.msg}. {fix}", line=error.lineno) from None
+    except ValueError as error:
+        raise InputFileError(path, f"not JSON: {str(error).rstrip('.')}. {fix}") from None
+    check_plain(path, value)
+    try:
+        check(value, shape)
+    except ValueError as error:
+        raise InputFileError(path, f"not {name}: {error} {fix}") from None
+    return value
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    return value if np.isfinite(value) else _refused(text)
+
+
+def _refused(text: str) -> NoReturn:
+    raise ValueError(f"the number {text:.40} is not finite")
 
 
 def _plain(value: Any) -> Any:

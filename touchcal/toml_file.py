@@ -6,14 +6,19 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from touchcal.document import check_plain, read_text, too_deep
 from touchcal.errors import InputFileError
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file; InputFileError where it is missing or not TOML."""
+    """The tables of a TOML file; InputFileError where it is missing, not TOML, or what no TOML file of ours holds."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputFileError(path, "no such file. Check the name and the folder.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(path, f"not TOML: {error}.") from None
+        tables = tomllib.loads(read_text(path))
+    except InputFileError:
+        raise
+    except RecursionError:
+        raise too_deep(path) from None
+    except ValueError as error:
+        raise InputFileError(path, f"not TOML: {str(error).rstrip('.')}.") from None
+    check_plain(path, tables)
+    return tables

@@ -23,6 +23,7 @@ READINGS = ("single-ended", "differential")
 # What the currents of a pattern may leave over, of the largest: the rounding of written numbers.
 _LEFT_OVER = 1e-9
 MATRICES = ("currents", "measurements")
+MOST_WEIGHT = 1e9  # largest entry of one of them, in size
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def _named(drive: Drive, count: int) -> tuple[Array, Array]:
 
 def _step(pattern: str, count: int) -> int:
     """How many electrodes counter-clockwise from the source the sink lies: 1 adjacent, count/2 opposite, N + 1."""
-    skip = re.fullmatch(r"skip-(\d+)", pattern)
+    skip = re.fullmatch(r"skip-(\d{1,9})", pattern)
     if not skip and pattern not in PATTERNS[:2]:
         raise ValueError(f"pattern in [drive]: '{pattern}' is unknown; known: {', '.join(PATTERNS)} (for instance "
                          "skip-2).")
@@ -164,8 +165,7 @@ def _step(pattern: str, count: int) -> int:
 
 def _weights(given: Rows | tuple[Rows, ...], patterns: int, count: int) -> Array:
     """(patterns, readings, count), one matrix for all patterns repeated."""
-    depth = np.ndim(given[0][0]) if len(given) and len(given[0]) else 0
-    if depth == 0:
+    if not (len(given) and len(given[0]) and isinstance(given[0][0], tuple)):
         return np.repeat(_matrix("measurements", given, count)[None], patterns, axis=0)
     if len(given) != patterns:
         raise ValueError(f"measurements in [drive] holds matrices for {len(given)} patterns, but {patterns} are "
@@ -207,11 +207,14 @@ def with_matrices(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def matrix_rows(path: Path) -> list[Any]:
     """Rows of numbers, one column an electrode; where the first column is named "pattern", a list of rows for each
     pattern, numbered from 0."""
+    if not path.is_file():
+        raise InputFileError(path, "no such file of rows, which currents or measurements in [drive] names. Check the "
+                                   "name, which is relative to the scene file.")
     table = read_numbers(path)
     if not table.names or table.names[0].lower() != "pattern":
         return table.values.tolist()
     pattern, rows = table.values[:, 0], table.values[:, 1:]
-    count = int(pattern.max()) + 1
+    count = int(min(pattern.max(), len(pattern))) + 1
     if missing := sorted(set(range(count)) - set(pattern.tolist())):
         raise InputFileError(path, f"pattern {missing[0]} has no rows; number the patterns from 0 without gaps.")
     odd = np.flatnonzero(~np.isin(pattern, np.arange(count)))

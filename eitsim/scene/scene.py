@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.scene.drive import MATRICES, Drive, with_matrices
+from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, with_matrices
 from eitsim.scene.electrodes import IMPEDANCES, Electrodes, check, unread
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import PROFILES
+from touchcal.document import is_number
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 
@@ -19,8 +20,13 @@ FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
 CONTROLS = ("force", "depth")
 MODULI = ("card", "instantaneous", "longterm")
-# Currents that any instrument drives, with room; outside them a value is a slip of the unit.
-LEAST_CURRENT_A, LARGEST_CURRENT_A = 1e-12, 1e3
+# Least and largest value by unit, and of keys that differ, in the unit of the key: what is built and measured, with
+# room; outside them a value is a slip of the unit.
+_OF_UNITS = {"mm": (1e-3, 1e4), "um": (1e-3, 1e4), "N": (0.0, 1e9), "mA": (1e-9, 1e6), "deg": (-3600.0, 3600.0),
+             "Ohm_m": (1e-12, 1e9), "Ohm_m2": (1e-12, 1e9), "s": (0.0, 1e12)}
+_OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "half_angle_deg": (1.0, 89.0),
+            "friction_coefficient": (0.0, 100.0), "signal": (1e-9, 10.0)}
+MOST_TOUCHES = 100
 
 
 @dataclass(frozen=True)
@@ -147,7 +153,8 @@ def check_value(table: str, key: str, value: Any) -> None:
     if is_list(table, key, value):
         return
     name, per = _KEYS[table][key]
-    _value(f"{key} in [{table}]", value, per, getattr(_CLASSES[table](), name))
+    found = _value(f"{key} in [{table}]", value, per, getattr(_CLASSES[table](), name))
+    _check_limits(table, key, found, per)
     if (table, key) in _KNOWN:
         _choice(f"{key} in [{table}]", value, _KNOWN[table, key])
 
@@ -222,9 +229,13 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
             parts[table] = _electrodes(raw[table]) if table == "electrodes" else _table(table, raw[table])
     touches = raw.get("punch", {})
     touches = touches if isinstance(touches, list) else [touches]
+    if len(touches) > MOST_TOUCHES:
+        raise ValueError(f"punch holds {len(touches)} touches; at most {MOST_TOUCHES} are solved.")
     if not touches:
         raise ValueError("punch is an empty list; give one [[punch]] a touch, or leave it out for the default one.")
     parts["punches"] = tuple(_table("punch", t) for t in touches)
+    if not isinstance(raw.get("card", ""), str):
+        raise ValueError(f"card must be the name of a file, got {raw['card']!r:.80}.")
     scene = Scene(**parts, card=raw.get("card"))
     _check(scene)
     return scene
@@ -249,7 +260,7 @@ def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
         cells = value if isinstance(value, list) else [value]
         return tuple(_value(where, cell, per or 1.0, 0.0) for cell in cells)
     if per is not None:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if not is_number(value):
             raise ValueError(f"{where} must be a finite number, got {value!r}.")
         return float(value) / per
     if type(value) is not type(default):
@@ -261,8 +272,15 @@ def _rows(where: str, value: Any) -> tuple[Any, ...]:
     if not (isinstance(value, list | tuple) and value and all(isinstance(row, list | tuple) and row for row in value)):
         raise ValueError(f"{where} must hold rows of numbers or, in a file, the name of a CSV file of them, got "
                          f"{value!r:.80}.")
-    return tuple(tuple(_rows(where, [cell])[0] if isinstance(cell, list | tuple) else _value(where, cell, 1.0, 0.0)
+    return tuple(tuple(_rows(where, [cell])[0] if isinstance(cell, list | tuple) else _weight(where, cell)
                        for cell in row) for row in value)
+
+
+def _weight(where: str, cell: Any) -> float:
+    weight = _value(where, cell, 1.0, 0.0)
+    if abs(weight) > MOST_WEIGHT:
+        raise ValueError(f"{where} must hold numbers from {-MOST_WEIGHT:g} to {MOST_WEIGHT:g}, got {weight:g}.")
+    return weight
 
 
 def _electrodes(raw: Any) -> Electrodes:
@@ -287,18 +305,16 @@ def _electrodes(raw: Any) -> Electrodes:
 
 def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
-    positive = {"radius_mm in [body]": body.radius_m * 1e3, "thickness_mm in [body]": body.thickness_m * 1e3,
-                "thickness_um in [skin]": scene.skin.thickness_m * 1e6,
-                "signal in [accuracy]": scene.accuracy.signal}
     for part in (body, scene.skin, scene.accuracy, *scene.punches):
         for key, value in vars(part).items():
             if isinstance(value, float) and not key.startswith("contact_impedance"):
                 _require(math.isfinite(value), f"{key} of {type(part).__name__}", "must be finite", value)
-    for where, value in positive.items():
-        _require(value > 0, where, "must be positive", f"{value:g}")
-    _require(LEAST_CURRENT_A <= scene.drive.current_A <= LARGEST_CURRENT_A, "current_mA in [drive]",
-             f"must be from {LEAST_CURRENT_A * 1e3:g} to {LARGEST_CURRENT_A * 1e3:g} mA",
-             f"{scene.drive.current_A * 1e3:g}")
+    for punch in scene.punches:
+        _check_punch(punch, body)
+    for table, keys in _KEYS.items():
+        for part in scene.punches if table == "punch" else (getattr(scene, table),):
+            for key, (name, per) in keys.items():
+                _check_limits(table, key, getattr(part, name), per)
     parts = {"skin": scene.skin, "hold": scene.hold}
     for (table, key), words in _KNOWN.items():
         for part in scene.punches if table == "punch" else (parts[table],):
@@ -314,8 +330,20 @@ def _check(scene: Scene) -> None:
     if unread(scene.drive, electrodes).all():
         raise ValueError(f"missing in [electrodes]: without {', '.join(map(str, electrodes.missing))} no reading of "
                          "the drive is left; leave some of them, or choose another pattern in [drive].")
-    for punch in scene.punches:
-        _check_punch(punch, body)
+
+
+def _check_limits(table: str, key: str, value: Any, per: float | None) -> None:
+    """ValueError where a value, or one of several, lies outside its key's limits; what has no contact is infinite."""
+    unit = next((unit for unit in sorted(_OF_UNITS, key=len, reverse=True) if key.endswith(f"_{unit}")), "")
+    least, most = _OF_KEYS.get(key) or _OF_UNITS.get(unit, (-math.inf, math.inf))
+    for each in value if isinstance(value, tuple) else (value,):
+        if math.isinf(most) or each is None or (unit.startswith("Ohm") and each == math.inf and table == "electrodes"):
+            continue
+        found = each * (per or 1.0) if is_number(each) else math.nan
+        _require(least * (1 - 1e-9) <= found <= most * (1 + 1e-9) or least == found, f"{key} in [{table}]",
+                 "must be positive" if found <= 0 < least else
+                 f"must be from {least:g} to {most:g} {unit.replace('_', ' ')}".rstrip(),
+                 f"{found:g}" if is_number(each) else repr(each))
 
 
 def _check_punch(punch: Punch, body: Body) -> None:
@@ -348,5 +376,5 @@ def _require(ok: bool, where: str, expected: str, value: Any) -> None:
 
 
 def _choice(where: str, value: str, known: Collection[str]) -> None:
-    if value not in known:
+    if value not in [*known]:
         raise ValueError(f"{where}: '{value}' is unknown; known: {', '.join(known)}.")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from eitsim.electrics.sheet.sheet_conductance import driving_strain
+from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Punch, Scene
+from eitsim.scene.scene import Body, Punch, Scene, profile_of
 from eitsim.simulation.material import Material
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity, conductivity
@@ -20,12 +22,14 @@ from matcal.laws.hyperfoam import Hyperfoam
 _LEAST_FORCE, _LEAST_DEPTH = 1e-8, 1e-8
 # Conductivities, S/m, outside which only a slip of the unit can lie: silver has 6e7, pure water 6e-6.
 _LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
+# Most elements across by which the foam's default mesh may follow half a punch, and its widest there, thicknesses.
+_MOST_ELEMENTS, _WIDEST = 2000, 0.08
 _FLAT = -0.97  # Strain that touches of a foam come near to: flat.
 
 
 def unresolvable(scene: Scene, material: Material) -> str:
     """Why a touch or the card's conductivity is more than numbers resolve, with the remedy; empty where none is."""
-    problems = (_too_light(scene.body, punch, material.law) for punch in scene.punches)
+    problems = (_too_thin(scene.body, punch) or _too_light(scene.body, punch, material.law) for punch in scene.punches)
     return _conductivity_problem(material.card) or next((problem for problem in problems if problem), "")
 
 
@@ -54,6 +58,19 @@ def _conductivity_problem(card: MaterialCard) -> str:
         return ""
     return (f"c0_S_per_m = {law.c0_S_per_m:g} in the conductivity of card '{card.name}': {_LEAST_S_PER_M:g} to "
             f"{_LARGEST_S_PER_M:g} S/m is solved; check its unit, or fit the conductivity again.")
+
+
+def _too_thin(body: Body, punch: Punch) -> str:
+    """Whether the foam is so thin under the punch that its mesh takes too long: counted before it is built."""
+    profile = profile_of(punch)
+    rounded, inner = profile.edge_radius, punch.diameter_m / 2 - profile.edge_radius
+    count = rounded / default_element_m(body, replace(punch, fillet_m=rounded)) + inner / (_WIDEST * body.thickness_m)
+    if count <= _MOST_ELEMENTS:
+        return ""
+    return (f"thickness_mm = {body.thickness_m * 1e3:g} in [body] is so little under a punch of diameter_mm = "
+            f"{punch.diameter_m * 1e3:g} that the foam's mesh needs {count:.2g} elements across, at most "
+            f"{_MOST_ELEMENTS} are solved; give a thickness of {body.thickness_m * count / _MOST_ELEMENTS * 1e3:.2g} "
+            "mm or more, or a smaller punch.")
 
 
 def _too_light(body: Body, punch: Punch, law: Hyperfoam) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from matcal.reduction.loading_direction import DIRECTIONS
+from touchcal.document import is_number
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
@@ -20,6 +21,10 @@ _DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compli
          "direction"}
 # ways to give a cross-section, the first that a table has counts and the others must agree
 SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
+# Least and largest value of a key, in its unit: 1 um to 10 m; below the least only 0 where it may be left out.
+_OF_UNITS = {"mm": (1e-3, 1e4), "mm2": (1e-6, 1e8), "mm3": (1e-9, 1e12), "um": (1e-3, 1e5), "N": (0.0, 1e7),
+             "mm_per_N": (0.0, 1e3), "V": (1e-9, 1e5), "ratio": (0.0, 1.0)}
+MOST_FACES = 100
 SAME = 0.01  # areas that differ by less are one
 # table -> keys it may hold
 KEYS = {
@@ -167,7 +172,11 @@ def _size(table: Mapping[str, Any], key: str, default: float | None, kind: str, 
     value = table.get(key, default)
     if value is None:
         raise InputFileError(path, f"[{kind}] needs the key {key}.")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value) \
-            or value < 0 or (value == 0 and default is None):
+    if not is_number(value) or value < 0 or (value == 0 and default is None):
         raise InputFileError(path, f"[{kind}] {key} = {value!r} must be a positive number.")
+    if key == "faces" and (value != int(value) or value > MOST_FACES):
+        raise InputFileError(path, f"[{kind}] faces = {value!r} must be a whole number from 1 to {MOST_FACES}.")
+    least, most = next((ends for unit, ends in _OF_UNITS.items() if key.endswith(f"_{unit}")), (0.0, MOST_FACES))
+    if value and not least <= value <= most:
+        raise InputFileError(path, f"[{kind}] {key} = {value:g} must be from {least:g} to {most:g}; check its unit.")
     return float(value)

@@ -14,6 +14,8 @@ import typst
 from matplotlib.figure import Figure
 
 from reports.document import style
+from touchcal.document import Keys
+from touchcal.json_file import read_json
 
 CONTENTS = "contents.json"
 NEARLY_EMPTY_MM = 90.0  # a last page whose text ends above this is not worth a page
@@ -92,12 +94,18 @@ def _stage(report: Report, work: Path) -> None:
     (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
 
 
+def read_contents(files: Path) -> dict[str, Any]:
+    """What a report wrote into its folder of figures; InputFileError where that cannot be read."""
+    return read_json(files / CONTENTS, "the list of a report's files", "Delete it; the report writes it again.",
+                     Keys({"files": [str]}))
+
+
 def _export(plates: Sequence[ReportFigure], work: Path, files: Path) -> list[str]:
     """Draw the plates into `work`, their SVG and CSV into `files`; what an earlier report left there goes first."""
     files.mkdir(exist_ok=True)
     contents = files / CONTENTS
     if contents.is_file():
-        for name in json.loads(contents.read_text(encoding="utf-8"))["files"]:
+        for name in read_contents(files)["files"]:
             (files / Path(name).name).unlink(missing_ok=True)
     written = []
     for plate in plates:

@@ -13,7 +13,7 @@ import pandas as pd
 from eitsim.sweeps.dataset.parquet import MANIFEST, read_manifest
 from reports.document import provenance
 from reports.document.numerals import counted, number
-from reports.document.page import CONTENTS, Report, ReportFigure, Table, write_pdf
+from reports.document.page import CONTENTS, Report, ReportFigure, Table, read_contents, write_pdf
 from reports.document.style import house
 from reports.paper import learning, material, simulation
 from reports.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
@@ -188,7 +188,7 @@ def _known(value: Any) -> str:
 
 def _write_png(plates: Iterable[ReportFigure], folder: Path) -> None:
     """The figures as PNG next to their SVG, listed so that the next report forgets them."""
-    contents = json.loads((folder / CONTENTS).read_text(encoding="utf-8"))
+    contents = read_contents(folder)
     for plate in plates:
         plate.figure.savefig(folder / f"{plate.name}.png", dpi=PNG_DPI)
         contents["files"].append(f"{plate.name}.png")

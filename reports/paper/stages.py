@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from reports.document.provenance import Source, combined, machine, source
-from touchcal.errors import InputFileError, NotConverged
-from touchcal.json_file import write_json
+from touchcal.document import Keys, Number
+from touchcal.errors import NotConverged
+from touchcal.json_file import read_json, write_json
 from touchcal.terminal import NOT_CONVERGED
 
 RECORD, BEGUN, LOG = ".stage.json", ".begun.json", ".log"
@@ -72,11 +73,8 @@ def read_record(folder: Path) -> Mapping[str, Any] | None:
     path = folder / RECORD
     if not path.is_file():
         return None
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise InputFileError(path, f"not JSON: {error.msg}. Delete it; the stage is then made again.",
-                             line=error.lineno) from None
+    return read_json(path, "what a stage wrote of itself", "Delete it; the stage is then made again.",
+                     Keys({"key": str, "results": str}, {"cpu_s": Number(), "wall_s": Number()}))
 
 
 def made(stage: Stage) -> bool:

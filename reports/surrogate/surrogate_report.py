@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from reports.surrogate.parity_figures import TITLES, label, unit, unseen
 from surrogate.bounds import bound_files
 from surrogate.learners.registry import METHODS
 from touchcal.errors import InputFileError
+from touchcal.json_file import read_json
 
 DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
 NO_NOISE = "No noise was added for these scores: the stored evaluation holds no noise level."
@@ -82,11 +82,7 @@ def _present(folder: Path, name: str) -> Path:
 
 
 def _json(folder: Path, name: str) -> dict[str, Any]:
-    path = _present(folder, name)
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise InputFileError(path, f"not JSON: {error.msg}.", line=error.lineno) from None
+    return read_json(_present(folder, name), "a file of `surrogate train`", "Train the model again.")
 
 
 def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[str]:

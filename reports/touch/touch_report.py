@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,8 @@ from reports.document import provenance
 from reports.document.numerals import counted, number, percent, volts
 from reports.document.page import Report, ReportFigure, Table
 from reports.touch import reading_figures, skin_maps, touch_figures
-from touchcal.errors import InputFileError
+from touchcal.document import Keys
+from touchcal.json_file import read_json
 
 # key of a result -> what it is called, its unit
 MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of the punch face", "mm"),
@@ -56,14 +56,8 @@ def report(path: Path) -> Report:
 
 def read_result(path: Path) -> dict[str, Any]:
     """A result as its JSON object; InputFileError where it is not one."""
-    try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(path, f"not JSON: {error}. A result is what `eitsim run --out` writes.") from None
-    if not isinstance(result, dict) or not {"outcome", "plan", "cost"} <= result.keys():
-        raise InputFileError(path, "not a result of `eitsim run`: it needs the keys outcome, plan and cost. Give the "
-                                   "file that `eitsim run --out` wrote, or the folder of a sweep.")
-    return result
+    return read_json(path, "a result of `eitsim run`", "Give the file that `eitsim run --out` wrote, or the folder "
+                     "of a sweep.", Keys({"outcome": str, "plan": [dict], "cost": dict}))
 
 
 def touches(result: Mapping[str, Any], key: str) -> list[float]:

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,9 +19,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from eitsim.sweeps.dataset.sweep_record import Account
+from eitsim.scene.scene import scene_keys
+from eitsim.sweeps.dataset.sweep_record import Account, Run
+from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
-from touchcal.json_file import write_json
+from touchcal.json_file import read_json, write_json
 
 SCHEMA = 2
 # Older ones that can be read: in 1 parts were named by their last scene too.
@@ -35,6 +36,25 @@ COST = ("cpu_s", "mechanics_cpu_s", "electrics_cpu_s", "fields_cpu_s")
 # How touches and readings of a row were solved, in words.
 METHODS = ("mechanics_method", "electrics_method")
 FIXED = ("scene", "outcome", *TOUCH, *OUTPUTS, "card_sample", "signal_error", "cpu_s")
+
+_COUNT, _OBJECT = Number(0, 1e15, whole=True), (dict, None)
+_METHOD = Keys(allowed={"exact": bool, "reuse": (bool, None), "rim": bool, "reason": str,
+                        "table": Keys({"used": bool, "rim": bool, "note": str})})
+_TABLES = Keys(allowed={**dict.fromkeys(scene_keys(), dict), "punch": (dict, [dict])})
+# What a manifest must hold to be read.
+_SHAPE = Keys({"schema": _COUNT, "design": Keys({"scenes": Number(1, 1e15, whole=True), "tables": _TABLES}, {
+    "seed": _COUNT, "sampler": str, "material": _OBJECT, "measurement": _OBJECT, "fields": _OBJECT,
+    "source": _OBJECT})}, {
+    "card": (Keys(allowed={"name": str, "sha256": str, "file": (str, None), "synthetic": bool}), None),
+    "versions": {str: str}, "method": _METHOD, "rows_per_part": Number(1, 1e9, whole=True), "code": str,
+    "posterior": Keys(allowed={"sha256": str}), "left_out": [dict],
+    "runs": [Keys({each.name: (Number(), str, None) for each in fields(Run)}, further=False)],
+    "clean": Keys(allowed={"folder": str, "sha256": str}), "measured": dict, "measured_by": str})
+# What it must hold in addition for a sweep to go on.
+CONTINUED = Keys({"design": Keys(dict.fromkeys(("seed", "sampler"), object)),
+                  "card": Keys(dict.fromkeys(("name", "sha256"), object)),
+                  "method": Keys(dict.fromkeys(("exact", "reuse", "rim"), object)),
+                  **dict.fromkeys(("versions", "rows_per_part", "code"), object)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,15 +207,22 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputFileError(folder, f"not a data set: it holds no {MANIFEST}. A data set is the folder that "
                                      "`eitsim sweep --out` writes.")
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise InputFileError(path, f"not JSON: {error.msg}. It was changed or cut short: restore it from a copy, or "
-                                   "sweep again into another folder.", line=error.lineno) from None
+    manifest = read_json(path, "the manifest of a data set", "It was changed or cut short: restore it from a copy, or "
+                         "sweep again into another folder.", Keys({"schema": object}))
     if manifest.get("schema") not in _READABLE:
         raise InputFileError(path, f"data set schema {manifest.get('schema')!r} is none of "
                                    f"{', '.join(map(str, _READABLE))}. Sweep again.")
+    check_manifest(folder, manifest)
     return manifest
+
+
+def check_manifest(folder: Path, manifest: Mapping[str, Any], shape: Keys = _SHAPE) -> None:
+    """InputFileError where a manifest read from a folder has not the shape that is needed."""
+    try:
+        check(manifest, shape)
+    except ValueError as error:
+        raise InputFileError(folder / MANIFEST, f"{error} Restore it from a copy, or sweep again into another folder."
+                             ) from None
 
 
 def open_dataset(folder: Path | str, columns: Sequence[str] | None = None) -> Dataset:

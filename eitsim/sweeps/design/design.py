@@ -23,6 +23,8 @@ SAMPLERS = ("random", *FIXED, nested_design.SAMPLER)
 # Those whose count may grow.
 GROWING = ("random", nested_design.SAMPLER)
 _TOP = ("scenes", "seed", "sampler", "touches", "card", "material", "measurement", "fields")
+# Most scenes: of samplers that draw each row for itself, and of those that choose all points at once.
+_MOST, _MOST_FIXED = 10**8, 10**6
 _TRIED = 100  # Rows that are tried to find one whose scene is right.
 
 
@@ -66,7 +68,7 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
         raise ValueError(f"sampler '{sampler}' is unknown; known: {', '.join(SAMPLERS)}.")
     tables, touches = {key: value for key, value in raw.items() if key in scene_keys()}, raw.get("touches")
     layout = layout_of(tables, touches)
-    count = _count(scenes if scenes is not None else raw.get("scenes"), layout)
+    count = _count(scenes if scenes is not None else raw.get("scenes"), layout, sampler)
     material = material_from(raw["material"]) if "material" in raw else None
     if sampler == nested_design.SAMPLER:
         _check_nested(count, material, layout)
@@ -81,7 +83,7 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
 
 def with_scenes(design: Design, scenes: int) -> Design:
     """The design with another number of scenes; ValueError where its lists, rows or sampler do not allow it."""
-    count = _count(scenes, _layout(design))
+    count = _count(scenes, _layout(design), design.sampler)
     if design.sampler == nested_design.SAMPLER:
         _check_nested(count, design.material, _layout(design))
     return replace(design, scenes=count)
@@ -91,13 +93,15 @@ def _check_nested(count: int, material: Material | None, layout: Layout) -> None
     nested_design.check(count, material, any(v.distribution.order != "chance" for v in layout.variables))
 
 
-def _count(scenes: Any, layout: Layout) -> int:
+def _count(scenes: Any, layout: Layout, sampler: str) -> int:
     """The number of scenes: as asked for, else what lists and rows have."""
     count = scenes if scenes is not None else layout.rows or layout.combinations
     if count is None:
         raise ValueError("scenes is not given, and no list tells how many there are. Add scenes = 200, say.")
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise ValueError(f"scenes must be a positive whole number, got {count!r}.")
+    if count > (most := _MOST_FIXED if sampler in FIXED else _MOST):
+        raise ValueError(f"scenes = {count}: at most {most:,} are drawn with sampler \"{sampler}\". Ask for fewer.")
     if layout.rows is not None and count > layout.rows:
         raise ValueError(f"scenes = {count}, but {layout.rows} are given row by row. Ask for that many or fewer.")
     return count

@@ -7,6 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from touchcal.document import is_number
+
+MOST = 1e15  # Largest number of a law, in size; a lognormal variable's standard deviation over its mean.
+_MOST_SPREAD = 1e6
+
 Quantile = Callable[[float], Any]
 
 # law -> what it takes next to its name, and what it may take
@@ -61,10 +66,6 @@ def of_values(form: str, values: Sequence[Any]) -> Distribution:
     return Distribution("rows", None, found, ends, opening + span)
 
 
-def is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Distribution:
     if not isinstance(name, str) or name not in LAWS:
         raise ValueError(f"{where}: dist '{name}' is unknown; known: {', '.join(LAWS)}.")
@@ -78,6 +79,8 @@ def _law(where: str, name: Any, given: Mapping[str, Any], raw: Any) -> Distribut
         optional = f" and, to cut it off, {' or '.join(allowed)}" if allowed else ""
         raise ValueError(f"{where}: dist = \"{name}\" takes the numbers {' and '.join(needed)}{optional}, got "
                          f"{dict(given)}.")
+    if huge := [v for v in given.values() if abs(v) > MOST]:
+        raise ValueError(f"{where} holds {huge[0]:g}; numbers of a law are from {-MOST:g} to {MOST:g}.")
     lo, hi = (float(given.get(key, end)) for key, end in (("lo", -math.inf), ("hi", math.inf)))
     if not lo <= hi:
         raise ValueError(f"{where}: the lowest value {lo:g} is above the highest {hi:g}. Give [lowest, highest].")
@@ -110,6 +113,9 @@ def _normal(where: str, logarithmic: bool, mean: float, sd: float, lo: float, hi
     if sd <= 0 or (logarithmic and mean <= 0):
         raise ValueError(f"{where}: dist = \"{name}\" needs sd{' and mean' if logarithmic else ''} above 0, got mean = "
                          f"{mean:g}, sd = {sd:g}.")
+    if logarithmic and sd > _MOST_SPREAD * mean:
+        raise ValueError(f"{where}: sd = {sd:g} of dist = \"lognormal\" is more than {_MOST_SPREAD:g} times the mean "
+                         f"{mean:g}. Make it smaller, or use \"loguniform\".")
     spread = math.sqrt(math.log1p((sd / mean) ** 2)) if logarithmic else sd
     middle = math.log(mean) - spread**2 / 2 if logarithmic else mean
     if logarithmic:

@@ -7,10 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from eitsim.sweeps.design.distributions import Distribution, is_number, of_values
+from eitsim.sweeps.design.distributions import Distribution, of_values
+from touchcal.document import Number, check, is_number
 
 GRIDS = {"square": "spacing_mm", "polar": "spacing_mm", "sunflower": "count"}
 _LIMITS = ("gap_mm", "within_mm", "apart_mm")
+_MOST_PLACES, _MOST_RINGS = 100_000, 180  # places of a sunflower, and steps of other grids, which then have as many
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 Place = tuple[float, float]
@@ -89,12 +91,13 @@ def _grid(raw: Mapping[str, Any], reach_mm: float) -> list[Place]:
                          f"{' and no count' if needed == 'spacing_mm' else ' and no spacing_mm'}.")
     if kind == "sunflower":
         count = raw["count"]
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            raise ValueError(f"count of place in [punch] must be a whole number from 1, got {count!r}.")
+        check(count, Number(1, _MOST_PLACES, whole=True), "count of place in [punch]")
+        count = int(count)
         return [_polar(reach_mm * math.sqrt((k + 0.5) / count), k * _GOLDEN_ANGLE) for k in range(count)]
     spacing = _positive("spacing_mm", raw["spacing_mm"])
-    if spacing == 0 or reach_mm / spacing > 1000:
-        raise ValueError(f"spacing_mm of place in [punch] must be at least {reach_mm / 1000:g}, got {spacing:g}.")
+    if spacing == 0 or reach_mm / spacing > _MOST_RINGS:
+        raise ValueError(f"spacing_mm of place in [punch] must be at least {reach_mm / _MOST_RINGS:g}, got "
+                         f"{spacing:g}.")
     rings = int(reach_mm / spacing + 1e-9)
     if kind == "polar":
         return [(0.0, 0.0), *(_polar(ring * spacing, 2 * math.pi * k / (6 * ring))

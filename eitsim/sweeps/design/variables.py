@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from eitsim.scene.drive import MATRICES
-from eitsim.scene.scene import Body, Punch, check_value, is_list, scene_keys
-from eitsim.sweeps.design.distributions import Distribution, distribution_of, is_number, of_values
+from eitsim.scene.scene import MOST_TOUCHES, Body, Punch, check_value, is_list, scene_keys
+from eitsim.sweeps.design.distributions import Distribution, distribution_of, of_values
 from eitsim.sweeps.design.punch_positions import Places, places_of
+from touchcal.document import is_number
 from touchcal.errors import unknown_key
 
 # What decides which readings a row holds, and so cannot vary between rows.
@@ -93,8 +94,9 @@ def number_of_touches(touches: Any) -> int | Distribution | None:
     distribution = distribution_of("touches", raw)
     values: Sequence[Any] = [touches] if distribution is None else distribution.values or distribution.ends
     law = isinstance(raw, Mapping) and raw.get("dist", "integer") != "integer"
-    if law or not all(is_number(v) and v == int(v) and v >= 1 for v in values):
-        raise ValueError("touches must be a whole number from 1, a range of them, {choice = [...]}, {list = [...]} or "
+    if law or not all(is_number(v) and v == int(v) and 1 <= v <= MOST_TOUCHES for v in values):
+        raise ValueError(f"touches must be a whole number from 1 to {MOST_TOUCHES}, a range of "
+                         "them, {choice = [...]}, {list = [...]} or "
                          f"{{dist = \"integer\", ...}}, got {touches!r}.")
     if distribution is None:
         return int(values[0])

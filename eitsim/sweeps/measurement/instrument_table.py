@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 from eitsim.sweeps.measurement.instrument import BITS, CHANNELS, REFERENCES, Measurement
+from touchcal.document import is_number
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 
@@ -105,7 +105,7 @@ def _check_steps(raw: Mapping[str, Any]) -> None:
 
 
 def _is_number(value: Any, kind: Any = (int, float)) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, kind) and is_number(value)
 
 
 def _wrong(key: str, expected: str) -> ValueError:

@@ -76,6 +76,7 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
                          "continued; choose another folder.")
     if "clean" in old:
         raise ValueError(f"{folder} holds measured rows, not a sweep's own. Choose another folder.")
+    parquet.check_manifest(folder, old, parquet.CONTINUED)
     if old["card"]["sha256"] != manifest["card"]["sha256"]:
         raise ValueError(f"{folder} was made with the card '{old['card']['name']}' ({old['card']['sha256'][:12]}), not "
                          f"with this one ({manifest['card']['sha256'][:12]}). Choose another folder for this card.")

@@ -26,7 +26,7 @@ def row(scene: int, outcome: str = "ok") -> dict[str, object]:
 
 
 def test_rows_come_back_sorted_and_filtered(tmp_path: Path) -> None:
-    write_manifest(tmp_path, {"design": {"seed": 1}, "card": {}})
+    write_manifest(tmp_path, {"design": {"scenes": 4, "seed": 1, "tables": {}}, "card": {}})
     write_part(tmp_path, [row(3), row(2, "refused")])
     write_part(tmp_path, [row(0), row(1)])
     data = read_dataset(tmp_path)
@@ -53,7 +53,7 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path) -> None:
 def test_damage_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="not a data set"):
         read_dataset(tmp_path)
-    write_manifest(tmp_path, {"design": {}, "card": {}})
+    write_manifest(tmp_path, {"design": {"scenes": 4, "tables": {}}, "card": {}})
     with pytest.raises(InputFileError, match="no rows"):
         read_dataset(tmp_path)
     write_part(tmp_path, [row(0), row(1)])
@@ -63,7 +63,7 @@ def test_damage_is_named(tmp_path: Path) -> None:
 
 
 def test_the_folder_opens_as_it_is(tmp_path: Path) -> None:
-    write_manifest(tmp_path, {"design": {}, "card": {}})
+    write_manifest(tmp_path, {"design": {"scenes": 4, "tables": {}}, "card": {}})
     write_part(tmp_path, [row(0), row(1, "refused")])
     write_part(tmp_path, [row(2), row(3)])
     (tmp_path / ".lock").touch()

@@ -22,7 +22,7 @@ MODULES = {"pandas": {"pd": "pandas"}, "Arrow": {"pyarrow": "pyarrow"}, "Dask": 
 @pytest.fixture
 def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "sweep").mkdir()
-    parquet.write_manifest(tmp_path / "sweep", {"design": {"scenes": ROWS}})
+    parquet.write_manifest(tmp_path / "sweep", {"design": {"scenes": ROWS, "tables": {}}})
     for first in range(0, ROWS, 16):
         parquet.write_part(tmp_path / "sweep", [dict.fromkeys(parquet.FIXED, 0.5) | {"scene": scene, "outcome": "ok"}
                                                 for scene in range(first, min(first + 16, ROWS))])

@@ -94,6 +94,7 @@ def test_given_results_are_not_made(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("code", "told"), [(None, False), ("0" * 64, True)])
 def test_a_given_sweep_is_stale_where_other_code_made_it_alone(tmp_path: Path, code: str | None, told: bool) -> None:
-    write_manifest(tmp_path, {"design": {}, "card": None, "versions": {}, "code": code or key_of({})})
+    write_manifest(tmp_path, {"design": {"scenes": 1, "tables": {}}, "card": None, "versions": {},
+                              "code": code or key_of({})})
     run = planned(QUICK, tmp_path / "stages", card=tmp_path / "card.json", sweep=tmp_path)
     assert ("sweep" in stale(run)) == told

@@ -15,7 +15,7 @@ from touchcal.errors import InputFileError
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Three parts of two rows; the second part has no signal, scene 4 one reading fewer."""
-    parquet.write_manifest(tmp_path, {"design": {}})
+    parquet.write_manifest(tmp_path, {"design": {"scenes": 6, "tables": {}}})
     plain = dict.fromkeys(parquet.FIXED, 0.5)
     for first in (0, 4):
         rows = [plain | {"scene": scene, "outcome": "ok"} | {f"dv_{i:03d}": float(scene + i) for i in range(3)}
