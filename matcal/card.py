@@ -13,6 +13,7 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from touchcal.errors import InputFileError
+from touchcal.input_file import read_text
 from touchcal.json_file import write_json
 
 SCHEMA = 1
@@ -92,7 +93,7 @@ def read_card(path: Path | str) -> MaterialCard:
     12000.0
     """
     path = Path(path)
-    text = path.read_text(encoding="utf-8")
+    text = read_text(path)
     try:
         raw = json.loads(text)
     except json.JSONDecodeError as error:

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from touchcal.errors import InputFileError
+from touchcal.input_file import read_text
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; InputFileError where it is missing or not TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputFileError(path, "no such file. Check the name and the folder.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
         raise InputFileError(path, f"not TOML: {error}.") from None

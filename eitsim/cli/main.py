@@ -129,7 +129,7 @@ def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: M
 def _whole(text: str, flag: str) -> list[int] | None:
     """Whole numbers separated by commas; None of an empty text."""
     found = numbers(text, flag, "0,5") if text else []
-    if any(value != int(value) for value in found):
+    if not all(value.is_integer() for value in found):
         raise ValueError(f"{flag} must hold whole numbers, got {text}.")
     return [int(value) for value in found] or None
 

@@ -14,6 +14,7 @@ from reports.document.numerals import counted, number, percent, volts
 from reports.document.page import Report, ReportFigure, Table
 from reports.touch import reading_figures, skin_maps, touch_figures
 from touchcal.errors import InputFileError
+from touchcal.input_file import read_text
 
 # key of a result -> what it is called, its unit
 MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of the punch face", "mm"),
@@ -57,8 +58,8 @@ def report(path: Path) -> Report:
 def read_result(path: Path) -> dict[str, Any]:
     """A result as its JSON object; InputFileError where it is not one."""
     try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        result = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
         raise InputFileError(path, f"not JSON: {error}. A result is what `eitsim run --out` writes.") from None
     if not isinstance(result, dict) or not {"outcome", "plan", "cost"} <= result.keys():
         raise InputFileError(path, "not a result of `eitsim run`: it needs the keys outcome, plan and cost. Give the "

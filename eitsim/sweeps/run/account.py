@@ -78,7 +78,7 @@ class Accounted:
 def account_of(folder: Path) -> Accounted:
     """The account of a data set, read part by part in the columns that it needs: 8 bytes a row are kept. InputFileError
     where it is none or holds no rows."""
-    manifest, parts = parquet.read_manifest(folder), parquet.parts(folder)
+    manifest, parts = parquet.read_manifest(folder, ("design", "design.scenes", "design.tables")), parquet.parts(folder)
     if not parts:
         raise InputFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
     counts, stages = OutcomeCounts(), pd.DataFrame()
@@ -86,7 +86,7 @@ def account_of(folder: Path) -> Accounted:
     asked = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
     asked = float(asked) if isinstance(asked, int | float) else None
     for path in parts:
-        table = parquet.read_part(path, _COLUMNS).reindex(columns=_COLUMNS)
+        table = parquet.read_part(path, _COLUMNS, manifest).reindex(columns=_COLUMNS)
         counts, stages = counts + count_outcomes(table), stages.add(_by_stage(table), fill_value=0.0)
         ok = table.loc[table["outcome"] == "ok"]
         errors = ok["signal_error"].to_numpy(dtype=float)
