@@ -264,7 +264,7 @@ def check_manifest(folder: Path, manifest: Mapping[str, Any], needed: Sequence[s
         if value is None and key not in needed:
             continue
         least = 0 if key == "design.seed" else 1
-        if not isinstance(value, kind) or (kind is int and (isinstance(value, bool) or value < least)):
+        if not isinstance(value, kind) or (kind is int and (isinstance(value, bool) or int(value or 0) < least)):
             raise InputFileError(folder / MANIFEST, f"{key} is {json.dumps(value)[:40]}, expected {_NAMES[kind]}. It "
                                                     f"was changed: {_RESTORE}")
 
