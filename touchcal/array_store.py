@@ -1,5 +1,5 @@
 """Values made of arrays, numbers, words, None, lists, tuples and this package's dataclasses, as arrays alone: who reads
-them from a folder that others write to runs nothing of theirs, as with pickles."""
+them from a folder that others write to runs nothing of theirs, as with pickles. And npz files, read with care."""
 
 from __future__ import annotations
 
@@ -9,15 +9,36 @@ import importlib
 import json
 import types
 import typing
+import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from touchcal.errors import InputFileError
+from touchcal.input_file import check_unpacked, regular
+
 # Name of the array that holds how the others make the value.
 _TREE = "tree"
 Arrays = Mapping[str, NDArray[Any]]
+
+
+def read_npz(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an npz file; InputFileError where it is none or damaged, or would unpack to far more than it is."""
+    try:
+        with zipfile.ZipFile(regular(path)) as archive:
+            check_unpacked(path, sum(member.file_size for member in archive.infolist()))
+        with np.load(path, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except InputFileError:
+        raise
+    except (OSError, ValueError, EOFError, KeyError, MemoryError, NotImplementedError, RuntimeError,
+            zipfile.BadZipFile, zlib.error) as error:
+        why = type(error).__name__ if "pickle" in str(error) else error
+        raise InputFileError(path, f"no npz file of arrays, or a damaged one ({why}).") from None
 
 
 def to_arrays(value: Any) -> dict[str, NDArray[Any]]:

@@ -11,8 +11,6 @@ import functools
 import hashlib
 import json
 import os
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,14 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from touchcal.array_store import read_npz
 from touchcal.code_version import SOLVERS, code_hash, source_hash
+from touchcal.errors import InputFileError
 from touchcal.provenance import versions
-from touchcal.whole_file import written
+from touchcal.whole_file import lock_file, written
 
 Arrays = Mapping[str, NDArray[Any]]
 
 LIMIT = 1_000_000_000  # Bytes that the folder may hold; the files that were longest not in use give way.
-_KEY = "key"  # Member of a file that holds its own key.
+_KEY, _HASH = "key", "sha256"  # Members of a file that hold its own key, and the hash of it and of the arrays.
 
 
 @dataclass(frozen=True)
@@ -72,27 +72,30 @@ def _code(modules: tuple[str, ...]) -> str:
 
 
 def kept(key: str, make: Callable[[], Arrays]) -> tuple[Arrays, str]:
-    """The arrays of a key, read or else made and stored, and a note where the folder cannot be used. A second process
-    that wants the same waits for the first. A file that is cut off, damaged or of another key is made again."""
-    place = folder() / f"{key}.npz"
+    """The arrays of a key, read or else made and stored, and a note where the folder or what stood in it cannot be
+    used. A second process that wants the same waits for the first. A file that is cut off, damaged, changed or of
+    another key is made again."""
+    place, note = folder() / f"{key}.npz", ""
     if (found := _read(place, key)) is not None:
         return found, ""
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        lock = open(place.with_suffix(".lock"), "a")  # noqa: SIM115
+        lock = lock_file(place.with_suffix(".lock"))
     except OSError as error:
         return make(), f"not kept: {error.strerror} at {place.parent}. Set TOUCHCAL_CACHE to a folder of your own."
     with lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if (found := _read(place, key)) is not None:
             return found, ""
+        if place.exists():
+            note = f"computed again, since {place} was damaged, changed, or stored by an earlier version"
         arrays = make()
         try:
             _write(place, key, arrays)
         except OSError as error:
             return arrays, f"not kept: {error.strerror} at {place.parent}. Set TOUCHCAL_CACHE to a folder of your own."
     _trim(place)
-    return arrays, ""
+    return arrays, note
 
 
 def stored(key: str) -> Arrays | None:
@@ -113,11 +116,10 @@ def forget(key: str) -> None:
 
 def _read(place: Path, key: str) -> Arrays | None:
     try:
-        with np.load(place, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error):
+        arrays = read_npz(place)
+    except InputFileError:
         return None
-    if str(arrays.pop(_KEY, "")) != key:
+    if str(arrays.pop(_KEY, "")) != key or str(arrays.pop(_HASH, "")) != _hash(key, arrays):
         return None
     with contextlib.suppress(OSError):
         os.utime(place)
@@ -126,7 +128,16 @@ def _read(place: Path, key: str) -> Arrays | None:
 
 def _write(place: Path, key: str, arrays: Arrays) -> None:
     with written(place) as file:
-        np.savez(file, **{**arrays, _KEY: np.array(key)})  # pyright: ignore[reportArgumentType]
+        np.savez(file, **{**arrays, _KEY: np.array(key),  # pyright: ignore[reportArgumentType]
+                          _HASH: np.array(_hash(key, arrays))})
+
+
+def _hash(key: str, arrays: Arrays) -> str:
+    found = hashlib.sha256(key.encode())
+    for name, array in sorted(arrays.items()):
+        value = np.ascontiguousarray(array)
+        found.update(f"{name} {value.dtype} {np.shape(array)}".encode() + value.tobytes())
+    return found.hexdigest()
 
 
 def entries() -> list[Entry]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchcal.errors import InputFileError
+from touchcal.input_file import regular
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
     empty cells are NaN."""
     path = Path(path)
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
+        with open(regular(path), newline="", encoding="utf-8-sig") as file:
             rows = [(number, [cell.strip() for cell in cells]) for number, cells in enumerate(csv.reader(file), start=1)
                     if any(cell.strip() for cell in cells)]
     except (UnicodeDecodeError, csv.Error) as error:

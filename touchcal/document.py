@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from touchcal.errors import InputFileError, unknown_key
+from touchcal.input_file import regular
 
 _MOST_BYTES = 64 * 2**20
 # Levels of tables in tables, and the largest whole number (64 bits, as TOML has it).
@@ -102,11 +103,8 @@ def _wrong(where: str, expected: str, value: Any) -> ValueError:
 
 def read_text(path: Path) -> str:
     """The text of a document, without a byte order mark; InputFileError where it is missing, too large or not UTF-8."""
-    try:
-        with path.open("rb") as file:
-            content = file.read(_MOST_BYTES + 1)
-    except FileNotFoundError:
-        raise InputFileError(path, "no such file. Check the name and the folder.") from None
+    with regular(path).open("rb") as file:
+        content = file.read(_MOST_BYTES + 1)
     if len(content) > _MOST_BYTES:
         raise InputFileError(path, f"larger than {_MOST_BYTES // 2**20} MB, which no such file is. Check the name.")
     try:

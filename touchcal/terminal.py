@@ -30,7 +30,10 @@ def run(app: typer.Typer, name: str) -> None:
     arguments = [a for a in sys.argv[1:] if a != "--debug"]
     debug = len(arguments) != len(sys.argv) - 1
     try:
-        app(args=arguments, prog_name=name)
+        try:
+            app(args=arguments, prog_name=name)
+        finally:
+            sys.stdout.flush()
     except (ValueError, OSError, NotConverged) as error:
         if debug:
             raise
@@ -43,6 +46,8 @@ def _sentence(error: BaseException) -> str:
         return f"{error.filename}: no such file. Check the name and the folder."
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}."
+    if isinstance(error, OSError) and error.strerror:
+        return f"standard output cannot be written: {error.strerror}."
     return str(error)
 
 
@@ -82,6 +87,9 @@ def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
     if out.exists() and out.is_dir() != folder:
         raise ValueError(f"{flag} {out} is a {'file' if folder else 'folder'}, and a {what} is to be written there. "
                          "Choose another name.")
+    if out.exists() and not (out.is_file() or out.is_dir()):
+        raise ValueError(f"{flag} {out} is a pipe or a device, and a regular file is to be written. Choose another "
+                         "name.")
     try:
         with tempfile.TemporaryFile(dir=out if folder and out.exists() else out.parent) as file:
             file.write(b"0")  # permissions alone do not say whether a file can be made in a folder

@@ -1,9 +1,10 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and files that are locked."""
 
 from __future__ import annotations
 
+import errno
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,15 +14,31 @@ from typing import BinaryIO
 @contextmanager
 def written(path: Path) -> Iterator[BinaryIO]:
     """A file that takes the place of `path` in one step when the block ends, after the disk has it, so that no reader
-    sees half of it; where the block raises, `path` stays as it was."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
+    sees half of it; where the block raises, `path` stays as it was. Who may read it is as the umask says."""
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with open(temporary, "xb") as file:
             yield file
             file.flush()
-            os.fsync(handle)
-        os.chmod(temporary, 0o644)
+            os.fsync(file.fileno())
         os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        if error.filename in (None, str(temporary)) and error.strerror:
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def lock_file(path: Path) -> BinaryIO:
+    """A file to lock, made where it is missing and never cut; OSError where it is a link, since what a link points to
+    is not this program's."""
+    try:
+        return os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666), "wb")
+    except OSError as error:
+        if error.errno != errno.ELOOP:
+            raise
+        raise OSError(error.errno, "this is a link, where a file of this program belongs; remove it", str(path)
+                      ) from None

@@ -139,7 +139,7 @@ def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set 
 
     Example: eitsim measure sweep --model measurement.toml --out measured
     """
-    from eitsim.sweeps.dataset.parquet import read_manifest
+    from eitsim.sweeps.dataset.parquet import missing_rows, read_manifest
     from eitsim.sweeps.measurement.instrument_table import read_measurement
     from eitsim.sweeps.measurement.noise_summary import Told, in_words
     from eitsim.sweeps.run.measure import measure as measure_rows
@@ -149,6 +149,8 @@ def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set 
     asked = read_measurement(model) if model is not None else None
     with counter(read_manifest(clean)["design"]["scenes"], "rows") as advance:
         found = measure_rows(clean, out, asked, progress=advance).manifest["measured"]
+    if words := missing_rows(clean):
+        print(f"eitsim: {clean}: {words}.", file=sys.stderr)
     if as_json:
         print_json({"out": out, **found})
     else:

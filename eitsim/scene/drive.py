@@ -214,11 +214,11 @@ def matrix_rows(path: Path) -> list[Any]:
     if not table.names or table.names[0].lower() != "pattern":
         return table.values.tolist()
     pattern, rows = table.values[:, 0], table.values[:, 1:]
-    count = int(min(pattern.max(), len(pattern))) + 1
-    if missing := sorted(set(range(count)) - set(pattern.tolist())):
-        raise InputFileError(path, f"pattern {missing[0]} has no rows; number the patterns from 0 without gaps.")
-    odd = np.flatnonzero(~np.isin(pattern, np.arange(count)))
+    odd = np.flatnonzero((pattern < 0) | (pattern % 1 != 0))
     if odd.size:
         raise InputFileError(path, f"the pattern {pattern[odd[0]]:g} is no whole number from 0.",
                              line=int(table.line[odd[0]]))
-    return [rows[pattern == k].tolist() for k in range(count)]
+    numbers = np.unique(pattern)
+    if (missing := np.flatnonzero(numbers != np.arange(len(numbers)))).size:
+        raise InputFileError(path, f"pattern {missing[0]} has no rows; number the patterns from 0 without gaps.")
+    return [rows[pattern == k].tolist() for k in numbers]

@@ -43,9 +43,9 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
     if not rim:
         return table, note
     key |= {"rim": asdict(GRID)}
-    arrays, note = cache.kept(cache.key_of(key), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
+    arrays, words = cache.kept(cache.key_of(key), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
     part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _CHANGES}
-    return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note
+    return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note or words
 
 
 def _arrays(table: Table) -> dict[str, Any]:

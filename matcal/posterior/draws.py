@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
+from touchcal.input_file import check_unpacked, regular
 
 FILE = "posterior.nc"
 _NAMES = ("mu_Pa", "alpha", "nu", "prony_g", "prony_tau_s", "conductivity_S_per_m")
@@ -43,8 +45,6 @@ class Draws:
 def read_draws(card: MaterialCard | Path | str) -> Draws:
     """The draws next to a card's file; ValueError where it has none, InputFileError where their file is missing or
     broken."""
-    import h5netcdf
-
     card = as_card(card)
     if not card.posterior:
         raise ValueError(f"{card.file or card.name}: the card has no posterior. Fit it again with --posterior.")
@@ -55,14 +55,36 @@ def read_draws(card: MaterialCard | Path | str) -> Draws:
     if not file.exists():
         raise InputFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} "
                                    "next to the card, or fit it again with --posterior.")
-    with h5netcdf.File(file) as stored:
-        held = stored.groups["posterior"].variables
-        found = {name: np.array(held[name]).reshape(-1, held[name].shape[-1]) for name in _NAMES if name in held}
-        count = next(iter(found.values())).shape[0]
-        omega = np.ravel(np.array(held["omega"])) if "omega" in held else None
-    none = np.empty((count, 0))
+    try:
+        found = _stored(regular(file))
+        count, omega = next(iter(found.values())).shape[0], found.pop("omega", None)
+        if any(len(array) != count or not np.isfinite(array).all() for array in found.values()):
+            raise ValueError("its draws are not all finite, or not all as many")
+    except InputFileError:
+        raise
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, StopIteration) as error:
+        why = str(error) or "it holds no draws"
+        raise InputFileError(file, f"no posterior that `matcal fit --posterior` wrote, or a damaged one ({why}). "
+                                   "Restore it from a copy, or fit it again with --posterior.") from None
+    none, omega = np.empty((count, 0)), None if omega is None else np.ravel(omega)
     return Draws(found.get("mu_Pa", none), found.get("alpha", none), found.get("nu", none), found.get("prony_g"),
                  found.get("prony_tau_s"), found.get("conductivity_S_per_m"), omega)
+
+
+def _stored(file: Path) -> dict[str, Array]:
+    """Arrays (D, n) of a posterior's file, n = 1 of "omega", none of which lies in another file."""
+    import h5py
+
+    with h5py.File(file) as stored:
+        if not isinstance(stored.get("posterior", getlink=True), h5py.HardLink):
+            raise ValueError("it holds no group posterior of its own")
+        group: Any = stored["posterior"]
+        held = {name: group[name] for name in (*_NAMES, "omega") if name in group}
+        if any(not isinstance(group.get(name, getlink=True), h5py.HardLink) or held[name].external for name in held):
+            raise ValueError("it points to another file")
+        check_unpacked(file, sum(8.0 * held[name].size for name in held))
+        return {name: np.array(held[name], dtype=float).reshape(-1, 1 if name == "omega" else held[name].shape[-1])
+                for name in held}
 
 
 def card_of(draws: Draws, card: MaterialCard, k: int) -> MaterialCard:

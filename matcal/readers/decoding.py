@@ -6,19 +6,18 @@ import re
 from pathlib import Path
 
 from touchcal.errors import InputFileError
+from touchcal.input_file import regular
 
 WORKBOOK = b"PK\x03\x04"
 
 
 def read_bytes(path: Path) -> bytes:
-    """The bytes of a file; InputFileError where there is no such file, it is a folder, or it cannot be opened."""
+    """The bytes of a file; InputFileError where there is no such file, it is no regular one, or cannot be opened."""
     if path.is_dir():
         raise InputFileError(path, "this is a folder. Give one file, or a folder of the parts of one MTS test.")
     try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputFileError(path, "no such file. Check the name and the folder.") from None
-    except (OSError, ValueError) as error:
+        return regular(path).read_bytes()
+    except OSError as error:
         raise InputFileError(path, f"it cannot be opened ({error}).") from None
 
 

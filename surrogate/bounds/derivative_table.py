@@ -7,6 +7,7 @@ less.) Places are Gauss-Legendre points in the square of the distance from the c
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 
@@ -71,7 +72,9 @@ def table_for(scene: Scene, card: MaterialCard, prior: Prior, nodes: Nodes | Non
         return {"by": np.stack([one.by for one in found]), "baseline_V": found[0].baseline_V,
                 "parameters": np.array(found[0].parameters)}
 
-    kept, _ = cache.kept(cache.key_of(key, _CODE), make)
+    kept, note = cache.kept(cache.key_of(key, _CODE), make)
+    if note:
+        warnings.warn(f"the table of derivatives is {note}", stacklevel=2)
     by = kept["by"].reshape(len(places), len(d_mm), len(pressure), *kept["by"].shape[1:])
     weight = np.polynomial.legendre.leggauss(nodes.places)[1] / 2
     return SlopeTable(weight, d_mm, pressure, scale, tuple(kept["parameters"].tolist()),

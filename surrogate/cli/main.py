@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +16,7 @@ from surrogate.learners.registry import METHODS, method_of
 from touchcal.terminal import JsonOption, application, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
+    from surrogate.data.samples import Samples
     from surrogate.model.model import Model
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -48,13 +50,13 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
     """
     import surrogate
     from surrogate.data.outputs import chosen
-    from surrogate.data.samples import read_samples
     from surrogate.model import store
 
     check_out(out, folder=True)
+    store.check_own(out)
     method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)
-    samples = read_samples(folder)
+    samples = _samples(folder)
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
     model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
                             calibrate=calibrate)
@@ -89,7 +91,7 @@ def evaluate(model_folder: ModelFolder,
 
     levels, model = _levels(noise_db), surrogate.load(model_folder)
     limits = read_limits(model_folder)
-    sets = {str(folder): with_limits(surrogate.evaluate(model, folder, levels, noise_reference,
+    sets = {str(folder): with_limits(surrogate.evaluate(model, _samples(folder), levels, noise_reference,
                                                         METHODS[model.method].most_scored).scores, limits)
             for folder in folders}
     if not as_json:
@@ -131,6 +133,17 @@ def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PD
     check_out(out)
     write(model_folder, out)
     print(f"report: {out}")
+
+
+def _samples(folder: Path) -> Samples:
+    """The rows of a data set; how many are missing is said on standard error."""
+    from eitsim.sweeps.dataset.parquet import missing_rows
+    from surrogate.data.samples import read_samples
+
+    samples = read_samples(folder)
+    if words := missing_rows(folder):
+        print(f"surrogate: {folder}: {words}.", file=sys.stderr)
+    return samples
 
 
 def _cores() -> int:

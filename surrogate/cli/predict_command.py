@@ -27,6 +27,7 @@ DIRECT_HELP = "Invert the simulator itself, from the learned answer on; needs --
 POSTERIOR_HELP = "Sample the posterior of each frame with emcee, on the learned map, or with --card by the simulator."
 TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains it as well."
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
+MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise are singular
 NoiseV = Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, where known.")]
 
 
@@ -62,8 +63,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [Path(path) for path in (frames, baseline, card, scene) if path not in (None, "-")])
-    if noise_v is not None and not noise_v >= 0:
-        raise ValueError(f"--noise-V must be 0 or more, got {noise_v}.")
+    if noise_v is not None and not 0 <= noise_v <= MOST_NOISE_V:
+        raise ValueError(f"--noise-V must be 0 to {MOST_NOISE_V:g} V, got {noise_v:g}. Give the standard deviation of "
+                         "one reading in volts.")
     _check_choice(frames, direct, direct or posterior, card, data or scene, posterior or touches == 2 or as_json)
     if direct + posterior + (touches == 2) > 1:
         raise ValueError("give one of --direct, --posterior and --touches 2: each reads a frame in its own way.")

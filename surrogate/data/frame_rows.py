@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from eitsim.scene.frames import column_order
 from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError
+from touchcal.input_file import regular
 
 # Its number, from 1, and its text
 Line = tuple[int, str]
@@ -95,7 +96,7 @@ def frames_of(lines: Sequence[Line], order: Index) -> Lines:
 
 def read_lines(path: Path, readings: int) -> Lines:
     """All frames of a file, without blank lines; InputFileError where it holds none, or a header of other names."""
-    with open(path, "rb") as file:
+    with open(regular(path), "rb") as file:
         lines = [line for some in waiting_lines(file) for line in some if line[1]]
     order = np.arange(readings)
     try:

@@ -166,7 +166,8 @@ def _force_parts(model: TrainedModel, found: Estimate, sd: Array) -> Array:
     assert found.parts is not None
     k = model.names.index("F")
     each = (found.parts.noise, found.parts.material, found.parts.model(found.sd))
-    return np.column_stack([part[:, k] for part in each]) * (sd / np.maximum(found.sd, np.finfo(float).tiny))[:, k, None]
+    shares = sd[:, k, None] / np.maximum(found.sd[:, k, None], np.finfo(float).tiny)
+    return np.column_stack([part[:, k] for part in each]) * shares
 
 
 def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Mask) -> Array:

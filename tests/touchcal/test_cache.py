@@ -72,6 +72,30 @@ def test_damage_is_made_good(place: Path, damage: str) -> None:
     assert (cache.kept("k", never)[0]["a"] == 2.0).all()
 
 
+@pytest.mark.parametrize("change", [
+    lambda arrays: {"a": arrays["a"] * 1e-6}, lambda arrays: {"a": np.full(1000, np.nan)},
+    lambda arrays: {"a": np.array(["word"] * 1000)}, lambda arrays: {}])
+def test_an_edited_entry_is_made_again_with_a_note(place: Path, change) -> None:
+    cache.kept("k", made)
+    with np.load(place / "k.npz") as file:
+        arrays = {name: file[name] for name in file.files}
+    rest = {name: value for name, value in arrays.items() if name != "a"}
+    np.savez(place / "k.npz", **rest, **change(arrays))
+    assert cache.stored("k") is None
+    arrays, note = cache.kept("k", made)
+    assert (arrays["a"] == 1.0).all()
+    assert "computed again" in note
+    assert "k.npz" in note
+    assert cache.kept("k", never)[1] == ""
+
+
+def test_one_array_in_place_of_an_entry_is_made_again(place: Path) -> None:
+    cache.kept("k", made)
+    with open(place / "k.npz", "wb") as file:
+        np.save(file, np.ones(1000))
+    assert "computed again" in cache.kept("k", made)[1]
+
+
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "file"))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
 
+from eitsim.sweeps.dataset.parquet import put
+from eitsim.sweeps.run.folder import sole_writer
 from touchcal.json_file import write_json
-from touchcal.whole_file import written
+from touchcal.whole_file import lock_file, written
 
 
 def half_written(path: Path) -> None:
@@ -31,3 +35,31 @@ def test_a_block_that_raises_leaves_the_old_file_alone(tmp_path: Path) -> None:
     with written(path) as file:
         file.write(b"whole")
     assert path.read_bytes() == b"whole"
+
+
+def test_the_umask_says_who_may_read(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        write_json({"a": 1}, tmp_path / "card.json")
+        put(tmp_path / "part-000000000.parquet", b"rows")
+    finally:
+        os.umask(before)
+    assert [path.stat().st_mode & 0o777 for path in tmp_path.iterdir()] == [0o600, 0o600]
+
+
+def test_a_full_disk_names_the_file(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="No space left") as found, written(tmp_path / "card.json"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert found.value.filename == str(tmp_path / "card.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lock_follows_no_link_and_cuts_nothing(tmp_path: Path) -> None:
+    (tmp_path / "victim.txt").write_text("kept")
+    (tmp_path / ".lock").symlink_to("victim.txt")
+    with pytest.raises(OSError, match="link") as found, sole_writer(tmp_path):
+        pass
+    assert found.value.filename == str(tmp_path / ".lock")
+    assert (tmp_path / "victim.txt").read_text() == "kept"
+    lock_file(tmp_path / "victim.txt").close()
+    assert (tmp_path / "victim.txt").read_text() == "kept"

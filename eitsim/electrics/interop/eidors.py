@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from struct import unpack
 from typing import Any
+from zlib import decompressobj
 from zlib import error as CompressionError
 
 import numpy as np
@@ -23,6 +25,9 @@ from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.mesh.p2_triangles import sides
 from eitsim.scene.drive import Protocol, matrices
 from touchcal.errors import InputFileError
+from touchcal.input_file import check_unpacked, regular
+
+_COMPRESSED = 15  # type of an element that zlib has packed, in MATLAB files of v5
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +67,30 @@ def read_eidors(path: Path | str, variable: str | None = None) -> Model:
 
 
 def _variables(path: Path) -> dict[str, Any]:
-    if not path.is_file():
-        raise InputFileError(path, "no such file. Check the name and the folder.")
+    _check_unpacked(regular(path))
     try:
         raw = loadmat(path, struct_as_record=False, squeeze_me=True)
     except NotImplementedError:
         raise InputFileError(path, "a MATLAB v7.3 file, which is not read; save it again with `save -v7`.") from None
-    except (ValueError, TypeError, MatReadError, EOFError, IndexError, OSError, CompressionError) as error:
+    except (ValueError, TypeError, MatReadError, EOFError, IndexError, OSError, MemoryError, CompressionError) as error:
         raise InputFileError(path, f"not a MATLAB file of v5 to v7, or one that was cut short ({error}); copy it "
                                    "again, or save the model with `save -v7`.") from None
     return {name: value for name, value in raw.items() if not name.startswith("__")}
+
+
+def _check_unpacked(path: Path) -> None:
+    """InputFileError where the compressed variables of a MATLAB file of v5 state more bytes than such a file holds."""
+    with open(path, "rb") as file:
+        head, total = file.read(128), 0
+        order = ">" if head[126:] == b"MI" else "<"
+        while head[124:126] in (b"\0\1", b"\1\0") and len(tag := file.read(8)) == 8:
+            kind, size = unpack(f"{order}II", tag)
+            if kind == _COMPRESSED:
+                inner = decompressobj().decompress(file.read(min(size, 256)), 8)
+                total += unpack(f"{order}II", inner)[1] if len(inner) == 8 else 0
+                size -= min(size, 256)
+            file.seek(size, 1)
+    check_unpacked(path, total)
 
 
 def _chosen(variables: Mapping[str, Any], requested: str | None) -> tuple[str, Any]:

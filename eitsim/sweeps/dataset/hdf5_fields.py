@@ -116,7 +116,7 @@ def read_fields(folder: Path | str) -> FieldsOnDisk:
     where: dict[int, tuple[Path, int]] = {}
     for part in parquet.parts(folder):
         path = part.with_suffix(SUFFIX)
-        scenes = parquet.read_part(part, ["scene"])["scene"].tolist()
+        scenes = parquet.read_part(part, ["scene"], manifest)["scene"].tolist()
         # a sweep that was stopped between both files leaves more scenes in the first
         if scenes != _opened(path, lambda file, count: file["scene"][:count].tolist(), len(scenes)):
             raise _damaged(path, "it is not of the scenes of its part")

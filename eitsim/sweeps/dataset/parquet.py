@@ -6,15 +6,17 @@ A part holds neighbouring scenes and is named by the first; a sweep's parts have
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
+import json
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -23,12 +25,18 @@ from eitsim.scene.scene import scene_keys
 from eitsim.sweeps.dataset.sweep_record import Account, Run
 from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
+from touchcal.input_file import check_unpacked, regular
 from touchcal.json_file import read_json, write_json
+from touchcal.whole_file import written
 
 SCHEMA = 2
 # Older ones that can be read: in 1 parts were named by their last scene too.
 _READABLE = (1, SCHEMA)
 MANIFEST = "design.json"
+# Key of the manifest, and of what each part says of itself: a hash that only one sweep or measurement has. Sets that
+# were made earlier have none.
+IDENTITY = "identity"
+_STAMP = b"touchcal"  # Key of a part's Parquet metadata: JSON of IDENTITY and of the hash of its rows.
 OUTPUTS = ("sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "delta_max_mm")
 TOUCH = ("x_mm", "y_mm", "d_mm", "F_N")
 # What differs where a row is solved again: CPU time in all, and of it for touches, for readings and for fields, s.
@@ -72,8 +80,8 @@ class Dataset:
         pattern-major. InputFileError where a part is damaged, lacks a column, or holds a scene that stands in another.
         """
         names = None if self.columns is None else [*dict.fromkeys([*FIXED, *self.columns])]
-        table = pd.concat([read_part(path, names) for path in parts(self.folder)], ignore_index=True)
-        table = table.sort_values("scene", ignore_index=True)
+        found = [read_part(path, names, self.manifest) for path in parts(self.folder)]
+        table = pd.concat(found, ignore_index=True).sort_values("scene", ignore_index=True)
         if missing := [name for name in FIXED if name not in table.columns]:
             raise InputFileError(self.folder, f"the column {missing[0]} is missing from its Parquet parts.")
         if table["scene"].duplicated().any():
@@ -106,13 +114,13 @@ def part_path(folder: Path, first: int) -> Path:
     return folder / f"part-{first:09d}.parquet"
 
 
-def write_table(path: Path, table: pd.DataFrame) -> None:
+def write_table(path: Path, table: pd.DataFrame, identity: str | None = None) -> None:
     """Write a table as one Parquet file, atomically."""
-    put(path, encoded(table))
+    put(path, encoded(table, identity))
 
 
-def encoded(table: pd.DataFrame) -> bytes:
-    """A table as the content of a Parquet file, checksums included.
+def encoded(table: pd.DataFrame, identity: str | None = None) -> bytes:
+    """A table as the content of a Parquet file, with checksums, the hash of its rows, and the set that they belong to.
 
     Without dictionaries, and without statistics and the frame's own schema, which for columns of few different rows
     would take more than the numbers.
@@ -120,8 +128,10 @@ def encoded(table: pd.DataFrame) -> bytes:
     place = io.BytesIO()
     plain = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(None)
     stated = [name for name in ("scene", "outcome") if name in table.columns]
-    pq.write_table(plain, place, use_dictionary=False, write_statistics=stated,  # pyright: ignore[reportArgumentType]
-                   store_schema=False, write_page_checksum=True)
+    with pq.ParquetWriter(place, plain.schema, use_dictionary=False, store_schema=False, write_page_checksum=True,
+                          write_statistics=stated) as file:  # pyright: ignore[reportArgumentType]
+        file.write_table(plain)
+        file.add_key_value_metadata({_STAMP.decode(): json.dumps({IDENTITY: identity, "sha256": _hash(plain)})})
     return place.getvalue()
 
 
@@ -131,54 +141,95 @@ def decoded(content: bytes | Path, columns: list[str] | None = None) -> pd.DataF
     return pq.ParquetFile(source, page_checksum_verification=True).read(columns=columns).to_pandas()
 
 
-def read_part(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
-    """The table of a part; InputFileError where it is damaged."""
+def read_part(path: Path, columns: list[str] | None = None, of: Mapping[str, Any] | None = None) -> pd.DataFrame:
+    """The table of a part, of some columns or, checked by its hash, of all; InputFileError where it is damaged, was
+    changed, or does not belong to the set of the manifest `of`."""
     try:
-        return decoded(path, columns)
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(path, error) from None
+        file = pq.ParquetFile(regular(path), page_checksum_verification=True)
+        check_unpacked(path, 8 * file.metadata.num_rows * file.metadata.num_columns)
+        whole, stamp = file.read(columns=columns), json.loads((file.metadata.metadata or {}).get(_STAMP, b"{}"))
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise error if isinstance(error, InputFileError) else _damaged(path, str(error).splitlines()[0]) from None
+    if columns is None and "sha256" in stamp and stamp["sha256"] != _hash(whole):
+        raise _damaged(path, "its rows are not those that were written")
+    for name in ("scene", "outcome"):
+        if (columns is None or name in columns) and (name not in whole.column_names or whole[name].null_count):
+            raise _damaged(path, f"not every row has its {name}")
+    if not whole.num_rows:
+        raise _damaged(path, "it holds no rows")
+    table = whole.to_pandas()
+    if of is not None and not (stamp.get(IDENTITY) == of.get(IDENTITY) and _in_place(path, table, of)):
+        raise InputFileError(path, f"the part does not belong to this sweep, the one of {MANIFEST} next to it. Remove "
+                                   "it, and sweep again.")
+    if columns is None and "sha256" not in stamp:
+        _check_readings(path, table)
+    return table
+
+
+def _in_place(path: Path, table: pd.DataFrame, manifest: Mapping[str, Any]) -> bool:
+    """Whether a part's name tells its first scene, and all of them are scenes of the design."""
+    first, last, number = table["scene"].iloc[0], table["scene"].max(), path.stem.split("-")[1]
+    return (pd.api.types.is_integer_dtype(table["scene"]) and number.isdecimal() and int(number) == first
+            and bool(last < manifest["design"].get("scenes", np.inf)))
+
+
+def _check_readings(path: Path, table: pd.DataFrame) -> None:
+    """InputFileError where an ok row lacks a reading whose signal it has; parts without a hash are checked by this."""
+    lost = table.loc[table["outcome"] == "ok"].isna()
+    for name in [name for name in lost if name.startswith("v_") and f"d{name}" in lost]:
+        if (odd := lost[name] & ~lost[f"d{name}"]).any():
+            raise _damaged(path, f"{name} of scene {table['scene'][odd.idxmax()]} is missing, though the row says ok")
 
 
 def columns_of(path: Path) -> list[str]:
     """Names of the columns of a part, without its rows."""
     try:
-        return pq.read_schema(path).names
+        return pq.read_schema(regular(path)).names
     except (pa.ArrowException, OSError) as error:
-        raise _damaged(path, error) from None
+        raise _damaged(path, str(error).splitlines()[0]) from None
 
 
-def _damaged(path: Path, error: BaseException) -> InputFileError:
-    return InputFileError(path, f"the part is damaged ({str(error).splitlines()[0]}). Remove it, and sweep again.")
+def _damaged(path: Path, why: str) -> InputFileError:
+    return InputFileError(path, f"the part is damaged ({why}). Remove it, and sweep again.")
 
 
-def joined(contents: Sequence[bytes]) -> bytes:
+def _hash(table: pa.Table) -> str:
+    """SHA-256 of the names, types and values of a table's columns, NaN as missing."""
+    found = hashlib.sha256()
+    for name in table.column_names:
+        values = table[name].to_numpy()
+        text = values.tobytes() if values.dtype != object else json.dumps(values.tolist(), default=str).encode()
+        found.update(f"{name} {values.dtype} {len(values)} ".encode() + text)
+    return found.hexdigest()
+
+
+def missing_rows(folder: Path) -> str:
+    """How many scenes of a set's design lack a row, in words; empty where none does."""
+    rows = sum(pq.read_metadata(path).num_rows for path in parts(folder))
+    scenes = read_manifest(folder)["design"].get("scenes", rows)
+    return (f"{scenes - rows} of its {scenes} scenes have no row: the sweep is unfinished, or parts were lost. The "
+            "same `eitsim sweep` command solves them") if rows < scenes else ""
+
+
+def joined(contents: Sequence[bytes], identity: str | None = None) -> bytes:
     """One part of several contents, in their order."""
-    return encoded(pd.concat([decoded(content) for content in contents], ignore_index=True))
+    return encoded(pd.concat([decoded(content) for content in contents], ignore_index=True), identity)
 
 
-def with_rows(content: bytes, more: bytes) -> bytes:
+def with_rows(content: bytes, more: bytes, identity: str | None = None) -> bytes:
     """A part with the rows of another, which take the place of those of the same scenes."""
     there, new = decoded(content), decoded(more)
     kept = there.loc[~there["scene"].isin(new["scene"])]
     if kept.empty:
         return more
-    return encoded(pd.concat([kept, new], ignore_index=True).sort_values("scene", ignore_index=True))
+    return encoded(pd.concat([kept, new], ignore_index=True).sort_values("scene", ignore_index=True), identity)
 
 
 def put(path: Path, content: bytes) -> None:
     """Write a file next to its place, wait for the disk, and move it there in one step: what is there is whole, even
     after a loss of power, which may cost the last moves unless `settle` was waited for."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".part-", suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(handle)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with written(path) as file:
+        file.write(content)
 
 
 def settle(folder: Path) -> None:
@@ -202,9 +253,9 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a data set; InputFileError where there is none or it is of another schema."""
+    """The manifest of a data set; InputFileError where there is none, or it is of another schema or shape."""
     path = folder / MANIFEST
-    if not path.is_file():
+    if not path.exists():
         raise InputFileError(folder, f"not a data set: it holds no {MANIFEST}. A data set is the folder that "
                                      "`eitsim sweep --out` writes.")
     manifest = read_json(path, "the manifest of a data set", "It was changed or cut short: restore it from a copy, or "

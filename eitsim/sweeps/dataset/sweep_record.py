@@ -52,4 +52,8 @@ class Account:
 
 def runs_of(manifest: Mapping[str, Any]) -> list[Run]:
     """All that are on record, the first one first."""
-    return [Run(**run) for run in manifest.get(RUNS, [])]
+    try:
+        return [Run(**run) for run in manifest.get(RUNS, [])]
+    except TypeError:
+        raise ValueError(f"design.json: {RUNS} does not hold what each call spent. It was changed: restore it from a "
+                         "copy, or sweep again into another folder.") from None

@@ -18,6 +18,7 @@ _WHOLE = {"seed": (0, None), "bits": (2, BITS), "frames": (1, 10_000), "baseline
 _SIZES = ("noise_V", "gain", "offset_V", "drift", "drift_channel", "drift_V", "drift_channel_V", "contact_impedance",
           "lsb_V")
 _MOST_CONTACT = 0.2
+_LEAST_V = 1e-15  # rounding of a reading of some volts
 
 
 def read_measurement(path: Path | str) -> Measurement:
@@ -67,9 +68,11 @@ def _check_value(key: str, value: Any) -> None:
             raise _wrong(key, f"is counted to first order, which misses a tenth (lines) or a fifth (patches) of its "
                               f"effect at {_MOST_CONTACT}; got {value:g}, give that or less. What differs between "
                               "electrodes and stays belongs to [electrodes]")
+        if key == "lsb_V" and 0 < value < _LEAST_V:
+            raise _wrong(key, f"must be 0, for none, or {_LEAST_V:g} V or more, which numbers resolve, got {value:g}")
     elif key == "full_scale_V":
-        if not _is_number(value) or value <= 0:
-            raise _wrong(key, f"must be a positive number, got {value!r}")
+        if not _is_number(value) or value < _LEAST_V:
+            raise _wrong(key, f"must be a positive number, {_LEAST_V:g} V or more, got {value!r}")
     elif key == "snr_db":
         if not _is_number(value):
             raise _wrong(key, f"must be a number, got {value!r}")

@@ -86,7 +86,7 @@ def account_of(folder: Path) -> Accounted:
     asked = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
     asked = float(asked) if isinstance(asked, int | float) else None
     for path in parts:
-        table = parquet.read_part(path, _COLUMNS).reindex(columns=_COLUMNS)
+        table = parquet.read_part(path, _COLUMNS, manifest).reindex(columns=_COLUMNS)
         counts, stages = counts + count_outcomes(table), stages.add(_by_stage(table), fill_value=0.0)
         ok = table.loc[table["outcome"] == "ok"]
         errors = ok["signal_error"].to_numpy(dtype=float)

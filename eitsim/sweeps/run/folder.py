@@ -18,13 +18,17 @@ from eitsim.mechanics.load_paths.law_family import Family, central_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.code_history import by_this_code, check_columns
-from eitsim.sweeps.dataset.outcome_counts import COLUMNS, OutcomeCounts, count_outcomes
+from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import GROWING, Design, same_or_grown
 from matcal.card import card_identity
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
+from touchcal.json_file import digest
 from touchcal.provenance import versions
+from touchcal.whole_file import lock_file
+
+ROWS = "rows"  # Key of the manifest: how many rows stood there when the last call ended.
 
 
 @contextmanager
@@ -35,7 +39,7 @@ def sole_writer(folder: Path, writer: str = "sweep") -> Iterator[None]:
     A file system without locks cannot tell: then nothing is removed, and of two writers of one sweep each puts the
     same rows there, in place of those of the other.
     """
-    with open(folder / ".lock", "w") as lock:
+    with lock_file(folder / ".lock") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -43,19 +47,27 @@ def sole_writer(folder: Path, writer: str = "sweep") -> Iterator[None]:
                 raise ValueError(f"{folder}: another {writer} is writing to it. Wait for it, or choose another folder."
                                  ) from None
         else:
-            for pattern in (".part-*.tmp", f"{parquet.MANIFEST}*.part"):
+            for pattern in (".part-*", f".{parquet.MANIFEST}*.part", f"{parquet.MANIFEST}*.part"):
                 for path in folder.glob(pattern):
                     path.unlink()
         yield
 
 
+def check_own(folder: Path) -> None:
+    """InputFileError, before anything is written, where a folder holds something that is no data set."""
+    if (folder / parquet.MANIFEST).exists():
+        parquet.read_manifest(folder)
+        return
+    for path in sorted(folder.iterdir()) if folder.exists() else []:
+        if not (path.name.startswith(".") or path.name.startswith(parquet.MANIFEST)):
+            what = "Parquet parts" if path.name.startswith("part-") else path.name
+            raise InputFileError(folder, f"it holds {what} but no {parquet.MANIFEST}. Choose an empty folder.")
+
+
 def begun(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The manifest that stands in a folder; None, and `manifest` is put there, where there is none. InputFileError
-    where parts stand there without one."""
+    """The manifest that stands in a folder; None, and `manifest` is put there, where there is none."""
     if (folder / parquet.MANIFEST).exists():
         return parquet.read_manifest(folder)
-    if parquet.parts(folder):
-        raise InputFileError(folder, f"it holds Parquet parts but no {parquet.MANIFEST}. Choose an empty folder.")
     parquet.write_manifest(folder, manifest)
     return None
 
@@ -68,8 +80,9 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
     plain = json.loads(json.dumps(asdict(design)))  # a design as JSON holds it
     manifest = {"design": plain, "card": card_identity(cards.card), "versions": versions(),
                 "method": method, "rows_per_part": rows_per_part, "code": key_of({}), "posterior": dict(cards.source)}
+    manifest[parquet.IDENTITY] = digest({key: manifest[key] for key in ("design", "card", "method", "posterior")})
     if (stands := begun(folder, manifest)) is None:
-        return manifest, standing(folder, design.scenes, rows_per_part)
+        return manifest, standing(folder, design.scenes, manifest)
     old = {"posterior": {}, **stands}
     if old["schema"] != parquet.SCHEMA:
         raise ValueError(f"{folder} was written by an earlier version, in parts of another kind. It can be read, not "
@@ -88,7 +101,7 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
         if requested not in (None, old["method"][key]):
             raise ValueError(f"{folder} was started with {key} = {old['method'][key]}, here {requested}. Keep to that, "
                              "or choose another folder.")
-    before, continued = standing(folder, design.scenes, old["rows_per_part"]), {**old, "design": manifest["design"]}
+    before, continued = standing(folder, design.scenes, old), {**old, "design": manifest["design"]}
     if not before.there.all():
         check_columns(folder, columns)
         continued = by_this_code(folder, continued, manifest, before.there, other_code)
@@ -146,13 +159,15 @@ class Standing:
     there: NDArray[np.bool_]  # (scenes,) whether a scene has one
     counts: OutcomeCounts  # what became of them
     crashed: int  # rows "crashed", which are as if not there: too little memory, or a kill, may not come again
+    lost: int  # rows that stood there when the last call ended, and are gone
 
 
-def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:
-    """What a folder holds of a sweep; InputFileError where a part is damaged or does not belong to such a sweep."""
-    there, counts, crashed = np.zeros(scenes, dtype=bool), OutcomeCounts(), 0
+def standing(folder: Path, scenes: int, manifest: Mapping[str, Any]) -> Standing:
+    """What a folder holds of the sweep of this manifest; InputFileError where a part is damaged or does not belong to
+    such a sweep."""
+    there, counts, crashed, rows_per_part = np.zeros(scenes, dtype=bool), OutcomeCounts(), 0, manifest["rows_per_part"]
     for path in parquet.parts(folder):
-        table = parquet.read_part(path, COLUMNS)
+        table = parquet.read_part(path, of={**manifest, "design": {"scenes": scenes}})
         first, count = int(table["scene"].iloc[0]), len(table)
         whole = list(range(first, first + count)) == table["scene"].tolist() and count <= rows_per_part
         if path != parquet.part_path(folder, first) or first % rows_per_part or first + count > scenes or not whole:
@@ -160,7 +175,7 @@ def standing(folder: Path, scenes: int, rows_per_part: int) -> Standing:
         stays = (table["outcome"] != "crashed").to_numpy()
         there[first:first + count] = stays
         counts, crashed = counts + count_outcomes(table.loc[stays]), crashed + int((~stays).sum())
-    return Standing(there, counts, crashed)
+    return Standing(there, counts, crashed, max(manifest.get(ROWS, 0) - counts.rows - crashed, 0))
 
 
 def missing(there: NDArray[np.bool_], rows_per_part: int) -> list[range]:

@@ -248,16 +248,17 @@ def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, 
            "laws": [_plain(law) for law in (span.central, *span.chosen)],
            "held_out": [_plain(law) for law in span.held_out]}
     alone = replace(table, rim=None)
-    arrays, _ = cache.kept(cache.key_of(key), lambda: _arrays(build_family(alone, span, run)))
+    arrays, words = cache.kept(cache.key_of(key), lambda: _arrays(build_family(alone, span, run)))
+    note = note or words
     deep = replace(as_deep_as(alone, int(arrays["count"])), error=Deviation(*arrays["error"].tolist()),
                    checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
     family = Family(deep, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))
     if table.rim is None:
         return family, note
     key |= {"rim": asdict(reuse.GRID)}
-    arrays, _ = cache.kept(cache.key_of(key), lambda: _rim_error(with_rim(family, table, run)))
+    arrays, words = cache.kept(cache.key_of(key), lambda: _rim_error(with_rim(family, table, run)))
     changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
-    return replace(family, table=replace(family.table, rim=changes)), note
+    return replace(family, table=replace(family.table, rim=changes)), note or words
 
 
 def _plain(law: Hyperfoam) -> list[list[float]]:

@@ -21,9 +21,10 @@ from eitsim.sweeps.design.design import design_from, representative_scene
 from eitsim.sweeps.measurement.instrument import Array, Indices, Measured, Measurement, channels_of, measured
 from eitsim.sweeps.measurement.instrument_table import TABLE, as_table, measurement_from, read_measurement
 from eitsim.sweeps.measurement.noise_summary import Sums, volts
-from eitsim.sweeps.run.folder import begun, sole_writer
+from eitsim.sweeps.run.folder import begun, check_own, sole_writer
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
+from touchcal.json_file import digest
 
 # Rows whose sheet conductances agree to this, relative, share their derivatives by the contact impedances.
 _SHEETS = 0.01
@@ -93,18 +94,20 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
     if clean.resolve() in folder.resolve().parents:
         raise ValueError(f"{folder} lies inside the clean data set {clean}; give a folder next to it.")
     manifest, parts = parquet.read_manifest(clean), parquet.parts(clean)
+    check_own(folder)
     lab = lab_of(clean, manifest, measurement)
     for path in parts:
-        parquet.read_part(path)  # before anything is written: a part that is fixed later makes it another set
+        parquet.read_part(path, of=manifest)  # before anything is written: a part fixed later makes it another set
     folder.mkdir(parents=True, exist_ok=True)
     with sole_writer(folder):
         stated = manifest | {TABLE: as_table(lab.measurement), "measured_by": key_of({}, (__name__,)), "clean": {
             "folder": clean.resolve().name, "sha256": _content(parts)}}
+        stated[parquet.IDENTITY] = digest({key: stated[key] for key in ("clean", TABLE, "measured_by")})
         _start_or_continue(folder, stated)
         sums = Sums()
         for path in parts:
             before = parquet.read_part(path)
-            after = _part(folder / path.name, before, lab)
+            after = _part(folder / path.name, before, lab, stated)
             sums.add(lab.measurement, before, after)
             if progress is not None:
                 progress(sums.all_rows)
@@ -174,10 +177,10 @@ def _start_or_continue(folder: Path, stated: Mapping[str, Any]) -> None:
                          "another folder; measuring takes little.")
 
 
-def _part(path: Path, clean: pd.DataFrame, lab: Lab) -> pd.DataFrame:
+def _part(path: Path, clean: pd.DataFrame, lab: Lab, manifest: Mapping[str, Any]) -> pd.DataFrame:
     """The measured table of one part, written where it is missing."""
     if path.exists():
-        return parquet.read_part(path)
+        return parquet.read_part(path, of=manifest)
     ok = (clean["outcome"] == "ok").to_numpy()
     (touched, signal), clipped = volts(clean), np.zeros(len(clean), dtype=np.int64)
     if ok.any() and as_table(replace(lab.measurement, seed=0)):
@@ -186,7 +189,7 @@ def _part(path: Path, clean: pd.DataFrame, lab: Lab) -> pd.DataFrame:
     names = [*voltage_columns(touched.shape[1]), *voltage_columns(signal.shape[1], "dv")]
     readings = pd.DataFrame(np.hstack([touched, signal]), columns=names, index=clean.index)
     table = pd.concat([clean.drop(columns=names), readings], axis=1)[list(clean.columns)].assign(clipped=clipped)
-    parquet.write_table(path, table)
+    parquet.write_table(path, table, manifest[parquet.IDENTITY])
     return table
 
 

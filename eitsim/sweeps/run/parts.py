@@ -35,13 +35,13 @@ class Part:
 
 
 def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[range], *, exact: bool,
-                 table: Table | Family | None) -> Iterator[Part]:
-    """Solve the scenes of each range into a part, as workers become free.
+                 table: Table | Family | None, identity: str | None = None) -> Iterator[Part]:
+    """Solve the scenes of each range into a part of the set of this identity, as workers become free.
 
     A part that raises, or is lost with its worker again and again, is solved at the end row by row: a row for which
     this is so too is "crashed", with the reason.
     """
-    solve = partial(_part, design, partial(solve_rows, design, cards, exact=exact, table=table))
+    solve = partial(_part, design, identity, partial(solve_rows, design, cards, exact=exact, table=table))
     separation = []
     for scenes, found in answers(pool, solve, todo, _TRIES):
         if isinstance(found, Failed):
@@ -50,23 +50,24 @@ def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[
             yield found
     for scenes in separation:
         found = dict(answers(pool, solve, [range(i, i + 1) for i in scenes], _ROW_TRIES))
-        rows = [_encoded(design, one, [crashed_row(design, cards, one.start, part.reason)])
+        rows = [_encoded(design, identity, one, [crashed_row(design, cards, one.start, part.reason)])
                 if isinstance(part, Failed) else part
                 for one, part in sorted(found.items(), key=lambda pair: pair[0].start)]
         kept = None if design.fields is None else hdf5_fields.joined(
             design.fields, representative_scene(design).body, [row.fields for row in rows if row.fields is not None])
-        yield Part(scenes, parquet.joined([row.content for row in rows]),
+        yield Part(scenes, parquet.joined([row.content for row in rows], identity),
                    sum((row.counts for row in rows), OutcomeCounts()), kept, sum(row.encoding_cpu_s for row in rows))
 
 
-def _part(design: Design, solve: Callable[[list[int]], list[dict[str, Any]]], scenes: range) -> Part:
-    return _encoded(design, scenes, solve(list(scenes)))
+def _part(design: Design, identity: str | None, solve: Callable[[list[int]], list[dict[str, Any]]],
+          scenes: range) -> Part:
+    return _encoded(design, identity, scenes, solve(list(scenes)))
 
 
-def _encoded(design: Design, scenes: range, rows: list[dict[str, Any]]) -> Part:
+def _encoded(design: Design, identity: str | None, scenes: range, rows: list[dict[str, Any]]) -> Part:
     begun = time.process_time()
     found = {row["scene"]: row.pop("fields", {}) for row in rows}
     table = pd.DataFrame(rows)
     kept = None if design.fields is None else hdf5_fields.encoded(
         design.fields, representative_scene(design).body, found)
-    return Part(scenes, parquet.encoded(table), count_outcomes(table), kept, time.process_time() - begun)
+    return Part(scenes, parquet.encoded(table, identity), count_outcomes(table), kept, time.process_time() - begun)

@@ -16,6 +16,7 @@ from eitsim.sweeps.design.sampling import row_tables
 from eitsim.sweeps.design.variables import SENSOR, layout_of
 from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
 from touchcal.errors import InputFileError
+from touchcal.input_file import regular
 from touchcal.toml_file import read_toml
 
 MOST_TOUCHES = 20  # Touches that a table may have columns for.
@@ -96,11 +97,9 @@ def _base(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _read(path: Path) -> _Cells:
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
+        with open(regular(path), newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except FileNotFoundError:
-        raise InputFileError(path, "no such file. Check the name and the folder.") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputFileError(path, f"not a text file ({error}). Expected a CSV of scenes.") from None
     found = [(line, row) for line, row in found if any(row)]

@@ -20,7 +20,7 @@ from eitsim.sweeps.dataset.sweep_record import RUNS, Account, Run, runs_of
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
 from eitsim.sweeps.design.design import Design, representative_scene
-from eitsim.sweeps.run.folder import Standing, keep_to_table, missing, sole_writer, start_or_continue
+from eitsim.sweeps.run.folder import ROWS, Standing, check_own, keep_to_table, missing, sole_writer, start_or_continue
 from eitsim.sweeps.run.load_path_choice import describe_method, method_for, table_of
 from eitsim.sweeps.run.omissions import LEFT_OUT, omissions
 from eitsim.sweeps.run.parts import Part, solved_parts
@@ -128,6 +128,7 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
     cards = cards_for(design.material, design.seed, card, in_pairs=design.sampler == nested_design.SAMPLER)
     folder = Path(out)
     with _entered(scheduler) as pool:
+        check_own(folder)
         folder.mkdir(parents=True, exist_ok=True)
         with sole_writer(folder):
             work = _work(design, cards, folder, reuse, exact, other_code, progress or (lambda step: None))
@@ -207,7 +208,8 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
                         count if lent is None else None, central_of(table))
         left_out = omissions(work.design, work.cards, exact=work.method["exact"], table=table)
         parquet.write_manifest(work.folder, {key: value for key, value in work.manifest.items() if key != "schema"} | {
-            RUNS: [*work.manifest.get(RUNS, []), asdict(run)], LEFT_OUT: [asdict(one) for one in left_out]})
+            ROWS: counts.rows, RUNS: [*work.manifest.get(RUNS, []), asdict(run)],
+            LEFT_OUT: [asdict(one) for one in left_out]})
     parquet.settle(work.folder)
     return _account(work, counts, run)
 
@@ -227,9 +229,10 @@ def _rows(work: _Work, pool: WorkerPool, table: Loads, spent: Spent) -> OutcomeC
     counts = work.before.counts
     work.tell(counts)
     with spent.on("rows"):
-        for part in solved_parts(pool, work.design, work.cards, work.todo, exact=work.method["exact"], table=table):
+        for part in solved_parts(pool, work.design, work.cards, work.todo, exact=work.method["exact"], table=table,
+                                 identity=work.manifest.get(parquet.IDENTITY)):
             with spent.on("writing"):
-                _keep(work.folder, work.design, part, work.manifest["rows_per_part"])
+                _keep(work.folder, work.design, part, work.manifest)
             counts, spent.encoding_cpu_s = counts + part.counts, spent.encoding_cpu_s + part.encoding_cpu_s
             work.tell(counts)
     return counts
@@ -237,9 +240,10 @@ def _rows(work: _Work, pool: WorkerPool, table: Loads, spent: Spent) -> OutcomeC
 
 def _how(work: _Work, table: Loads, note: str) -> str:
     """How the rows of this call were solved, in words."""
-    crashed = work.before.crashed
+    crashed, lost = work.before.crashed, work.before.lost
     return (describe_method(work.method, table, note) + code_history.in_words(work.manifest)
-            + (f"; {crashed} rows that had crashed solved again" if crashed else ""))
+            + (f"; {crashed} rows that had crashed solved again" if crashed else "")
+            + (f"; {lost} rows that were there before were lost and are solved again" if lost else ""))
 
 
 def _account(work: _Work, counts: OutcomeCounts, run: Run | None) -> Account:
@@ -255,12 +259,13 @@ def _entered(scheduler: Pool | None) -> AbstractContextManager[WorkerPool | None
     return found if isinstance(found, AbstractContextManager) else nullcontext(found)
 
 
-def _keep(folder: Path, design: Design, part: Part, size: int) -> None:
+def _keep(folder: Path, design: Design, part: Part, manifest: Mapping[str, Any]) -> None:
     """Put a part in its place, its fields first; what stands there of other scenes stays."""
+    size = manifest["rows_per_part"]
     place, content = parquet.part_path(folder, part.scenes[0] // size * size), part.content
     fields_at, fields = place.with_suffix(hdf5_fields.SUFFIX), part.fields
     if place.exists():
-        content = parquet.with_rows(place.read_bytes(), content)
+        content = parquet.with_rows(place.read_bytes(), content, manifest.get(parquet.IDENTITY))
         if design.fields is not None and fields is not None:
             fields = hdf5_fields.continued(fields_at, design.fields, representative_scene(design).body, fields)
     try:

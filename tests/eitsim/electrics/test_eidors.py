@@ -236,3 +236,10 @@ def test_the_command_solves_a_model_of_ones_own(tmp_path: Path, monkeypatch: pyt
         status, out, err = run(*words)
         assert (status, out) == (2, "")
         assert message in err
+
+
+def test_a_file_that_unpacks_to_far_more_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "model.mat"
+    savemat(path, {"fwd_model": {"nodes": np.zeros(15_000_000)}}, do_compression=True)
+    with pytest.raises(InputFileError, match=r"model\.mat: its \d+ bytes would unpack to 1\.2e\+08"):
+        read_eidors(path)

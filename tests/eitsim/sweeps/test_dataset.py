@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.dataset
+import pyarrow.parquet as pq
 import pytest
 
 from eitsim.scene.drive import voltage_columns
@@ -14,6 +17,7 @@ from eitsim.sweeps.dataset.parquet import (
     decoded,
     encoded,
     read_dataset,
+    read_part,
     with_rows,
     write_manifest,
     write_part,
@@ -59,6 +63,65 @@ def test_damage_is_named(tmp_path: Path) -> None:
     write_part(tmp_path, [row(0), row(1)])
     write_part(tmp_path, [row(1)])
     with pytest.raises(InputFileError, match="scene 1 stands in it twice"):
+        read_dataset(tmp_path)
+
+
+def part_of(tmp_path: Path, table: pd.DataFrame, stamped: bool = True) -> Path:
+    path = tmp_path / "part-000000000.parquet"
+    if stamped:
+        path.write_bytes(encoded(table))
+    else:
+        table.to_parquet(path, index=False)
+    return path
+
+
+def test_a_part_of_before_hashes_is_read(tmp_path: Path) -> None:
+    table = pd.DataFrame([row(0), row(1, "refused")])
+    write_manifest(tmp_path, {"design": {"scenes": 2}, "card": {}})
+    part_of(tmp_path, table, stamped=False)
+    assert read_dataset(tmp_path).table.equals(table)
+
+
+def test_every_flipped_byte_of_a_part_is_noticed(tmp_path: Path) -> None:
+    path = part_of(tmp_path, pd.DataFrame([row(0), row(1)]))
+    content, whole = path.read_bytes(), read_part(path)
+    for at in range(0, len(content), 41):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1:])
+        try:
+            found = read_part(path)
+        except InputFileError:
+            continue
+        pd.testing.assert_frame_equal(found, whole)  # a byte that means nothing for the rows
+
+
+def test_rows_that_were_changed_under_the_old_hash_are_noticed(tmp_path: Path) -> None:
+    path = part_of(tmp_path, pd.DataFrame([row(0), row(1)]))
+    file = pq.ParquetFile(path)
+    stamp, table = file.metadata.metadata, file.read()
+    changed = table.set_column(table.column_names.index("F_N"), "F_N", pa.array([0.5, 0.6])).replace_schema_metadata()
+    with pq.ParquetWriter(path, changed.schema) as writer:
+        writer.write_table(changed)
+        writer.add_key_value_metadata(stamp)
+    with pytest.raises(InputFileError, match="its rows are not those that were written"):
+        read_part(path)
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    (lambda table: table.iloc[:0], "it holds no rows"),
+    (lambda table: table.drop(columns="outcome"), "not every row has its outcome"),
+    (lambda table: table.drop(columns="scene"), "not every row has its scene"),
+    (lambda table: table.assign(v_000=np.nan, dv_000=1.0), "v_000 of scene 0 is missing")])
+def test_a_part_without_what_every_part_has_is_named(tmp_path: Path, change, said: str) -> None:
+    path = part_of(tmp_path, change(pd.DataFrame([row(0), row(1)])), stamped=False)
+    with pytest.raises(InputFileError, match=rf"part-000000000\.parquet: .*{said}"):
+        read_part(path)
+
+
+@pytest.mark.parametrize("name", ["part-zzz.parquet", "part-000000007.parquet"])
+def test_a_part_of_another_name_or_of_scenes_outside_the_design_is_named(tmp_path: Path, name: str) -> None:
+    write_manifest(tmp_path, {"design": {"scenes": 2}, "card": {}})
+    (tmp_path / name).write_bytes(encoded(pd.DataFrame([row(0 if "z" in name else 7)])))
+    with pytest.raises(InputFileError, match="does not belong"):
         read_dataset(tmp_path)
 
 

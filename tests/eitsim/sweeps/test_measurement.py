@@ -218,6 +218,7 @@ def test_contact_slopes_of_electrodes_that_are_not_alike() -> None:
     ({"bits": 16, "full_scale_V": 5.0, "lsb_V": 1e-3}, "give either it or these two"),
     ({"bits": 1, "full_scale_V": 5.0}, "whole number of 2 to 32"),
     ({"full_scale_V": 0}, "must be a positive number"),
+    ({"lsb_V": 1e-320}, "lsb_V in .* must be 0, for none, or 1e-15"),
     ({"frames": 0}, "whole number of 1 to 10000"),
     ({"clean_baseline": True, "baseline_frames": 3}, "leave one of them out"),
     ({"clean_baseline": 1}, "must be true or false"),

@@ -17,6 +17,7 @@ from eitsim.cli.progress import shown
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
 from eitsim.sweeps.dataset.parquet import (
     COST,
+    IDENTITY,
     MANIFEST,
     decoded,
     encoded,
@@ -146,6 +147,58 @@ def test_leftovers_are_swept_and_strangers_named(card: Path, tmp_path: Path) -> 
         account(design_from(RAW, 1), card, tmp_path / "a")
 
 
+def test_a_part_of_another_seed_is_named(card: Path, tmp_path: Path) -> None:
+    for name, seed in (("a", 7), ("b", 8)):
+        account(design_from(RAW | {"seed": seed}, 2), card, tmp_path / name)
+    (part,), (other,) = parts(tmp_path / "a"), parts(tmp_path / "b")
+    part.write_bytes(other.read_bytes())
+    with pytest.raises(InputFileError, match=r"part-000000000\.parquet: the part does not belong to this sweep"):
+        account(design_from(RAW | {"seed": 7}, 2), card, tmp_path / "a")
+    with pytest.raises(InputFileError, match="does not belong to this sweep"):
+        read_dataset(tmp_path / "a")
+
+
+def test_lost_rows_are_counted(card: Path, tmp_path: Path, command) -> None:
+    account(design_from(RAW, 2), card, tmp_path / "a")
+    (part,) = parts(tmp_path / "a")
+    part.write_bytes(encoded(decoded(part).head(1), read_manifest(tmp_path / "a")[IDENTITY]))
+    (tmp_path / "m.toml").write_text("[measurement]\nnoise_V = 1e-6\n")
+    done = command("eitsim", "measure", "a", "--model", "m.toml", "--out", "b", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "a: 1 of its 2 scenes have no row" in done.stderr
+    last = account(design_from(RAW, 2), card, tmp_path / "a")
+    assert last.solved == 1
+    assert "1 rows that were there before were lost and are solved again" in last.method
+
+
+@pytest.mark.parametrize("changed", [{"rows_per_part": 0}, {"rows_per_part": "x"}, {"design": []}, {"card": None},
+                                     {"runs": 3}, {"runs": [3]}, {"design": {"scenes": 1}}])
+def test_a_manifest_that_was_changed_is_named(card: Path, tmp_path: Path, command, changed: dict) -> None:
+    (tmp_path / "d.toml").write_text("scenes = 1\nseed = 7\n[punch]\nx_mm = 99.0\ny_mm = 0.0\n")
+    sweep_of = ("eitsim", "sweep", "d.toml", "--card", card, "--out", "a", "--workers", 1)
+    assert command(*sweep_of, cwd=tmp_path).returncode == 0
+    altered(tmp_path / "a", **changed)
+    done = command(*sweep_of, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "design.json: " in done.stderr
+
+
+@pytest.mark.parametrize("text", ["[]", "null", '{"schema": 2}', "[" * 200_000])
+def test_a_manifest_that_is_none_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / MANIFEST).write_text(text)
+    with pytest.raises(InputFileError, match=r"design\.json: "):
+        read_manifest(tmp_path)
+
+
+def test_a_folder_of_other_things_is_left_alone(card: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "letters"
+    folder.mkdir()
+    (folder / "letter.txt").write_text("dear")
+    with pytest.raises(InputFileError, match=r"letters: it holds letter\.txt but no design\.json"):
+        account(design_from(RAW, 1), card, folder)
+    assert [path.name for path in folder.iterdir()] == ["letter.txt"]
+
+
 def altered(folder: Path, **changed: object) -> None:
     """Change the manifest of a folder."""
     manifest = json.loads((folder / MANIFEST).read_text())
@@ -177,7 +230,8 @@ def test_other_code_is_refused_or_its_scenes_are_told(card: Path, tmp_path: Path
 def test_rows_of_other_columns_are_not_continued(card: Path, tmp_path: Path) -> None:
     account(design_from(RAW, 1), card, tmp_path / "a")
     (part,) = parts(tmp_path / "a")
-    part.write_bytes(encoded(decoded(part).drop(columns="fraction_non_elliptic")))
+    part.write_bytes(encoded(decoded(part).drop(columns="fraction_non_elliptic"),
+                             read_manifest(tmp_path / "a")[IDENTITY]))
     with pytest.raises(ValueError, match=r"other columns \(fraction_non_elliptic\)"):
         sweep(design_from(RAW, 2), card, tmp_path / "a", other_code=True)
 
@@ -219,7 +273,8 @@ def test_crashed_rows_are_solved_again_by_the_same_command(card: Path, tmp_path:
     whole = decoded(part)
     design, cards = design_from(RAW, 4), Cards(read_card(card))
     rows = [crashed_row(design, cards, scene, "its process was killed by signal 9") for scene in (0, 2)]
-    part.write_bytes(with_rows(part.read_bytes(), encoded(pd.DataFrame(rows))))
+    part.write_bytes(with_rows(part.read_bytes(), encoded(pd.DataFrame(rows)),
+                               read_manifest(tmp_path / "a")[IDENTITY]))
     again = account(design, card, tmp_path / "a")
     assert (again.kept, again.solved, dict(again.outcomes), dict(again.reasons)) == (2, 2, {"ok": 4}, {})
     assert "2 rows that had crashed solved again" in again.method

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from eitsim.simulation import reuse
-from eitsim.sweeps.dataset.parquet import COST, read_dataset
+from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run import sweep as sweeping
 from eitsim.sweeps.run.folder import standing
@@ -163,7 +163,7 @@ def test_a_sweep_stops_cleanly_when_asked(place: Path, number: signal.Signals, s
                         r"from there.\n", told)
     assert not psutil.wait_procs(hands, timeout=30)[1]
     assert not list((place / "set").glob("*.tmp"))
-    counts = standing(place / "set", 100_000, sweeping.ROWS_AFRESH).counts
+    counts = standing(place / "set", 100_000, read_manifest(place / "set")).counts
     assert counts.rows == counts.outcomes["refused"] >= 3 * sweeping.ROWS_AFRESH
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import replace
 
 import arviz
+import h5py
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -250,3 +252,34 @@ def test_draws_come_back_from_the_file_as_cards(tmp_path) -> None:
     write_card(replace(card, posterior={}), tmp_path / "bare.json")
     with pytest.raises(ValueError, match="no posterior"):
         read_draws(tmp_path / "bare.json")
+
+
+@pytest.mark.parametrize("change", ["cut", "empty", "no group", "link", "huge", "nan", "no draws", "pipe"])
+def test_a_broken_posterior_is_named(tmp_path, change: str) -> None:
+    path = tmp_path / "posterior.nc"
+    write_card(MaterialCard("c", TABLE_1, posterior={"file": path.name, "n": 8}), tmp_path / "c.json")
+    draws = Draws(np.ones((8, 3)), np.ones((8, 3)), 0.0)
+    write_draws(draws, path, {})
+    whole = path.read_bytes()
+    if change in ("cut", "empty"):
+        path.write_bytes(whole[:len(whole) // 2] if change == "cut" else b"")
+    elif change == "pipe":
+        path.unlink()
+        os.mkfifo(path)
+    else:
+        (tmp_path / "other.nc").write_bytes(whole)
+        with h5py.File(path, "a") as file:
+            group = file["posterior"]
+            gone = {"no draws": ("mu_Pa", "alpha", "nu"), "no group": (), "nan": ("mu_Pa",)}
+            for name in gone.get(change, ("alpha",)):
+                del group[name]
+            if change == "link":
+                group["alpha"] = h5py.ExternalLink("other.nc", "/posterior/alpha")
+            elif change == "huge":
+                group.create_dataset("alpha", (1, 10**13, 3), chunks=(1, 1000, 3))
+            elif change == "nan":
+                group["mu_Pa"] = np.full((1, 8, 3), np.nan)
+            elif change == "no group":
+                del file["posterior"]
+    with pytest.raises(InputFileError, match=r"posterior\.nc: .+"):
+        read_draws(tmp_path / "c.json")

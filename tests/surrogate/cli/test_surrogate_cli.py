@@ -311,3 +311,19 @@ def test_intervals_of_rows_measured_otherwise_are_cautioned(call: Call, few: Pat
     del description["dataset"]["measurement"], description["calibration"]
     (tmp_path / "m" / "model.json").write_text(json.dumps(description))
     assert "caution: intervals were" not in call("evaluate", tmp_path / "m", few)[1]
+
+
+def test_more_noise_than_any_instrument_reads_is_refused(call: Call, ridge: Path, tmp_path: Path) -> None:
+    status, _, said = call("predict", ridge, tmp_path / "absent.csv", "--noise-V", "1e300")
+    assert status == 2
+    assert "--noise-V must be 0 to 1000 V, got 1e+300" in said
+
+
+def test_rows_that_are_missing_are_counted(call: Call, sweep: Path, ridge: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(sweep, tmp_path / "sweep"))
+    manifest = json.loads((folder / "design.json").read_text())
+    manifest["design"]["scenes"] += 4
+    (folder / "design.json").write_text(json.dumps(manifest))
+    status, _, said = call("evaluate", ridge, folder)
+    assert status == 0
+    assert f"4 of its {manifest['design']['scenes']} scenes have no row" in said

@@ -228,6 +228,42 @@ def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path
         surrogate.load(tmp_path / "model")
 
 
+def test_both_files_of_a_model_are_tied(models: dict[str, Model], tmp_path: Path) -> None:
+    folder = tmp_path / "model"
+    models["ridge"].save(folder)
+    text, content = json.loads((folder / "model.json").read_text()), (folder / "arrays.npz").read_bytes()
+    swapped = text | {"outputs": text["outputs"][::-1]}
+    for changed in (swapped, {key: value for key, value in swapped.items() if key != "arrays_sha256"}):
+        (folder / "model.json").write_text(json.dumps(changed))
+        with pytest.raises(InputFileError, match=r"model\.json was changed"):
+            surrogate.load(folder)
+    (folder / "model.json").write_text(json.dumps(text))
+    assert surrogate.load(folder).names == NAMES
+    with np.load(folder / "arrays.npz") as file:
+        arrays = {name: file[name] for name in file.files}
+    np.savez(folder / "arrays.npz", **arrays | {"baseline_V": 2 * arrays["baseline_V"]})
+    with pytest.raises(InputFileError, match=r"arrays\.npz was changed"):
+        surrogate.load(folder)
+    del arrays["description_sha256"]
+    np.savez(folder / "arrays.npz", **arrays)
+    del text["arrays_sha256"]
+    (folder / "model.json").write_text(json.dumps(text))
+    assert surrogate.load(folder).names == NAMES  # one of before the hashes
+    np.savez(folder / "arrays.npz", **arrays | {"baseline_V": arrays["baseline_V"].astype(str)})
+    with pytest.raises(InputFileError, match="baseline_V is not of"):
+        surrogate.load(folder)
+    (folder / "arrays.npz").write_bytes(content[:-9])
+    with pytest.raises(InputFileError, match=r"arrays\.npz"):
+        surrogate.load(folder)
+
+
+def test_a_folder_of_other_things_is_left_alone(models: dict[str, Model], tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(InputFileError, match=r"it holds letter\.txt and no model"):
+        models["ridge"].save(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
 def test_nothing_stored_is_pickled(models: dict[str, Model], tmp_path: Path) -> None:
     for method, model in models.items():
         model.save(tmp_path / method)
