@@ -21,6 +21,7 @@ _DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compli
 # ways to give a cross-section, the first that a table has counts and the others must agree
 SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
 SAME = 0.01  # areas that differ by less are one
+_LEAST, _MOST = 1e-9, 1e12  # sizes, in the units of their keys, that some specimen may have
 # table -> keys it may hold
 KEYS = {
     "uniaxial": _DISC,
@@ -170,4 +171,7 @@ def _size(table: Mapping[str, Any], key: str, default: float | None, kind: str, 
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value) \
             or value < 0 or (value == 0 and default is None):
         raise InputFileError(path, f"[{kind}] {key} = {value!r} must be a positive number.")
+    if value and not _LEAST <= value <= _MOST:
+        raise InputFileError(path, f"[{kind}] {key} = {value:g} is the size of no specimen ({_LEAST:g} to {_MOST:g}). "
+                                   "Correct it, in the unit of its key.")
     return float(value)

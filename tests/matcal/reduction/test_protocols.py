@@ -209,6 +209,8 @@ def test_direction_and_preload_of_the_specimen(tmp_path: Path) -> None:
     ("[uniaxial]\ndiameter_mm = 50\n", "needs the key height_mm"),
     ("[uniaxial]\nheight_mm = 20\n", "needs the key diameter_mm"),
     ("[uniaxial]\ndiameter_mm = -50\nheight_mm = 20\n", "must be a positive number"),
+    ("[uniaxial]\ndiameter_mm = 1e-300\nheight_mm = 20\n", "is the size of no specimen"),
+    ("[uniaxial]\ndiameter_mm = 50\nheight_mm = 1e300\n", "is the size of no specimen"),
     ("[uniaxial]\ndiameter_mm = \"50\"\nheight_mm = 20\n", "must be a positive number"),
     ("[uniaxial]\ndiameter_mm = 50\nheight_mm = 20\ndirection = \"down\"\n", "direction 'down' is unknown"),
     ("uniaxial = 3\n", "must be a table"),
