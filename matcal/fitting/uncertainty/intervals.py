@@ -88,19 +88,20 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
                                       linear_response.prior_precision(fit))[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
     from_data = linear_response.propagated(errors, data)
-    covariance = from_data + variance * prior @ prior.T
+    stated = data @ differ.stated
+    covariance = from_data + variance * prior @ prior.T + stated @ stated.T
     bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach, {}, ())
     derived = intervals(bare, measured_quantities)
     mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(fit.law.alpha.size)]
-    names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names)))
-    shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), variance * (mu_0 @ prior) ** 2, names)
+    names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names) + stated.shape[1]))
+    shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), np.r_[variance * (mu_0 @ prior) ** 2, (mu_0 @ stated) ** 2], names)
     return replace(bare, derived=derived, shares=shares, decisions=(_share_sentence(shares), *differ.decisions,
                                                                     *_limit_sentences(fit)))
 
 
 def _effects(known: Nuisance, differ: Specimens, reach: float) -> Array:
-    """(n, J) effects of all that is normal: nuisances, stated scatter, factors whose interval `reach` times them is."""
-    return np.column_stack([known.effect, differ.stated, differ.reach / reach * differ.factor])
+    """(n, J) effects of all that is inferred: nuisances, factors whose interval `reach` times them is."""
+    return np.column_stack([known.effect, differ.reach / reach * differ.factor])
 
 
 def _limit_sentences(fit: Fit) -> list[str]:
