@@ -3,8 +3,9 @@
 y = A(alpha) mu + V z + e, over the curves' scales, is linear in the moduli mu ~ N(0, (100 mu_0)^2) and in the nuisances
 z (contact points, load drifts, stiffness factors of specimens). A shared nu that was fitted is sampled too, on designs
 tabulated for a few values of it. Scatter that a file states widens the draws about the fit and is not inferred: each
-draw's moduli answer to records moved along it, so that misfit does not choose where in it the law lies. With a relaxation test the rate effect follows the sampled series
-exactly in its times and fractions, as that of the fitted law scaled with the sampled one.
+draw's moduli answer to records moved along it, so that misfit does not choose where in it the law lies. With a
+relaxation test the rate effect follows the sampled series exactly in its times and fractions, as that of the fitted law
+scaled with the sampled one.
 """
 
 from __future__ import annotations

@@ -24,15 +24,16 @@ _INSIDE, _SOFT_PA, _RATIO, _EARLY, _STRETCHED = 0.9, (20.0, 1e6), 1.6, 0.3, 1.0
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _misfit, _band,
-             _predictions, _coverage, _series, _skin)
+    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _misfit,
+             _undetermined, _band, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
 def unstable_inside(card: MaterialCard) -> list[tuple[str, str, float, float]]:
-    """(criterion, mode, lo, hi) of every unstable range that meets the strains fitted in its mode."""
+    """(criterion, mode, lo, hi) of every unstable range within the strains fitted in its mode."""
     fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
-    return [(criterion, mode, lo, hi) for criterion, modes in card.stability.items() for mode, row in modes.items()
+    return [(criterion, mode, max(lo, fitted[mode][0]), min(hi, fitted[mode][1]))
+            for criterion, modes in card.stability.items() for mode, row in modes.items()
             for lo, hi in row["unstable_strain"] if mode in fitted and overlaps((lo, hi), fitted[mode])]
 
 
@@ -73,8 +74,8 @@ def _units(card: MaterialCard) -> Iterator[str]:
     for mode in others:
         ratio = _stiffness(card, mode, laws[mode], laws[first])
         if not 1 / _RATIO < ratio < _RATIO:
-            yield (f"{mode.capitalize()} is {ratio:.3g} times as stiff at small strain as {first} alone predicts: check "
-                   "the units and the sizes of both, such as the faces in shear, or whether the foam is anisotropic.")
+            yield (f"{mode.capitalize()} is {ratio:.3g} times as stiff at small strain as {first} alone predicts: "
+                   "check the units and sizes of both (the faces in shear), nu, and whether the foam is anisotropic.")
 
 
 def _stiffness(card: MaterialCard, mode: str, own: Hyperfoam, other: Hyperfoam) -> float:
@@ -115,7 +116,8 @@ def _long_term(card: MaterialCard) -> Iterator[str]:
     if card.prony is None or slowest is None or slowest["hi"] is not None or not np.any(card.prony.g):
         return
     yield (f"The long-term moduli are not determined by this record: nothing bounds its slowest relaxation time above "
-           f"(at least {slowest['lo']:.3g} s). Hold longer, or give fewer --prony-terms.")
+           f"({slowest['value']:.3g} s as fitted, with a 95 % interval from {slowest['lo']:.3g} s on). Hold longer, or "
+           "give fewer --prony-terms.")
 
 
 def _agreement(card: MaterialCard) -> Iterator[str]:
@@ -132,7 +134,8 @@ def _stability(card: MaterialCard) -> Iterator[str]:
     for criterion, mode, lo, hi in unstable_inside(card):
         lost.setdefault(criterion, []).append(f"{mode} {lo:.3g} to {hi:.3g}")
     for criterion, where in lost.items():
-        yield f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}."
+        yield (f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}. "
+               f"--stable {criterion} fits a law that keeps it.")
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
@@ -154,6 +157,14 @@ def _misfit(card: MaterialCard) -> Iterator[str]:
     if chosen and chosen["confluence"]:
         yield (f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses within the "
                "tests are." + _safer(chosen["order"], tried.values()))
+
+
+def _undetermined(card: MaterialCard) -> Iterator[str]:
+    row = card.fit.get("derived", {}).get("mu_0_Pa")
+    if row is not None and row["lo"] <= 0 and card.hyperfoam is not None:
+        fewer = card.hyperfoam.mu_Pa.size - 1
+        yield ("The tests do not determine mu_0 with this law: its 95 % interval holds 0. Measure smaller strains"
+               + (f", or give --order {fewer}." if fewer else "."))
 
 
 def _safer(chosen: int, tried: Iterable[Mapping[str, Any]]) -> str:

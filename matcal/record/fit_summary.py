@@ -11,6 +11,7 @@ from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty.intervals import OF_THIS_LAW
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.record.bands import share_inside
 from matcal.reduction.experiment import Experiment
@@ -33,6 +34,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
     if found.fit and found.uncertainty:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
+        out["intervals"] = OF_THIS_LAW
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
         out["prony"] = _series_part(found.prony)
