@@ -65,24 +65,25 @@ def _origin(card: MaterialCard) -> Iterator[str]:
 
 def _units(card: MaterialCard) -> Iterator[str]:
     """What looks like a wrong unit or size: stiffness that no soft foam has, or that differs from mode to mode."""
-    if card.hyperfoam is not None and not _SOFT_PA[0] < (mu_0 := card.hyperfoam.mu_0_Pa) < _SOFT_PA[1]:
+    if card.hyperfoam is None:
+        return
+    if not _SOFT_PA[0] < (mu_0 := card.hyperfoam.mu_0_Pa) < _SOFT_PA[1]:
         yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft foam ({_SOFT_PA[0]:g} to {_SOFT_PA[1]:g} Pa): check the units "
                "of stress or force (kPa or MPa) and the sizes of the specimens.")
     laws = {mode: Hyperfoam(row["mu_Pa"], row["alpha"], row["nu"])
-            for mode, row in card.fit.get("cross_prediction", {}).items()}
+            for mode, row in card.fit.get("cross_prediction", {}).items() if mode in card.hyperfoam.strain_range}
     first, *others = laws or [""]
     for mode in others:
-        ratio = _stiffness(card, mode, laws[mode], laws[first])
+        ratio = _stiffness(mode, card.hyperfoam.strain_range[mode], laws[mode], laws[first])
         if not 1 / _RATIO < ratio < _RATIO:
             yield (f"{mode.capitalize()} is {ratio:.3g} times as stiff at small strain as {first} alone predicts: "
                    "check the units and sizes of both (the faces in shear), nu, and whether the foam is anisotropic.")
 
 
-def _stiffness(card: MaterialCard, mode: str, own: Hyperfoam, other: Hyperfoam) -> float:
+def _stiffness(mode: str, ends: tuple[float, float], own: Hyperfoam, other: Hyperfoam) -> float:
     """Stress of a mode by its own law over that by the law of another mode, over its first strains."""
-    assert card.hyperfoam is not None
     rest = 1.0 if mode == "volumetric" else 0.0
-    far = max(card.hyperfoam.strain_range[mode], key=lambda end: abs(end - rest))
+    far = max(ends, key=lambda end: abs(end - rest))
     strain = rest + np.linspace(0.1, 1.0, 10) * _EARLY * (far - rest)
     a, b = (nominal_stress(law, mode, strain) for law in (own, other))
     return float(a @ b / (b @ b))
