@@ -103,11 +103,13 @@ def _quality(card: MaterialCard) -> Iterator[tables.Printed]:
 
 
 def _title(card: MaterialCard) -> str:
-    files, fitted = len(card.provenance.get("files", ())), len(tests(card))
+    fitted = tests(card).values()
+    sources, many = {name for row in fitted for name in row["source"]}, len(fitted)
+    files = sum(file["name"] in sources for file in card.provenance.get("files", ()))
     parts = [name for part, name in (("hyperfoam", "foam"), ("prony", "relaxation"), ("conductivity", "skin"))
              if getattr(card, part) is not None]
     of = " of synthetic data" if card.provenance.get("synthetic") else ""
-    return (f"{card.name}: {', '.join(parts) or 'nothing'}, from {fitted} test{'s' * (fitted != 1)} in {files} "
+    return (f"{card.name}: {', '.join(parts) or 'nothing'}, from {many} test{'s' * (many != 1)} in {files} "
             f"file{'s' * (files != 1)}{of}")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from matcal.fitting.conductivity_fit import ConductivityFit, fit_conductivity
 from matcal.fitting.hyperfoam.cross_prediction import Predicted, predictions, unstable_within
 from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
-from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, fit, quick_law
+from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit, fit, quick_law
 from matcal.fitting.hyperfoam.poisson import FITTED, Poisson
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
@@ -28,7 +28,6 @@ from touchcal.number_words import percent
 _TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
 _FEW = 3  # starts of the fit that only refines the records
 _FACTOR_TURNS = 2  # fits that find the factors of specimens
-_NEAR = 1.5  # times the residual of the chosen order up to which a lower one may refine the records as well
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
 
 
@@ -185,7 +184,7 @@ def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curv
     if not best[1] or order != "auto":
         return best
     chosen = next(row for row in first.orders if row.order == first.law.alpha.size)
-    near = [row.order for row in first.orders if row.order < chosen.order and row.rms < _NEAR * chosen.rms]
+    near = [row.order for row in first.orders if row.order < chosen.order and row.rms < NEARLY * chosen.rms]
     if not near:
         return best
     tried = {n: refined_records(fit(curves, n, nu, starts=_FEW, thorough=False)) for n in near} | {chosen.order: best}

@@ -1,9 +1,11 @@
 """The law's part of the posterior: exponents and noise sampled, moduli and nuisances integrated out.
 
 y = A(alpha) mu + V z + e, over the curves' scales, is linear in the moduli mu ~ N(0, (100 mu_0)^2) and in the nuisances
-z (contact points, load drifts, stated scatter, stiffness factors of specimens). A shared nu that was fitted is sampled
-too, on designs tabulated for a few values of it. With a relaxation test the rate effect follows the sampled series
-exactly in its times and fractions, as that of the fitted law scaled with the sampled one.
+z (contact points, load drifts, stiffness factors of specimens). A shared nu that was fitted is sampled too, on designs
+tabulated for a few values of it. Scatter that a file states widens the draws about the fit and is not inferred: each
+draw's moduli answer to records moved along it, so that misfit does not choose where in it the law lies. With a
+relaxation test the rate effect follows the sampled series exactly in its times and fractions, as that of the fitted law
+scaled with the sampled one.
 """
 
 from __future__ import annotations
@@ -42,6 +44,7 @@ class LawPart:
     lateral: CubicSpline | None  # squares of lateral strains against nu; None without a record of them or with nu given
     effect: Array  # (r, J) nuisance effects on that basis
     mean: Array  # (J,) their prior means
+    stated: Array  # (r, D) effect of one stated deviation of each curve that states it
     factor: Array  # (r, S - 1) effects of contrasts between the ln s of S specimens; no columns without replicates
     rate: CubicSpline | None  # rate effect: ln tau -> (r,) per unit g/g_inf
     fitted_rate: Array  # (r,) that of the fitted series
@@ -81,9 +84,8 @@ def law_part(fit: Fit, points: float, prony: PronyFit | None, fitted_nu: bool) -
         grid = np.linspace(nu.min(), nu.max(), 33)
         lateral = CubicSpline(grid, [lateral_cost(fit.curves, Hyperfoam(np.ones(1), np.ones(1), np.full(1, v)))
                                      for v in grid])
-    effect = basis.T @ np.column_stack([known.effect, differ.stated])
     factor = basis.T @ differ.factor @ _contrasts(differ.factor.shape[1])
-    return LawPart(tables, nu, lateral, effect, np.r_[known.mean, np.zeros(differ.stated.shape[1])], factor, spline,
+    return LawPart(tables, nu, lateral, basis.T @ known.effect, known.mean, basis.T @ differ.stated, factor, spline,
                    fitted_rate, basis.T @ weighted_model(fit.curves, law), allowed, law.alpha.size, law.mu_0_Pa, points,
                    differ.decisions)
 
@@ -113,7 +115,8 @@ def log_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, shar
 def draw_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None,
              rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     """Moduli (Pa) and exponents (W, N), nu (W,) and omega (W,), 0 without replicates, at sampled points."""
-    solved = conditional(_triangles(part, x, ln_tau, g, part.effective_sample_size), rng)
+    moved = rng.standard_normal((x.shape[0], part.stated.shape[1])) @ part.stated.T
+    solved = conditional(_triangles(part, x, ln_tau, g, part.effective_sample_size, moved), rng)
     nu = x[:, part.order + 1] if part.nu.size > 1 else np.full(x.shape[0], part.nu[0])
     omega = np.exp(x[:, -1]) if part.factor.shape[1] else np.zeros(x.shape[0])
     common = omega / np.sqrt(part.factor.shape[1] + 1) * rng.standard_normal(x.shape[0])
@@ -132,7 +135,9 @@ def prior_words(part: LawPart) -> str:
     a = part.allowed
     words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, at distances of {a.gap:.2g} at least",
              f"mu_i normal about 0 with {PRIOR_MODULI:g} mu_0, mu_0 positive", "ln sigma flat",
-             "contact points, load zeros, drifts and stated scatter normal with their own errors"]
+             "contact points, load zeros and drifts normal with their own errors"]
+    if part.stated.shape[1]:
+        words.append("stated scatter normal, about the fit, not inferred")
     if part.nu.size > 1:
         words.append(f"nu uniform between {part.nu.min():.3g} and {part.nu.max():.3g}")
     if part.factor.shape[1]:
@@ -140,7 +145,9 @@ def prior_words(part: LawPart) -> str:
     return "; ".join(words) + f"; {part.effective_sample_size:.0f} effective points"
 
 
-def _triangles(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, points: float) -> Array:
+def _triangles(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, points: float,
+               moved: Array | float = 0.0) -> Array:
+    """Triangular factors of the linear part, for records moved by (W, r)."""
     walkers, order = x.shape[0], part.order
     precision = (np.exp(-x[:, order]) * np.sqrt(points))[:, None, None]
     columns = _columns(part, x) * part.mu_0_Pa
@@ -155,7 +162,7 @@ def _triangles(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, p
     spare = part.factor.shape[1]
     root = np.r_[np.full(order, 1 / PRIOR_MODULI), np.ones(part.mean.size + spare)]
     mean = np.r_[np.zeros(order), part.mean, np.zeros(spare)]
-    return triangles(design, precision[:, :, 0] * part.tables[0].target, root, mean)
+    return triangles(design, precision[:, :, 0] * (part.tables[0].target + moved), root, mean)
 
 
 def _columns(part: LawPart, x: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from matcal.readers.column_options import Selection
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
 from matcal.readers.units import COMMON, is_common, measures, si_factor
-from matcal.readers.vocabulary import preference, quantity_of
+from matcal.readers.vocabulary import preference, quantity_of, true_quantity
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -44,7 +45,8 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
                  notes: Sequence[str] = ()) -> Recording:
     """The recording of a grid; InputFileError where columns cannot be distinguished, a unit is missing or of something
     else, a cell is no finite number, or values cannot be what their name says."""
-    said, header = list(notes), _widened(grid, header)
+    said = list(notes)
+    header = _widened(grid, header, said)
     if selection is not None and selection.columns:
         columns = _selected(grid, header, selection)
         said.append("columns as given: " + ", ".join(f"{q} = '{c.name}' (column {c.index + 1})"
@@ -52,22 +54,50 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         header = _shortened(grid, header, columns, said)
     else:
         columns = _recognised(grid, header, said)
+    for quantity in {"strain", "stretch", "stress"} & set(columns):
+        if true_quantity(columns[quantity].name):
+            raise _true(grid, header, quantity, columns[quantity].name)
     values, units = {}, {}
     for quantity, column in columns.items():
         units[quantity] = column.unit or ""
         values[quantity] = _in_si(grid, header, quantity, column)
     names = {quantity: column.name for quantity, column in columns.items()}
     check_credible(grid, header.line, values, names, units, said, flag_for(grid, header),
-                   chosen=selection is not None and bool(selection.columns))
+                   _in_percent(grid, columns), chosen=selection is not None and bool(selection.columns))
     return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
                      first_line=grid.lines[header.rows.start], metadata=metadata or {}, properties=sizes or {},
                      notes=tuple(said))
 
 
-def _widened(grid: Grid, header: Header) -> Header:
-    """The header with a nameless cell for each column of numbers past the names."""
-    width = max((len(grid.rows[n]) for n in header.rows[:50]), default=0)
+def _widened(grid: Grid, header: Header, said: list[str]) -> Header:
+    """The header with a nameless cell for each column of numbers past the names; InputFileError where a row of text has
+    more numbers than the others."""
+    sizes = [len(grid.rows[n]) for n in header.rows]
+    width = max(len(header.cells), *sizes[:1], *(size for size, _ in Counter(sizes).most_common(1)))
+    if further := [n for n in header.rows if grid.numeric(grid.rows[n][width:])]:
+        if not grid.sheet:
+            raise InputFileError(grid.path, f"{len(grid.rows[further[0]])} cells in a table of {width} columns. "
+                                            "Correct or delete the row.", line=grid.lines[further[0]])
+        said.append(f"numbers to the right of the {width} columns, in {len(further)} rows, were left out.")
     return Header([*header.cells, *[("", None)] * (width - len(header.cells))], header.line, header.rows)
+
+
+def _true(grid: Grid, header: Header, quantity: str, name: str) -> InputFileError:
+    """Why a column of true strain or stress cannot be taken."""
+    fix = ("force over the area at rest (by software that takes the volume as kept: nominal = true/(1 + nominal "
+           "strain)); of a volumetric test choose it as pressure" if quantity == "stress" else
+           "change of length over the length at rest (nominal = exp(true) - 1)")
+    return InputFileError(grid.path, f"column '{shown(name)}' is named as a true (logarithmic or Cauchy) quantity, and "
+                                     f"{quantity} here is nominal. Give the nominal one: {fix}. {_listed(header)}",
+                          line=header.line)
+
+
+def _in_percent(grid: Grid, columns: Mapping[str, _Column]) -> str:
+    """`--columns "..."` of the columns that were taken, with the strain in per cent."""
+    items = [f"{quantity}={column.index + 1}{':%' if quantity in ('strain', 'stretch') else ''}"
+             f"{f':{column.unit}' if column.chosen and quantity not in ('strain', 'stretch') else ''}"
+             for quantity, column in columns.items()]
+    return _flag(grid, items)
 
 
 def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Column]:
@@ -120,6 +150,9 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
     for n, (name, unit) in enumerate(header.cells):
         if (quantity := quantity_of(name)) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
+    true = [(quantity, name) for name, _ in header.cells if (quantity := true_quantity(name)) is not None]
+    if true and not ({"strain", "stress"} <= set(found) or {"displacement", "force"} <= set(found)):
+        raise _true(grid, header, *true[0])
     if len(found) < 2:
         raise InputFileError(grid.path, f"fewer than two columns are known by name. {_listed(header)} Name them strain "
                                         "and stress, or displacement and force (and time), with a line of units below, "
@@ -212,9 +245,13 @@ def check_clock(recording: Recording) -> Recording:
 def flag_for(grid: Grid, header: Header) -> str:
     """`--columns "..."` with quantities that the names suggest, else a guess from the numbers, as one sentence."""
     guess = _from_names(header) or _from_units(header) or _from_numbers(grid, header)
-    items = ",".join(f"{quantity}={n + 1}{_unit(header, quantity, n)}" for quantity, n in guess.items())
+    items = [f"{quantity}={n + 1}{_unit(header, quantity, n)}" for quantity, n in guess.items()]
+    return _flag(grid, items or ["strain=NUMBER", "stress=NUMBER:kPa"])
+
+
+def _flag(grid: Grid, items: Sequence[str]) -> str:
     where = grid.path.name if not re.search(r"[,=\"]", grid.path.name) else ""
-    return f"--columns \"{where}{'=' if where else ''}{items}\" (columns by number or name)."
+    return f"--columns \"{where}{'=' if where else ''}{','.join(items)}\" (columns by number or name)."
 
 
 def _unit(header: Header, quantity: str, column: int) -> str:
@@ -229,20 +266,21 @@ def _unit(header: Header, quantity: str, column: int) -> str:
 
 def _from_names(header: Header) -> dict[str, int]:
     """The first columns, side by side, whose last words name two quantities that belong together, and their scatter."""
-    words = [_last_words(name) for name, _ in header.cells]
+    words = [None if true_quantity(name) else _last_words(name) for name, _ in header.cells]
     for pair in _PAIRS:
         for n, quantity in enumerate(words):
             if quantity == pair[0]:
                 near = [m for m in (n + 1, n - 1, n + 2) if 0 <= m < len(words) and words[m] == pair[1]]
                 if near:
                     scatter = near[0] + 1 if near[0] + 1 < len(words) and words[near[0] + 1] == "deviation" else None
-                    return {pair[0]: n, pair[1]: near[0]} | ({} if scatter is None else {"deviation": scatter})
+                    time = {"time": words.index("time")} if "time" in words and "time" not in pair else {}
+                    return {pair[0]: n, pair[1]: near[0]} | time | ({} if scatter is None else {"deviation": scatter})
     return {}
 
 
 def _last_words(name: str) -> str | None:
     """The quantity that a name, or its end, stands for."""
-    words = re.split(r"[\s_\-.:]+", re.sub(r"\s*[(\[][^()\[\]]*[)\]]\s*$", "", name))
+    words = re.split(r"[\s_\-.:]+|(?<=[a-z])(?=[A-Z])", re.sub(r"\s*[(\[][^()\[\]]*[)\]]\s*$", "", name))
     return next((found for k in range(min(len(words), 8)) if (found := quantity_of(" ".join(words[k:])))), None)
 
 
@@ -258,13 +296,14 @@ def _from_units(header: Header) -> dict[str, int]:
 
 
 def _from_numbers(grid: Grid, header: Header) -> dict[str, int]:
-    """Of two columns, the one that begins near 1 as the stretch, or else the first as the strain; the other as stress.
-    A guess that shows how the option is written; only the user knows."""
-    size = max(len(header.cells), 2)
-    first = grid.rows[header.rows.start] if header.rows else []
-    begins = [grid.number(cell) for cell in first[:2]]
-    stretch = next((n for n, value in enumerate(begins) if value is not None and 0.9 <= value <= 1.1), None)
+    """Of the first two columns whose names are of nothing else, the one that begins near 1 as the stretch, or else the
+    first as the strain; the other as stress. A guess that shows how the option is written; only the user knows."""
+    open_ = [n for n, (name, _) in enumerate(header.cells)
+             if _last_words(name) in (None, "strain", "stretch", "stress") and not true_quantity(name)][:2]
+    if len(open_) < 2:
+        return {}
+    begins = [grid.number(grid.cell(header.rows.start, n)) if header.rows else None for n in open_]
+    stretch = next((k for k, value in enumerate(begins) if value is not None and 0.9 <= value <= 1.1), None)
     if stretch is None:
-        return {"strain": 0, "stress": 1}
-    other = 1 - stretch if size == 2 else next(n for n in range(size) if n != stretch)
-    return dict(sorted({"stretch": stretch, "stress": other}.items(), key=lambda item: item[1]))
+        return {"strain": open_[0], "stress": open_[1]}
+    return dict(sorted({"stretch": open_[stretch], "stress": open_[1 - stretch]}.items(), key=lambda item: item[1]))

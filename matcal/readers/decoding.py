@@ -9,6 +9,9 @@ from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
 WORKBOOK = b"PK\x03\x04"
+# first bytes of other files that hold tables -> what they are, and how to make text of them
+_BINARY = {b"\xd0\xcf\x11\xe0": "this is an old Excel file (.xls). Save it as .xlsx, or export it as CSV.",
+           b"\x89HDF\r\n": "this is an HDF5 file. Export its table as CSV."}
 
 
 def read_bytes(path: Path) -> bytes:
@@ -26,6 +29,9 @@ def decode(data: bytes, path: Path) -> tuple[str, str]:
     text."""
     if not data.strip(b"\xef\xbb\xbf\xff\xfe \t\r\n\x00"):
         raise InputFileError(path, "the file is empty. Export the test again.")
+    for begin, problem in _BINARY.items():
+        if data.startswith(begin):
+            raise InputFileError(path, problem)
     for encoding in _candidates(data):
         try:
             text = data.decode(encoding).removeprefix("\ufeff")

@@ -23,9 +23,10 @@ _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
 
 
 def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
-                   said: list[str], flag: str, *, chosen: bool) -> None:
+                   said: list[str], flag: str, percent: str, *, chosen: bool) -> None:
     """Turn a stretch below 0 into a strain and a lateral stretch into a strain, in place; InputFileError where a column
-    cannot be what it is called. With columns `chosen` by the user, only what no unit fixes is refused."""
+    cannot be what it is called. With columns `chosen` by the user, only what no unit fixes is refused. `flag` is the
+    option that exchanges columns, `percent` the one that reads the strain in per cent."""
     _ratios(values, names, units, said)
     for quantity, column in values.items():
         reach = float(np.max(np.abs(column)))
@@ -35,7 +36,7 @@ def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[
                                             f"does. Check its unit and that columns are not exchanged: {flag}",
                                  line=line)
     for quantity in {"strain", "stretch"} & set(values):
-        _check_strain(grid, line, values[quantity], quantity, names, units, said, flag, chosen)
+        _check_strain(grid, line, values[quantity], quantity, names, units, said, flag, percent, chosen)
     if not chosen:
         _check_steps(grid, line, values, names, flag)
 
@@ -54,15 +55,18 @@ def _ratios(values: dict[str, Array], names: dict[str, str], units: dict[str, st
 
 
 def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: dict[str, str], units: dict[str, str],
-                  said: list[str], flag: str, chosen: bool) -> None:
+                  said: list[str], flag: str, percent: str, chosen: bool) -> None:
     name, reach, unit = shown(names[quantity]), float(np.max(np.abs(column))), units[quantity]
     if reach > _IMPOSSIBLE_STRAIN:
         problem = f"reaches {reach:g}" if unit else f"reaches {reach:g} and has no unit"
+        share = reach <= 100 * _IMPOSSIBLE_STRAIN and unit != "%"
+        fix = " ".join([f"if it is in per cent, give {percent}"] * share
+                       + [f"if columns are exchanged, give {flag}"] * (not share or not chosen))
         raise InputFileError(grid.path, f"column '{name}' {problem}, which no {quantity} does. Write its unit, % or -, "
-                                        f"below its name, or, if columns are exchanged, give {flag}", line=line)
+                                        f"below its name, or, {fix}", line=line)
     if not unit and reach > _LARGEST_STRAIN and not chosen:
         raise InputFileError(grid.path, f"column '{name}' reaches {reach:g} and has no unit. Write its unit, % or -, "
-                                        "below its name.", line=line)
+                                        f"below its name, or, if it is in per cent, give {percent}", line=line)
     sheared = re.search(r"gamma|γ|shear|schub|scher|剪切", names[quantity].lower())
     if quantity == "strain" and float(column.min()) <= -1 and not sheared:
         raise InputFileError(grid.path, f"column '{name}' falls to {column.min():.4g}: at -1 nothing is left of the "

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from matcal.readers.recording import QUANTITIES, SIZES
-from matcal.readers.vocabulary import quantity_of
+from matcal.readers.vocabulary import quantity_of, true_quantity
 
 _NUMBERS = {"-", "1", "none", "mm/mm", "m/m", "in/in", "cycles", "cycle", "ratio"}
 # tried, in lower case, where a unit is not one as it stands: mPa is a millipascal, but Mpa is meant as MPa
@@ -79,7 +79,7 @@ def split_name(cell: str) -> tuple[str, str | None]:
     cell = cell.strip()[:200]
     for pattern in (r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", r"(WE\(1\)\.\w+)\s*[(\[]([^()\[\]]*)[)\]]",
                     r"([^,]+?)\s*,\s*(\S+)", r"([^/]+?)\s+/\s*(\S+)"):
-        if (found := re.fullmatch(pattern, cell)) and quantity_of(found[1]) is not None:
+        if (found := re.fullmatch(pattern, cell)) and (quantity_of(found[1]) or true_quantity(found[1])):
             return found[1], found[2]
     if (found := re.fullmatch(r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", cell)) and measures(found[2]):
         return found[1], found[2]

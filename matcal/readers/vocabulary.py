@@ -62,6 +62,16 @@ _SIZES = (
 )
 
 
+# words that make a strain the logarithmic and a stress that over the area under load
+_TRUE = re.compile(r"\b(true|log(arithmic)?|ln|hencky|cauchy|wahre?|vraie?|verdader[ao]|reale?)\b|真")
+
+
+def true_quantity(name: str) -> str | None:
+    """The quantity of a column name that calls it true (a logarithmic strain, a Cauchy stress), else None."""
+    text, found = _TRUE.subn("", _plain(name))
+    return quantity_of(text) if found else None
+
+
 @cache
 def quantity_of(name: str) -> str | None:
     """The quantity that a column name (without its unit) stands for, or None."""
@@ -87,5 +97,5 @@ def _plain(name: str) -> str:
     """Lower case without accents, underscores, and the channel that a controller puts before a name."""
     parted = unicodedata.normalize("NFD", name[:80])
     text = unicodedata.normalize("NFC", "".join(c for c in parted if not "\u0300" <= c <= "\u036f"))
-    text = re.sub(r"[\s_]+", " ", text.strip().lower())
+    text = re.sub(r"[\s_]+", " ", text.lower()).strip()
     return re.sub(r"^(ch|channel|kanal|voie|canal)\.? ?\d+[ :]+", "", text)

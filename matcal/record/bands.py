@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from matcal.laws.conductivity import outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 
 if TYPE_CHECKING:
     from matcal.fitting.conductivity_fit import ConductivityFit
+    from matcal.fitting.hyperfoam.curves import Curve
     from matcal.fitting.uncertainty.intervals import Uncertainty
     from matcal.laws.hyperfoam import Hyperfoam
     from matcal.posterior.draws import Draws
@@ -48,18 +50,33 @@ def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
 
 def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> Columns:
     """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes."""
-    from matcal.posterior.draws import Draws, stress_band
-
     tables = []
     for mode, span in spans(law.strain_range).items():
         strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
-        low, high = (stress_band(source, mode, strain) if isinstance(source, Draws) else
-                     _linear_band(source, mode, strain))
+        low, high = _band(source, mode, strain)
         lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
         tables.append({"mode": np.full(strain.size, mode), "strain": strain,
                        "stress_Pa": nominal_stress(law, mode, strain), "stress_lo_Pa": low, "stress_hi_Pa": high,
                        "extrapolated": (strain < lo) | (strain > hi)})
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+
+
+def share_inside(curve: Curve, law: Hyperfoam, source: Draws | Uncertainty) -> float:
+    """Share of a curve's measured points within the 95 % band of the law along the curve's own history, that band being
+    as much wider as 95 % of the noise of single points."""
+    experiment = curve.experiment
+    strain, value = experiment.strain, experiment.value
+    noise = 1.96 * sample_noise(value, 4) + 1e-9 * float(np.abs(value).max())
+    longterm, own = nominal_stress(law, experiment.kind, strain), curve.model(law)
+    ends = np.stack(_band(source, experiment.kind, strain)) * np.divide(own, longterm, np.ones_like(own),
+                                                                        where=longterm != 0)
+    return float(np.mean((value >= ends.min(axis=0) - noise) & (value <= ends.max(axis=0) + noise)))
+
+
+def _band(source: Draws | Uncertainty, mode: str, strain: Array) -> tuple[Array, Array]:
+    from matcal.posterior.draws import Draws, stress_band
+
+    return stress_band(source, mode, strain) if isinstance(source, Draws) else _linear_band(source, mode, strain)
 
 
 def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:

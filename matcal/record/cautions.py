@@ -9,26 +9,31 @@ import numpy as np
 
 from matcal.card import MaterialCard
 from matcal.fitting.hyperfoam.poisson import STOPPED
-from matcal.laws.deformation_modes import MODES
+from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
 from matcal.reduction.loading_direction import ASSUMED
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
 # relative RMS of a fit, and of a prediction, from which on it is said; share of a relaxation time likewise
 _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
+# share of a test in its 95 % band below which it is said; mu_0 of soft foams, Pa; ratio of stiffness between modes from
+# which on units and sizes are doubted, over the first share of their strains; stretch from which on nu = 0 is
+_INSIDE, _SOFT_PA, _RATIO, _EARLY, _STRETCHED = 0.9, (20.0, 1e6), 1.6, 0.3, 1.0
 
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _convergence, _long_term, _agreement, _stability, _assumed, _misfit, _predictions,
-             _coverage, _series, _skin)
+    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _misfit,
+             _undetermined, _band, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
 def unstable_inside(card: MaterialCard) -> list[tuple[str, str, float, float]]:
-    """(criterion, mode, lo, hi) of every unstable range that meets the strains fitted in its mode."""
+    """(criterion, mode, lo, hi) of every unstable range within the strains fitted in its mode."""
     fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
-    return [(criterion, mode, lo, hi) for criterion, modes in card.stability.items() for mode, row in modes.items()
+    return [(criterion, mode, max(lo, fitted[mode][0]), min(hi, fitted[mode][1]))
+            for criterion, modes in card.stability.items() for mode, row in modes.items()
             for lo, hi in row["unstable_strain"] if mode in fitted and overlaps((lo, hi), fitted[mode])]
 
 
@@ -58,6 +63,48 @@ def _origin(card: MaterialCard) -> Iterator[str]:
         yield "The data are synthetic, by the files' own words: nothing here was measured."
 
 
+def _units(card: MaterialCard) -> Iterator[str]:
+    """What looks like a wrong unit or size: stiffness that no soft foam has, or that differs from mode to mode."""
+    if card.hyperfoam is None:
+        return
+    if not _SOFT_PA[0] < (mu_0 := card.hyperfoam.mu_0_Pa) < _SOFT_PA[1]:
+        yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft foam ({_SOFT_PA[0]:g} to {_SOFT_PA[1]:g} Pa): check the units "
+               "of stress or force (kPa or MPa) and the sizes of the specimens.")
+    laws = {mode: Hyperfoam(row["mu_Pa"], row["alpha"], row["nu"])
+            for mode, row in card.fit.get("cross_prediction", {}).items() if mode in card.hyperfoam.strain_range}
+    first, *others = laws or [""]
+    for mode in others:
+        ratio = _stiffness(mode, card.hyperfoam.strain_range[mode], laws[mode], laws[first])
+        if not 1 / _RATIO < ratio < _RATIO:
+            yield (f"{mode.capitalize()} is {ratio:.3g} times as stiff at small strain as {first} alone predicts: "
+                   "check the units and sizes of both (the faces in shear), nu, and whether the foam is anisotropic.")
+
+
+def _stiffness(mode: str, ends: tuple[float, float], own: Hyperfoam, other: Hyperfoam) -> float:
+    """Stress of a mode by its own law over that by the law of another mode, over its first strains."""
+    rest = 1.0 if mode == "volumetric" else 0.0
+    far = max(ends, key=lambda end: abs(end - rest))
+    strain = rest + np.linspace(0.1, 1.0, 10) * _EARLY * (far - rest)
+    a, b = (nominal_stress(law, mode, strain) for law in (own, other))
+    return float(a @ b / (b @ b))
+
+
+def _volume(card: MaterialCard) -> Iterator[str]:
+    ranges = card.hyperfoam.strain_range if card.hyperfoam is not None and not np.any(card.hyperfoam.nu) else {}
+    far = max((hi for mode, (_, hi) in ranges.items() if mode in ("uniaxial", "planar", "biaxial")), default=0.0)
+    if far > _STRETCHED:
+        yield (f"nu = 0 was taken, which is a foam's, for a material stretched to a strain of {far:.3g}: rubbers and "
+               "gels keep their volume. Give --poisson 0.45, or fit with lateral strain.")
+
+
+def _band(card: MaterialCard) -> Iterator[str]:
+    few = [f"{label} {percent(row['inside_band'], 2)}" for label, row in tests(card).items()
+           if row.get("inside_band", 1.0) < _INSIDE]
+    if few:
+        yield (f"The 95 % band holds too little of what was measured ({', '.join(few)}): the law does not follow these "
+               "records, and its intervals are too narrow for the material.")
+
+
 def _convergence(card: MaterialCard) -> Iterator[str]:
     checks = card.posterior.get("checks", {})
     if checks and not checks.get("converged", True):
@@ -70,7 +117,8 @@ def _long_term(card: MaterialCard) -> Iterator[str]:
     if card.prony is None or slowest is None or slowest["hi"] is not None or not np.any(card.prony.g):
         return
     yield (f"The long-term moduli are not determined by this record: nothing bounds its slowest relaxation time above "
-           f"(at least {slowest['lo']:.3g} s). Hold longer, or give fewer --prony-terms.")
+           f"({slowest['value']:.3g} s as fitted, with a 95 % interval from {slowest['lo']:.3g} s on). Hold longer, or "
+           "give fewer --prony-terms.")
 
 
 def _agreement(card: MaterialCard) -> Iterator[str]:
@@ -87,7 +135,8 @@ def _stability(card: MaterialCard) -> Iterator[str]:
     for criterion, mode, lo, hi in unstable_inside(card):
         lost.setdefault(criterion, []).append(f"{mode} {lo:.3g} to {hi:.3g}")
     for criterion, where in lost.items():
-        yield f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}."
+        yield (f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}. "
+               f"--stable {criterion} fits a law that keeps it.")
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
@@ -109,6 +158,14 @@ def _misfit(card: MaterialCard) -> Iterator[str]:
     if chosen and chosen["confluence"]:
         yield (f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses within the "
                "tests are." + _safer(chosen["order"], tried.values()))
+
+
+def _undetermined(card: MaterialCard) -> Iterator[str]:
+    row = card.fit.get("derived", {}).get("mu_0_Pa")
+    if row is not None and row["lo"] <= 0 and card.hyperfoam is not None:
+        fewer = card.hyperfoam.mu_Pa.size - 1
+        yield ("The tests do not determine mu_0 with this law: its 95 % interval holds 0. Measure smaller strains"
+               + (f", or give --order {fewer}." if fewer else "."))
 
 
 def _safer(chosen: int, tried: Iterable[Mapping[str, Any]]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,21 +11,30 @@ from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty.intervals import OF_THIS_LAW
 from matcal.fitting.uncertainty.standard_errors import standard_errors
+from matcal.record.bands import share_inside
 from matcal.reduction.experiment import Experiment
+
+if TYPE_CHECKING:
+    from matcal.posterior.draws import Draws
 
 # how the facts of `matcal.reduction.replicates` and `matcal.reduction.cyclic_resistance` begin, which the card repeats
 _REPEATED = ("stiffness_factor", "shape_scatter", "settling_", "resistance_")
 
 
-def summary(found: FittedLaws) -> dict[str, Any]:
-    """Per experiment its errors; then whatever the calibration holds beside them."""
+def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
+    """Per experiment its errors and, by the draws if there are any, the share of it in the band; then whatever the
+    calibration holds beside them."""
     out: dict[str, Any] = {}
     for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
         out[label] = _of_test(found, label, experiment)
+        if is_curve(experiment) and found.fit and found.uncertainty:
+            out[label]["inside_band"] = share_inside(curve_of(found, label), found.fit.law, draws or found.uncertainty)
     if found.fit and found.uncertainty:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
+        out["intervals"] = OF_THIS_LAW
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
         out["prony"] = _series_part(found.prony)

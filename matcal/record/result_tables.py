@@ -42,7 +42,8 @@ def derived(card: MaterialCard) -> Printed:
         rows.append([name, value, interval if name in linear else "-", *sampled, MEANING.get(name, "")])
     head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
     title = f"Results: {card.hyperfoam.moduli} moduli" if card.hyperfoam else "Results"
-    return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w")
+    return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w",
+                   [card.fit["intervals"]] if "intervals" in card.fit else ())
 
 
 def _posterior(row: Mapping[str, float] | None) -> str:
@@ -99,9 +100,10 @@ def errors(card: MaterialCard) -> Printed:
         rows.append([label, str(row["n"]), _span(row["strain_range"]),
                      f"{significant(row['rms'], 3)} {row['unit']}", percent(row["relative_rms"]),
                      "-" if row["r2"] is None else _r_squared(row["r2"]),
+                     percent(row["inside_band"], 2) if "inside_band" in row else "-",
                      *([significant(row["weight"], 2)] if weighted else []),
                      *([significant(row.get("specimen_factor", 1.0)), percent(own_rms(row))] if factors else [])])
-    head = ["test", "points", "strain", "rms", "relative", "R2", *(["weight"] if weighted else []),
+    head = ["test", "points", "strain", "rms", "relative", "R2", "in band", *(["weight"] if weighted else []),
             *(["factor", "after it"] if factors else [])]
     return Printed("Errors of the fit", head, rows, "<" + ">" * (len(head) - 1))
 

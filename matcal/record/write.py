@@ -66,7 +66,8 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
                   "cpu_s": spent}
     return MaterialCard("foam", law, found.prony.prony if found.prony else None,
-                        found.conductivity.law if found.conductivity else None, fit=summary(found),
+                        found.conductivity.law if found.conductivity else None,
+                        fit=summary(found, posterior.draws if posterior else None),
                         stability=stability(law) if law else {}, provenance=provenance,
                         posterior=_posterior_part(posterior, law) if posterior else {})
 

@@ -100,10 +100,10 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
     on; every decision is a sentence in its `decisions`.
 
     The files of one input are one test: one file, the frame's and the potentiostat's of a conductivity test, or the
-    parts of a split export (these may also be inputs of their own: they are read once). `columns` says of each
-    input which columns mean what (`matcal.readers.column_options.selections_of`), `branch` which loading of a cyclic
-    test is used, one of `branches.BRANCHES`. Raises InputFileError for a file that cannot be used and ValueError for a
-    kind or branch that is unknown.
+    parts of a split export (these may also be inputs of their own: they are read once for each kind). `columns` says
+    of each input which columns mean what (`matcal.readers.column_options.selections_of`), `branch` which loading of a
+    cyclic test is used, one of `branches.BRANCHES`. Raises InputFileError for a file that cannot be used and ValueError
+    for a kind or branch that is unknown.
     """
     if branch not in BRANCHES:
         raise ValueError(f"branch '{branch}' is unknown; known: {', '.join(BRANCHES)}.")
@@ -111,7 +111,7 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
     out: list[Experiment] = []
     given: list[Path] = []
     beside: list[Path] = []
-    seen: set[tuple[Path, ...]] = set()
+    seen: set[tuple[str, tuple[Path, ...]]] = set()
     contents: dict[tuple[str, ...], tuple[Recording, Experiment, Mapping[Path, Selection]]] = {}
     for test, chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
         if isinstance(test, Experiment):
@@ -123,9 +123,10 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
         own = [file for path in sources if isinstance(path, Path) for file in files_of(path)]
         given += own
         key = tuple(path.resolve() for recording in recordings for path in recording.paths if own)
-        if len(key) > len(sources) and key in seen:
+        part = decide_kind(kind, recordings)[0], key
+        if len(key) > len(sources) and part in seen:
             continue
-        seen.add(key)
+        seen.add(part)
         experiment, files = _reduce(kind, recordings, sizes, branch)
         if own:
             content = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in key)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,10 +12,11 @@ from touchcal.arrays import Array
 Edges = NDArray[np.intp]
 
 
-def sample_noise(values: Array) -> float:
-    """Standard deviation of white noise on a record (n,) of straight pieces, from its second differences, robustly."""
-    bend = np.diff(values, 2)
-    return float(1.4826 * np.median(np.abs(bend)) / np.sqrt(6)) if bend.size else 0.0
+def sample_noise(values: Array, order: int = 2) -> float:
+    """Standard deviation of white noise on a record (n,) of straight pieces (of cubic ones with order 4), from its
+    differences of that order, robustly."""
+    bend = np.diff(values, order)
+    return float(1.4826 * np.median(np.abs(bend)) / np.sqrt(comb(2 * order, order))) if bend.size else 0.0
 
 
 def equal_blocks(n: int, points: int) -> Edges:

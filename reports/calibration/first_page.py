@@ -57,7 +57,8 @@ def _caption(card: MaterialCard) -> str:
              if row["value"]]
     if not known:
         return "Results; the card holds no intervals." if card.hyperfoam else "Results."
-    return f"Results: what the tests determine, the moduli to ± {percent(max(known))} or better at 95 %."
+    about = f" {card.fit['intervals']}" if "intervals" in card.fit else ""
+    return f"Results: what the tests determine, the moduli to ± {percent(max(known))} or better at 95 %.{about}"
 
 
 def _foam_rows(card: MaterialCard) -> list[list[str]]:

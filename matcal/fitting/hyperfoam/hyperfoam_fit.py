@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.constrained_moduli import stable_moduli
-from matcal.fitting.hyperfoam.cross_prediction import Alone, alone_sentences, each_alone, relative_rms
+from matcal.fitting.hyperfoam.cross_prediction import Alone, alone_sentences, each_alone, relative_rms, unstable_within
 from matcal.fitting.hyperfoam.curves import (
     Curve,
     different_strains,
@@ -20,7 +20,14 @@ from matcal.fitting.hyperfoam.curves import (
     weighted_stress,
 )
 from matcal.fitting.hyperfoam.exponent_search import Problem, allowed_exponents, best_law, pose, search
-from matcal.fitting.hyperfoam.order_selection import OrderRow, chosen_order, collinearity, criterion, order_sentences
+from matcal.fitting.hyperfoam.order_selection import (
+    ACCURATE,
+    OrderRow,
+    chosen_order,
+    collinearity,
+    criterion,
+    order_sentences,
+)
 from matcal.fitting.hyperfoam.per_term_poisson import refine, with_nu
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_sentences
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
@@ -40,6 +47,8 @@ ORDERS = (1, 2, 3, 4, 5, 6)
 _ALWAYS = 4
 # starts of a search for nu or for a stable law
 _FEW = 3
+# times the residual of the chosen order up to which one term fewer counts as fitting nearly as well
+NEARLY = 1.5
 # nu of the first and last term apart from the shared one, at further starts of a search term by term
 _TILT = 0.1
 
@@ -56,8 +65,8 @@ class Fit:
     optimum: Optimum
     # every order tried
     orders: tuple[OrderRow, ...]
-    # law of one more term, which shows what the order hides; None where there are too few points for it
-    wider: Hyperfoam | None
+    # laws of one more term and, where it fits nearly as well, of one fewer: what the choice of the order hides
+    neighbours: tuple[Hyperfoam, ...]
     # mode -> law of that mode alone; empty with one mode
     alone: Mapping[str, Alone]
     # what was decided, one sentence each
@@ -75,7 +84,7 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
     order: number of terms 1 to 6, or "auto" (by BIC, see `chosen_order`); poisson: one nu for all terms, one a term
     (increasing alpha), "fit" or "fit-each"; thorough: also fit one more term, and each mode alone; stable: criterion
     that the law keeps at all principal stretches within stable_range (by default those that the curves drive), the
-    single-mode laws and the wider one being left free. Raises ValueError for another choice, for no curves, or for
+    single-mode laws and the neighbours being left free. Raises ValueError for another choice, for no curves, or for
     fewer different strains than parameters; NotConverged where no such stable law is found.
     """
     start = time.process_time()
@@ -102,8 +111,8 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
                  *alone_sentences(curves, alone), *nu_sentences(law.nu.tolist(), poisson, curves),
                  *_unequal_sentences(law, free, nu, curves, bool(alone)),
                  *_cost_sentences(stable, log_range, law, free, curves))
-    return Fit(law, curves, found, rows, _wider(problem, {} if stable else tried, best.order + 1, starts, law)
-               if thorough else None, alone, decisions, time.process_time() - start, free)
+    return Fit(law, curves, found, rows, _neighbours(problem, {} if stable else tried, found, starts, law)
+               if thorough else (), alone, decisions, time.process_time() - start, free)
 
 
 def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam:
@@ -234,12 +243,16 @@ def _cost(law: Hyperfoam, curves: tuple[Curve, ...]) -> float:
     return float(np.sum((weighted_model(curves, law) - weighted_stress(curves)) ** 2))
 
 
-def _wider(problem: Problem, tried: Mapping[int, Optimum], order: int, starts: int,
-           law: Hyperfoam) -> Hyperfoam | None:
-    """The law of one more term with one nu; with nu term by term there is none to compare with."""
-    if 2 * order >= sum(np.unique(c.experiment.strain).size for c in problem.curves) or np.ptp(law.nu):
-        return None
-    return _law(tried.get(order) or best_law(problem, order, max(1, starts // 2)), problem.nu, problem.curves)
+def _neighbours(problem: Problem, tried: Mapping[int, Optimum], found: Optimum, starts: int,
+                law: Hyperfoam) -> tuple[Hyperfoam, ...]:
+    """Laws of one more term, and of one fewer that fits nearly as well, with one nu; with nu term by term none."""
+    if np.ptp(law.nu):
+        return ()
+    order, most = found.alpha.size, sum(np.unique(c.experiment.strain).size for c in problem.curves)
+    near = [(n, tried.get(n) or best_law(problem, n, max(1, starts // 2))) for n in (order + 1, order - 1)
+            if 0 < 2 * n < most]
+    return tuple(_law(optimum, problem.nu, problem.curves) for n, optimum in near
+                 if n > order or optimum.cost < NEARLY**2 * found.cost)
 
 
 def _row(problem: Problem, optimum: Optimum) -> OrderRow:
@@ -247,7 +260,9 @@ def _row(problem: Problem, optimum: Optimum) -> OrderRow:
     merged = collinearity(optimum.mu_Pa, optimum.alpha, problem.allowed.gap)
     bic = criterion(optimum.cost, order, sum(c.experiment.value.size for c in curves), different_strains(curves))
     law = _law(optimum, problem.nu, curves)
-    return OrderRow(order, float(np.sqrt(optimum.cost)), max(relative_rms(law, c) for c in curves), bic, merged)
+    worst = max(relative_rms(law, c) for c in curves)
+    return OrderRow(order, float(np.sqrt(optimum.cost)), worst, bic, merged,
+                    worst < ACCURATE and "drucker" in unstable_within(law, curves))
 
 
 def _law(optimum: Optimum, nu: float, curves: tuple[Curve, ...]) -> Hyperfoam:

@@ -15,6 +15,8 @@ WORTH = 0.9  # share of the rms of a lower order to which a term that merges wit
 # relative RMS of every curve within which a lower order whose parameters can be read is taken all the same: specimens
 # of one foam differ by as much, and merged terms pay for the rest with what they say outside the tests
 GOOD_ENOUGH = 0.05
+# relative RMS of every curve within which no specimen is known: a stable lower order is taken before one that is not
+ACCURATE = 0.005
 _PLENTY = 10  # different strains for each parameter below which the correction of BIC for few points is said
 
 
@@ -27,16 +29,20 @@ class OrderRow:
     worst: float  # largest relative RMS of a single curve
     bic: float  # see `criterion`
     collinearity: str  # what makes its single parameters meaningless, or ""
+    unstable: bool = False  # whether it fits within ACCURATE and loses Drucker stability inside the tests
 
 
 def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
     """The order of least BIC; where its parameters merge or lie on their bound, the best lower order that fits every
-    curve within GOOD_ENOUGH or has nearly the same rms (WORTH), if there is one."""
+    curve within GOOD_ENOUGH or has nearly the same rms (WORTH), if there is one; where it is not stable inside the
+    tests, the best stable lower order that fits every curve within ACCURATE: what a further term then follows is what
+    neighbouring residuals have in common."""
     best = min(rows, key=lambda row: row.bic)
-    if not best.collinearity:
-        return best
-    clear = [r for r in rows if r.order < best.order and not r.collinearity
-             and (r.worst < GOOD_ENOUGH or r.rms < best.rms / WORTH)]
+    lower = [r for r in rows if r.order < best.order and not r.collinearity]
+    if best.collinearity:
+        clear = [r for r in lower if r.worst < GOOD_ENOUGH or r.rms < best.rms / WORTH]
+    else:
+        clear = [r for r in lower if best.unstable and r.worst < ACCURATE and not r.unstable]
     return min(clear, key=lambda row: row.bic, default=best)
 
 
@@ -76,7 +82,10 @@ def order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderR
         out.append(f"At order {chosen.order} {chosen.collinearity}: single mu and alpha are not measurable, read mu_0, "
                    "E_0 and the stress bands." + _clear_words(rows, chosen))
     return out + [_passed_sentence(r, chosen) for r in rows if r.order > chosen.order and r.collinearity
-                  and r.bic < chosen.bic]
+                  and r.bic < chosen.bic] + [
+        f"Order {r.order} was passed over: it would fit to {r.rms:.3%} instead of {chosen.rms:.3%}, but is not Drucker "
+        f"stable inside the tests; --order {r.order} takes it all the same."
+        for r in rows if r.order > chosen.order and not r.collinearity and r.unstable and r.bic < chosen.bic]
 
 
 def _passed_sentence(passed: OrderRow, chosen: OrderRow) -> str:

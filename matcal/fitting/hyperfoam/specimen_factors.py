@@ -3,7 +3,8 @@
 ln s_k ~ N(0, omega^2), one s_k a specimen, omega half-normal. Least squares find the factors of replicates first, with
 a geometric mean of 1, so that scatter is not taken for misfit. To first order the record of specimen k is off by ln s_k
 times the fitted stress. Where a file states the scatter from specimen to specimen, that takes the place of the
-factor: one standard normal number moves the record along its stated deviation.
+factor: one standard normal number moves the record along its stated deviation. It widens intervals about the fit and
+is not inferred: how well a law can follow the record says nothing about it.
 """
 
 from __future__ import annotations
@@ -139,5 +140,5 @@ def _sentences(curves: Sequence[Curve], repeated: list[str], stating: list[int])
     if stating:
         names = ", ".join(curves[k].label for k in stating)
         out.append(f"Scatter stated in the files of {names} is taken as that between specimens: it moves a whole curve "
-                   "at once, and the intervals hold it.")
+                   "at once, widens the intervals about the fit, and is not inferred from the misfit.")
     return tuple(out)

@@ -72,8 +72,9 @@ def series_sentences(holds: Sequence[Hold], prony: Prony, slowest: Slowest) -> t
     out = [f"Prony series of {prony.g.size} terms on the hold, with the recorded ramp ({ramp}) convolved through "
            f"{shape}."]
     if slowest.hi_s is None:
-        out.append(f"The hold of {hold:.3g} s is too short for the slowest time: it is at least {slowest.lo_s:.3g} s "
-                   "(95 % profile), nothing bounds it above, and the long-term moduli are an extrapolation.")
+        out.append(f"The hold of {hold:.3g} s is too short for the slowest time, {slowest.tau_s:.3g} s as fitted: its "
+                   f"95 % profile interval begins at {slowest.lo_s:.3g} s, nothing bounds it above, and the long-term "
+                   "moduli are an extrapolation.")
     else:
         out.append(f"Slowest time {slowest.tau_s:.3g} s, between {slowest.lo_s:.3g} and {slowest.hi_s:.3g} s (95 % "
                    f"profile), from a hold of {hold:.3g} s.")

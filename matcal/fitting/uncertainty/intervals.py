@@ -3,7 +3,8 @@
 Parameters and nuisances (contact points, Prony series) move together with the data, d(theta, z) = A db. The covariance
 A C A' is built from what the data can do (a "sandwich"), C being that of each curve's own errors, correlated as its
 residuals show (`matcal.statistics.residual_correlation`), so that misfit counts as few effective points and not as
-many. What the order of the law hides is seen by adding one term: the difference enters as one more standard deviation.
+many. What the order of the law hides is seen by adding one term, or by leaving one out where that fits nearly as well:
+the larger difference enters as one more standard deviation.
 Replicates and stated scatter are in it (`matcal.fitting.hyperfoam.specimen_factors`); without either, scatter from
 specimen to specimen is left out, as are errors in the specimen's size.
 """
@@ -28,6 +29,9 @@ from touchcal.arrays import Array
 # least points to spare in Student's law: errors' sizes are averaged already, see `statistics.residual_correlation`
 _LEAST_SPARE = 4.0
 _LARGE = float(ndtri(0.975))  # standard deviations to either side that hold 95 % where many points are left
+# what the intervals are about, said where they are given
+OF_THIS_LAW = ("Intervals are of this law: noise, misfit and the choice of its order are in them; a toe of the record, "
+               "or a law of another kind, is not.")
 PLATEAU_STRAIN = -0.4  # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 
 
@@ -51,7 +55,7 @@ class Uncertainty:
     # independent points of one common noise level that would know these quantities no better than these curves do
     effective_points: float
     law: Hyperfoam  # fitted law
-    wider: Hyperfoam | None  # the one with a further term, which shows what the order hides
+    neighbours: tuple[Hyperfoam, ...]  # those of the next orders, which show what the order hides
     reach: float  # standard deviations to either side that hold 95 %, by Student's law for few effective points
     shares: Mapping[str, float]  # where the interval of mu_0 comes from, share of its variance
     decisions: tuple[str, ...]  # the largest of them, and what was assumed about specimens, one sentence each
@@ -88,19 +92,21 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
                                       linear_response.prior_precision(fit))[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
     from_data = linear_response.propagated(errors, data)
-    covariance = from_data + variance * prior @ prior.T
-    bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.wider, reach, {}, ())
+    stated = data @ differ.stated
+    covariance = from_data + variance * prior @ prior.T + stated @ stated.T
+    bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.neighbours, reach, {}, ())
     derived = intervals(bare, measured_quantities)
     mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(fit.law.alpha.size)]
-    names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names)))
-    shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), variance * (mu_0 @ prior) ** 2, names)
+    names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names) + stated.shape[1]))
+    squares = np.r_[variance * (mu_0 @ prior) ** 2, (mu_0 @ stated) ** 2]
+    shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), squares, names)
     return replace(bare, derived=derived, shares=shares, decisions=(_share_sentence(shares), *differ.decisions,
                                                                     *_limit_sentences(fit)))
 
 
 def _effects(known: Nuisance, differ: Specimens, reach: float) -> Array:
-    """(n, J) effects of all that is normal: nuisances, stated scatter, factors whose interval `reach` times them is."""
-    return np.column_stack([known.effect, differ.stated, differ.reach / reach * differ.factor])
+    """(n, J) effects of all that is inferred: nuisances, factors whose interval `reach` times them is."""
+    return np.column_stack([known.effect, differ.reach / reach * differ.factor])
 
 
 def _limit_sentences(fit: Fit) -> list[str]:
@@ -116,10 +122,10 @@ def _limit_sentences(fit: Fit) -> list[str]:
 def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Interval]:
     """95 % intervals of any smooth `quantities` of a law: covariance and hidden order together."""
     value = quantities(about.law)
-    wider = quantities(about.wider) if about.wider is not None else value
+    others = [quantities(law) for law in about.neighbours]
     out = {}
     for name, gradient in _gradients(about.law, quantities).items():
-        form = abs(wider[name] - value[name])
+        form = max((abs(other[name] - value[name]) for other in others), default=0.0)
         sd = float(np.hypot(np.sqrt(gradient @ about.covariance @ gradient), form))
         out[name] = Interval(value[name], sd, form, value[name] - about.reach * sd, value[name] + about.reach * sd)
     return out

@@ -122,3 +122,51 @@ def test_the_real_headerless_table() -> None:
         read(path)
     got = read(path, parse_selection("stress=1:MPa,stretch=2"))
     assert (got.rows, got.columns["stretch"][-1], got.columns["stress"][0]) == (24, 7.6, pytest.approx(25500))
+
+
+@pytest.mark.parametrize(("header", "option"), [
+    ("True Strain (-),True Stress (kPa)", None), ("eps_log (-),sigma_true (kPa)", None),
+    ("True Strain (-),True Stress (kPa)", "strain=1,stress=2"), ("ln strain,Cauchy stress", "strain=1:-,stress=2:kPa"),
+    ("Hencky strain (-),stress (kPa)", "strain=1,stress=2"), ("strain (-),sigma_true (kPa)", "strain=1,stress=2")])
+def test_true_strain_and_stress_are_refused_with_the_formula_of_the_nominal(header: str, option: str | None,
+                                                                            tmp_path: Path) -> None:
+    path = _write(tmp_path, f"{header}\n" + _rows(E, P / 1e3))
+    with pytest.raises(InputFileError, match=r"named as a true .* here is nominal\. .*nominal = "):
+        read(path, parse_selection(option) if option else None)
+
+
+def test_nominal_columns_next_to_true_ones_are_taken(tmp_path: Path) -> None:
+    path = _write(tmp_path, "True Strain,Engineering Strain,True Stress (kPa),Engineering Stress (kPa)\n"
+                  + _rows(np.log1p(E), E, P / 2e3, P / 1e3))
+    np.testing.assert_allclose(read(path).columns["stress"], P, atol=1e-2)
+
+
+def test_hints_leave_out_columns_of_another_name_and_say_per_cent(tmp_path: Path) -> None:
+    path = _write(tmp_path, "Time,CalculatedValue,AdjustedForce\n" + _rows(-E, E, P))
+    with pytest.raises(InputFileError, match=r"--columns \"uniaxial.csv=strain=NUMBER,stress=NUMBER:kPa\""):
+        read(path)
+    path = _write(tmp_path, "a,b,c\n" + _rows(0 * E, P, -1000 * E))
+    with pytest.raises(InputFileError, match=r"--columns \"uniaxial.csv=strain=3:%,stress=2:kPa\"") as caught:
+        read(path, parse_selection("strain=3,stress=2:kPa"))
+    assert "exchanged" not in str(caught.value)
+    read(path, parse_selection("strain=3:%,stress=2:kPa"))
+    path = _write(tmp_path, "strain,stress (kPa)\n" + _rows(-10 * E, -P))
+    with pytest.raises(InputFileError, match=r"in per cent, give --columns \"uniaxial.csv=strain=1:%,stress=2\""):
+        read(path)
+
+
+def test_underscores_before_names_and_rows_with_a_number_too_many(tmp_path: Path) -> None:
+    path = _write(tmp_path, "_Extension (mm),_Load (N),_Time (s)\n" + _rows(-E, -P, -E))
+    assert set(read(path).columns) == {"displacement", "force", "time"}
+    path = _write(tmp_path, "strain,stress (Pa)\n" + _rows(E, P) + "1,2,3\n")
+    with pytest.raises(InputFileError, match="line 27: 3 cells in a table of 2 columns"):
+        read(path)
+
+
+@pytest.mark.parametrize(("begin", "says"), [(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", r"old Excel .* Save it as .xlsx"),
+                                             (b"\x89HDF\r\n\x1a\n", "HDF5")])
+def test_other_formats_are_known_by_their_first_bytes(begin: bytes, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "test.dat"
+    path.write_bytes(begin + bytes(600))
+    with pytest.raises(InputFileError, match=says):
+        read(path)

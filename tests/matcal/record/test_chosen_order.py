@@ -11,8 +11,15 @@ import pytest
 from matcal.card import MaterialCard
 from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.fitting.hyperfoam.curves import weigh
-from matcal.fitting.hyperfoam.hyperfoam_fit import fit
-from matcal.fitting.hyperfoam.order_selection import GOOD_ENOUGH, OrderRow, chosen_order, criterion, order_sentences
+from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, fit
+from matcal.fitting.hyperfoam.order_selection import (
+    ACCURATE,
+    GOOD_ENOUGH,
+    OrderRow,
+    chosen_order,
+    criterion,
+    order_sentences,
+)
 from matcal.fitting.uncertainty.intervals import derived_quantities
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -47,6 +54,33 @@ def test_a_readable_order_that_misses_a_curve_is_not_taken() -> None:
     poor, merged = row(2, 0.04, -2000, worst=1.01 * GOOD_ENOUGH), row(3, 0.012, -2600, "exponents merge")
     assert chosen_order([poor, merged]) is merged
     assert chosen_order([row(2, 0.0125, -2000, worst=0.2), merged]).order == 2
+
+
+def test_a_stable_order_that_fits_within_accuracy_is_taken_before_one_that_loses_stability_inside_the_tests() -> None:
+    stable, lost = row(3, 0.0005, -4000), OrderRow(5, 0.0002, 0.0002, -5000, "", unstable=True)
+    assert chosen_order([row(2, 0.02, -2000), stable, lost]) is stable
+    poor = row(3, 0.0005, -4000, worst=1.01 * ACCURATE)
+    assert chosen_order([poor, lost]) is lost
+    said = order_sentences("auto", (stable, lost), stable, fit(weigh([curve("uniaxial", np.linspace(-0.6, 0, 40))]), 1,
+                                                              thorough=False).optimum, 300)
+    assert any("Order 5 was passed over" in s and "not Drucker stable inside the tests" in s for s in said)
+
+
+def test_intervals_count_the_order_below_where_it_fits_nearly_as_well() -> None:
+    """A smooth misfit of 1 % that order 3 halves no further than NEARLY: mu_0 of order 2 lies in order 3's interval."""
+    e, g = np.linspace(-0.6, 0, 61), np.linspace(0, 0.8, 41)
+    tests = [replace(test, value=test.value * (1 + 0.02 * np.sin(25 * test.strain)))
+             for test in (curve("uniaxial", e), curve("shear", g))]
+    found, below = (calibrate(tests, FitOptions(order=n)) for n in (3, 2))
+    assert found.fit is not None
+    assert below.fit is not None
+    assert found.uncertainty is not None
+    assert below.fit.optimum.cost < NEARLY**2 * found.fit.optimum.cost
+    assert [law.alpha.size for law in found.fit.neighbours] == [4, 2]
+    mu_0 = found.uncertainty.derived["mu_0_Pa"]
+    assert mu_0.form >= abs(below.fit.law.mu_0_Pa - mu_0.value) * (1 - 1e-3)
+    assert mu_0.lo < below.fit.law.mu_0_Pa < mu_0.hi
+    assert "of this law" in summary(found)["intervals"]
 
 
 def test_the_criterion_is_bic_for_many_points_and_dear_for_few() -> None:

@@ -132,6 +132,17 @@ def test_a_split_test_named_part_by_part_is_read_once(tmp_path: Path) -> None:
         np.testing.assert_array_equal(got.value, whole.value)
 
 
+@pytest.mark.parametrize("kinds", [("uniaxial", "relaxation"), ("relaxation", "uniaxial")])
+def test_the_parts_of_a_split_hold_serve_every_kind_that_they_are_given_as(kinds: tuple[str, ...],
+                                                                           tmp_path: Path) -> None:
+    head, rows = (DATA / "mts_relaxation.txt").read_text(encoding="utf-8-sig").split("sec\n")
+    lines = rows.splitlines(keepends=True)
+    parts = [_written(tmp_path, f"hold - (Timed){k}.txt", "\ufeff" + head + "sec\n" + "".join(v))
+             for k, v in {"": lines[:3000], "1": lines[3000:]}.items()]
+    given = [(kind, (part,)) for kind in kinds for part in parts]
+    assert [e.kind for e in reduce_tests(given, DATA / "specimen.toml")] == list(kinds)
+
+
 def test_replicates_stay_apart_but_one_test_counts_once(tmp_path: Path) -> None:
     file = DATA / "uniaxial.csv"
     other = _written(tmp_path, "uniaxial_2.csv", file.read_text() + "\n")
@@ -198,6 +209,8 @@ def test_direction_and_preload_of_the_specimen(tmp_path: Path) -> None:
     ("[uniaxial]\ndiameter_mm = 50\n", "needs the key height_mm"),
     ("[uniaxial]\nheight_mm = 20\n", "needs the key diameter_mm"),
     ("[uniaxial]\ndiameter_mm = -50\nheight_mm = 20\n", "must be a positive number"),
+    ("[uniaxial]\ndiameter_mm = 1e-300\nheight_mm = 20\n", "is the size of no specimen"),
+    ("[uniaxial]\ndiameter_mm = 50\nheight_mm = 1e300\n", "is the size of no specimen"),
     ("[uniaxial]\ndiameter_mm = \"50\"\nheight_mm = 20\n", "must be a positive number"),
     ("[uniaxial]\ndiameter_mm = 50\nheight_mm = 20\ndirection = \"down\"\n", "direction 'down' is unknown"),
     ("uniaxial = 3\n", "must be a table"),

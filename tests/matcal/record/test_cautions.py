@@ -1,0 +1,79 @@
+"""What Mind says of records that look wrong together: units, sizes, rubber with nu = 0, bands that miss the record."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from matcal.card import MaterialCard
+from matcal.fitting.calibrate import FitOptions, calibrate
+from matcal.fitting.hyperfoam.curves import weigh
+from matcal.fitting.hyperfoam.hyperfoam_fit import fit
+from matcal.laws.deformation_modes import nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.posterior.hyperfoam_posterior import draw_law, law_part, start_law
+from matcal.record.cautions import cautions, unstable_inside
+from matcal.record.fit_summary import summary
+from matcal.reduction.experiment import Experiment
+
+LAW = Hyperfoam([12000.0, 8000.0], [4.0, -1.5], [0.0, 0.0])
+E, GAMMA = np.linspace(-0.6, 0, 121), np.linspace(0, 0.8, 81)
+
+
+def card_of(uniaxial: np.ndarray | float = 1.0, shear: np.ndarray | float = 1.0, order: int = 2,
+            strain: np.ndarray = E) -> MaterialCard:
+    """The card of a law's stresses, multiplied point by point."""
+    found = calibrate([Experiment("uniaxial", strain, uniaxial * nominal_stress(LAW, "uniaxial", strain)),
+                       Experiment("shear", GAMMA, shear * nominal_stress(LAW, "shear", GAMMA))], FitOptions(order))
+    assert found.fit is not None
+    return MaterialCard("foam", found.fit.law, fit=summary(found))
+
+
+def test_a_consistent_foam_raises_no_doubt() -> None:
+    rng = np.random.default_rng(0)
+    card = card_of(1 + 0.003 * rng.normal(size=E.size), 1 + 0.003 * rng.normal(size=GAMMA.size))
+    assert not any(word in said for said in cautions(card) for word in ("check", "nu = 0", "band"))
+    assert min(card.fit[label]["inside_band"] for label in ("uniaxial_1", "shear_1")) > 0.9
+
+
+@pytest.mark.parametrize(("uniaxial", "shear", "says"), [
+    (1000.0, 1000.0, r"mu_0 = 2e\+07 Pa is that of no soft foam .*kPa or MPa"),
+    (1.0, 2.0, r"Shear is 2 times as stiff at small strain as uniaxial alone predicts: check the units and sizes"),
+    (1.0, 1e-3, r"Shear is 0.001 times as stiff")])
+def test_wrong_units_and_sizes_are_doubted(uniaxial: float, shear: float, says: str) -> None:
+    assert any(re.search(says, said) for said in cautions(card_of(uniaxial, shear)))
+
+
+def test_rubber_fitted_as_foam_is_doubted() -> None:
+    card = card_of(strain=np.linspace(0, 2.5, 60))
+    assert any("nu = 0 was taken, which is a foam's" in said and "--poisson" in said for said in cautions(card))
+
+
+def test_a_band_that_misses_its_record_is_said() -> None:
+    card = card_of(1 + 0.005 * np.sin(12 * E), 1 + 0.005 * np.sin(9 * GAMMA), order=4)
+    assert card.fit["uniaxial_1"]["inside_band"] < 0.9
+    assert any("The 95 % band holds too little" in said for said in cautions(card))
+
+
+def test_lost_stability_is_clipped_to_the_fitted_strains_and_names_the_option() -> None:
+    law = replace(LAW, strain_range={"uniaxial": (-0.43, 0.0)})
+    card = MaterialCard("foam", law, stability={"drucker": {"uniaxial": {"unstable_strain": [[-0.95, -0.4]]}}})
+    assert unstable_inside(card) == [("drucker", "uniaxial", -0.43, -0.4)]
+    assert any("--stable drucker" in said for said in cautions(card))
+
+
+def test_stated_scatter_widens_the_draws_about_the_fit() -> None:
+    """One term through two: where the scatter may be inferred, misfit moves the law to another part of it."""
+    modes = {"uniaxial": E, "shear": GAMMA}
+    curves = weigh([Experiment(mode, e, stress, deviation=0.15 * np.abs(stress)) for mode, e in modes.items()
+                    for stress in [nominal_stress(LAW, mode, e)]])
+    found = fit(curves, 1)
+    part = law_part(found, 40.0, None, False)
+    mu, alpha, *_ = draw_law(part, np.repeat(start_law(part, found)[None], 4000, axis=0), None, None,
+                             np.random.default_rng(0))
+    assert mu.mean() == pytest.approx(found.law.mu_Pa[0], rel=0.02)
+    assert 0.07 < mu.std() / mu.mean() < 0.15
+    assert np.ptp(alpha) == 0
