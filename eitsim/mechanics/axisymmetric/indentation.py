@@ -35,6 +35,8 @@ _FIRM = 0.05
 _THROUGH = 10.0
 # Largest penetration, in fillet radii, that the penalty contact is trusted with.
 _DEEPEST = 0.5
+# Iterations and relative residual of a softened state, from which errors are estimated.
+_SOFTENING, _SOFTENED = 30, 1e-6
 # Depth, thicknesses, from which bottoming out is the likely cause of a failure.
 _FLAT = 0.9
 
@@ -129,6 +131,20 @@ def equilibrium(model: IndentationProblem, force: float, start: Array, limit: in
         push, reaction = push + more[0], reaction + more[1]
     penetration = float(_gathered(model, push) @ by_force[:-1] + reaction * by_force[-1])
     return Equilibrium(found.x, by_force, force, float(found.x[-1]) - penetration, found.residuals)
+
+
+def softened(model: IndentationProblem, state: Equilibrium, share: float) -> Array:
+    """Where a state goes when the contact's stiffness falls to a share of its own, under the same force. What the model
+    lacks of the state's balance, friction or what the foam remembers, is kept as a load. NotConverged as minimise."""
+    softer = replace(model, punch=replace(model.punch, stiffness=share * model.punch.stiffness))
+    kept = system(model, state.force, state.x)[0]
+
+    def left(x: Array, scale: float) -> System:
+        gradient, factorise = system(softer, state.force, x, scale)
+        return gradient - kept, factorise
+
+    return minimise(lambda x: energy(softer, state.force, x) - float(kept @ x), left, state.x, scale=state.force,
+                    limit=_SOFTENING, tolerance=_SOFTENED).x
 
 
 def _implausible(model: IndentationProblem, at: ContactState, x: Array) -> str:

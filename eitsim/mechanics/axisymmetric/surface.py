@@ -40,6 +40,7 @@ class Contact:
     radius: float  # reference radius of the outermost point that touches
     area: float  # current area projected on the punch's face where the face or the fillet is touched
     wall: float  # current area of the side wall that is touched
+    ring: float  # current area, seen along the axis, from the outermost point of contact that touches to the next one
 
 
 def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:
@@ -78,6 +79,8 @@ def contact_of(model: IndentationProblem, x: Array) -> Contact:
     at, field = contact_state(model, x), stretch(model, x, facets)
     push = (facets.weight * contact.pressure(model.punch, at.penetration)).sum(axis=1)
     pressure = push / (facets.weight * field.meridian * field.hoop).sum(axis=1)
+    edge = np.append(0, np.flatnonzero(at.penetration))[-1]
+    inner, outer = field.position[..., 0].ravel()[[edge, min(edge + 1, at.penetration.size - 1)]]
     fine = contact.facets_at(model.grid, facets.nodes, *np.polynomial.legendre.leggauss(_FINE))
     at, field = contact_state(model, x, fine), stretch(model, x, fine)
     touched = at.penetration > 0
@@ -85,7 +88,8 @@ def contact_of(model: IndentationProblem, x: Array) -> Contact:
     wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
     radius = float(fine.radius[touched].max())
     middle = model.grid.nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
-    return Contact(pressure, middle, radius, float(projected.sum()), float(wall.sum()))
+    return Contact(pressure, middle, radius, float(projected.sum()), float(wall.sum()),
+                   float(np.pi * abs(outer**2 - inner**2)))
 
 
 def dipole_response(model: IndentationProblem, x: Array, strain: str) -> float:
