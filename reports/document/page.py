@@ -14,6 +14,7 @@ import typst
 from matplotlib.figure import Figure
 
 from reports.document import style
+from reports.document.verdict import Verdict
 
 CONTENTS = "contents.json"
 NEARLY_EMPTY_MM = 90.0  # a last page whose text ends above this is not worth a page
@@ -62,6 +63,7 @@ class Report:
     cautions: Sequence[str] = ()  # what the reader must know before the numbers are used, one sentence each
     # lists of sentences under headings, by name
     groups: Mapping[str, Sequence[tuple[str, Sequence[str]]]] = field(default_factory=dict)
+    verdict: Sequence[Verdict] = ()  # what the numbers are good for, the first thing on the first page
 
 
 def write_pdf(report: Report, out: Path) -> None:
@@ -87,8 +89,9 @@ def _stage(report: Report, work: Path) -> None:
               "plates": {plate.name: plate.caption for plate in report.plates},
               "tables": {name: asdict(table) for name, table in report.tables.items()},
               "absent": report.absent, "prose": report.prose, "cautions": report.cautions, "groups": report.groups,
+              "verdict": [asdict(line) for line in report.verdict],
               "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK,
-                        "warning": style.SECOND}}
+                        "warning": style.SECOND, "good": style.THIRD, "usable": style.USABLE}}
     (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
 
 
