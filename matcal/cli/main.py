@@ -202,7 +202,7 @@ def compare_command(
     """
     from matcal.card import read_card
     from matcal.cli.summary import print_table
-    from matcal.record.compare import differences, table
+    from matcal.record.compare import differences, names_of, table
 
     if out is not None:
         check_out(out)
@@ -211,7 +211,7 @@ def compare_command(
     if as_json:
         print_json([asdict(one) for one in found])
     else:
-        print_table(table(found, (str(first), str(second))))
+        print_table(table(found, names_of(first, second)))
     if out is not None:
         from reports.calibration.comparison import write
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from matcal.card import MaterialCard
 from matcal.record.result_tables import MEANING, Printed
@@ -36,7 +37,12 @@ def quoted(card: MaterialCard, name: str) -> Mapping[str, float] | None:
 
 
 def differences(one: MaterialCard, other: MaterialCard) -> list[Difference]:
-    """Every quantity that both cards hold; ValueError where there is none."""
+    """Every quantity that both cards hold; ValueError where there is none, or one foam's moduli are long-term and the
+    other's instantaneous."""
+    labels = {card.hyperfoam.moduli for card in (one, other) if card.hyperfoam}
+    if len(labels) > 1:
+        raise ValueError(f"the moduli of '{one.name}' and '{other.name}' are {' and '.join(sorted(labels))}, which "
+                         "cannot be compared. Fit the instantaneous ones again with a relaxation file.")
     first, second = _quantities(one), _quantities(other)
     found = []
     for name in first:
@@ -64,6 +70,11 @@ def _quantities(card: MaterialCard) -> dict[str, tuple[float, float | None]]:
         if (row := quoted(card, name)) is not None:
             found[name] = (found[name][0] if name in found else row["value"], row["sd"])
     return found
+
+
+def names_of(first: Path, second: Path) -> tuple[str, str]:
+    """What two cards are called: their file names, with the folder where these are the same."""
+    return (first.stem, second.stem) if first.stem != second.stem else (str(first), str(second))
 
 
 def table(found: list[Difference], names: tuple[str, str]) -> Printed:

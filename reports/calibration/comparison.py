@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matcal.laws.conductivity import conductivity
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.prony import relaxation
-from matcal.record.compare import APART, Difference, differences, table
+from matcal.record.compare import APART, Difference, differences, names_of, table
 from reports.calibration.calibration_tables import printed
 from reports.calibration.card_record import Record, read_record, rows_where
 from reports.document import provenance, style
@@ -36,7 +36,7 @@ def report(first: Path, second: Path) -> Report:
     records = read_record(first), read_record(second)
     one, other = (record.card for record in records)
     found = differences(one, other)
-    names = _names(records)
+    names = names_of(first, second)
     footer = provenance.footer([provenance.source(first), provenance.source(second)], "no seed: nothing is drawn")
     said = [f"{row.name}: {percent(row.second / row.first - 1)}"
             + ("" if row.sds is None else f", {number(row.sds, 2)} standard deviations") for row in found if row.first]
@@ -47,12 +47,6 @@ def report(first: Path, second: Path) -> Report:
     return Report("comparison", "Two cards compared", f"{names[0]} and {names[1]}", footer, said,
                   _plates(records, names), {"differences": printed(table(found, names), caption)},
                   verdict=[_verdict(found), *real("A real material", synthetic)])
-
-
-def _names(records: Sequence[Record]) -> tuple[str, str]:
-    """What the cards are called: their file names, with the folder where these are the same."""
-    first, second = (record.path for record in records)
-    return (first.stem, second.stem) if first.stem != second.stem else (str(first), str(second))
 
 
 def _verdict(found: Sequence[Difference]) -> Verdict:
@@ -72,7 +66,7 @@ def _plates(records: Sequence[Record], names: tuple[str, str]) -> list[ReportFig
     kinds += [kind for kind, part in (("relaxation", "prony"), ("conductivity", "conductivity"))
               if all(getattr(card, part) is not None for card in cards)]
     lines = -(-len(kinds) // PANELS)
-    figure = style.sheet(10 + 46 * lines)
+    figure = style.sheet(10 + 36 * lines)
     panels = list(figure.subplots(lines, PANELS, squeeze=False).flat)
     drawn = [_curve(record, kind).assign(card=name, kind=kind) for kind in kinds
              for record, name in zip(records, names, strict=True)]

@@ -37,12 +37,12 @@ class Table:
     caption: str  # what it finds
     head: Sequence[str]  # column heads, units included
     rows: Sequence[Sequence[str]]
-    align: str  # one letter a column: l left, r right, w wide (left, takes the remaining width)
+    align: str  # one letter a column: l left, r right, w wide (left, shares the remaining width), W twice as wide
 
     def __post_init__(self) -> None:
         widths = {len(self.head), len(self.align), *(len(row) for row in self.rows)}
-        if len(widths) != 1 or set(self.align) - set("lrw"):
-            raise ValueError(f"table '{self.caption}': head, align (letters l, r, w) and rows must have one width.")
+        if len(widths) != 1 or set(self.align) - set("lrwW"):
+            raise ValueError(f"table '{self.caption}': head, align (letters l, r, w, W) and rows must have one width.")
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ def apart(patterns: Sequence[int]) -> tuple[int, ...]:
 
 def equipotentials(skin: SkinMap, scene: Mapping[str, Any], patterns: Sequence[int]) -> ReportFigure:
     """Lines of equal potential of drive patterns without the touch, with it, and of its change (paper, figure 1)."""
-    figure = style.sheet(50 * len(patterns))
+    figure = style.sheet(44 * len(patterns))
     panels = figure.subplots(len(patterns), 3, squeeze=False, sharex=True, sharey=True)
     data: dict[str, Array] = {"x_mm": skin.triangles.x, "y_mm": skin.triangles.y}
     sizes = []

@@ -233,7 +233,7 @@ def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
                "the signal")
     if largest is not None and largest["error_bound"] > 0:
         caption += f", most of it by “{largest['decision']}”"
-    return Table(caption + ". A dash: no cost is counted.", ["decision", "reason", "may cost"], rows, "wwr")
+    return Table(caption + ". A dash: no cost is counted.", ["decision", "reason", "may cost"], rows, "wWr")
 
 
 def _scene_table(scene: Mapping[str, Any]) -> Table:

@@ -269,3 +269,10 @@ def test_errors_name_the_file(tmp_path: Path, card_path: Path) -> None:
     card_path.write_text("{}")
     with pytest.raises(InputFileError, match="not a card"):
         write(card_path, tmp_path / "c.pdf")
+
+
+def test_compression_is_negative_in_every_figure(card_path: Path) -> None:
+    plates = {plate.name: plate for plate in calibration_report.report(card_path).plates}
+    for axes in plates["uniaxial"].figure.axes[:1]:
+        for line in axes.get_lines():
+            assert np.max(np.asarray(line.get_xdata(), float)) <= 1e-9, line.get_label()
