@@ -88,4 +88,6 @@ def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
             words = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
             words += ", extrapolated" if stability["least_strain"] < fitted[0] else ""
         table.add_row(f"{part} law fitted over", words)
-    table.add_row("skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc")
+    share = stability.get("signal_share_extrapolated")
+    table.add_row("skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc"
+                  + ("" if share is None else f", {share:.0%} of the signal"))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.electrics.sheet.sheet_conductance import extrapolated_share
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import Scene, scene_tables
 from eitsim.simulation.error_budget import error_budget, numerical_errors
@@ -60,7 +61,7 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
                       "fraction_non_elliptic": max(t.fraction_non_elliptic for t in result.touches),
                       "non_elliptic_mm": [non_elliptic_mm(touch) for touch in result.touches],
                       "skin_fraction_extrapolated": result.readings.skin_fraction_extrapolated,
-                      **fitted_ranges(result, card)},
+                      **fitted_ranges(result, scene, card)},
         "slip_fraction": [touch.slip_fraction for touch in result.touches],
         "profile": [profile(touch, scene) for touch in result.touches]} | (
             {"times": [moment_block(moment, result.plan) for moment in result.moments]} if result.moments else {})
@@ -91,8 +92,9 @@ def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:
     return {"radius_mm": radius, "below_mm": below}
 
 
-def fitted_ranges(result: Result, card: MaterialCard) -> dict[str, Any]:
-    """Least through-thickness strain of the surface, and the strains over which foam and skin were fitted.
+def fitted_ranges(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
+    """Least through-thickness strain of the surface, the strains over which foam and skin were fitted, and the share
+    of the signal that comes from skin outside them.
 
     Where the least strain lies below them the laws are extrapolated, at a cost that no error estimate here counts.
     """
@@ -100,7 +102,9 @@ def fitted_ranges(result: Result, card: MaterialCard) -> dict[str, Any]:
     foam = card.hyperfoam.strain_range.get("uniaxial") if card.hyperfoam else None
     skin = card.conductivity.strain_range if card.conductivity else None
     return {"least_strain": least, "fitted_foam_strain": list(foam) if foam else None,
-            "fitted_skin_strain": list(skin) if skin else None}
+            "fitted_skin_strain": list(skin) if skin else None,
+            **({"signal_share_extrapolated": extrapolated_share(result.touches, scene.skin, card.conductivity)}
+               if card.conductivity else {})}
 
 
 def mechanical(touch: Touch) -> dict[str, float]:

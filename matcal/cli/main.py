@@ -1,10 +1,11 @@
-"""Command line of `matcal`: inspect, fit, predict, check, export, report."""
+"""Command line of `matcal`: inspect, fit, predict, check, export, compare, report."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -187,6 +188,36 @@ def export_command(
         print(deck.text, end="")
     else:
         out.write_text(deck.text, encoding="utf-8")
+
+
+@app.command("compare")
+def compare_command(
+        first: Annotated[Path, typer.Argument(metavar="A", help="Material card (JSON).")],
+        second: Annotated[Path, typer.Argument(metavar="B", help="Another card.")],
+        out: Annotated[Path | None, typer.Option(help="PDF to write, with the curves over each other.")] = None,
+        as_json: JsonOption = False) -> None:
+    """Print how two cards differ, in standard deviations, and draw them over each other.
+
+    Example: matcal compare a.json b.json --out compare.pdf
+    """
+    from matcal.card import read_card
+    from matcal.cli.summary import print_table
+    from matcal.record.compare import differences, names_of, table
+
+    if out is not None:
+        check_out(out)
+        check_apart({"--out": out}, [first, second])
+    found = differences(read_card(first), read_card(second))
+    if as_json:
+        print_json([asdict(one) for one in found])
+    else:
+        print_table(table(found, names_of(first, second)))
+    if out is not None:
+        from reports.calibration.comparison import write
+
+        write(first, second, out)
+        if not as_json:
+            print(f"report: {out}")
 
 
 @app.command()

@@ -150,6 +150,11 @@ def _console() -> Console:
     return console if console.is_terminal or "COLUMNS" in os.environ else Console(width=_PIPE)
 
 
+def print_table(printed: tables.Printed) -> None:
+    """One table by itself."""
+    _print_table(_console(), printed)
+
+
 def _print_table(console: Console, printed: tables.Printed) -> None:
     _heading(console, printed.title)
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1), header_style="")

@@ -19,8 +19,8 @@ from matcal.reduction.experiment import Experiment
 if TYPE_CHECKING:
     from matcal.posterior.draws import Draws
 
-# how the facts of `matcal.reduction.replicates` and `matcal.reduction.cyclic_resistance` begin, which the card repeats
-_REPEATED = ("stiffness_factor", "shape_scatter", "settling_", "resistance_")
+# how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
+_REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_")
 
 
 def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
@@ -100,6 +100,7 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
                            "unit": "S/m" if experiment.kind == "conductivity" else "Pa",
                            "source": list(experiment.source), "strain_range": _range(experiment)}
     row |= {name: value for name, value in experiment.facts.items() if name.startswith(_REPEATED)}
+    row |= {"layout": experiment.layout} if experiment.layout else {}
     if is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))

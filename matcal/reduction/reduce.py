@@ -133,7 +133,8 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
             _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
             contents.setdefault(content, (recordings[0], experiment, chosen))
         more = [*_sidecars(recordings), *files]
-        out.append(replace(experiment, files=tuple(dict.fromkeys([*own, *more]))))
+        layout = ", ".join(dict.fromkeys(recording.vendor for recording in recordings)) if own else ""
+        out.append(replace(experiment, files=tuple(dict.fromkeys([*own, *more])), layout=layout))
         beside += more
     return Reduced(with_scatter(out), tuple(dict.fromkeys(given)), tuple(dict.fromkeys(beside)))
 
@@ -178,7 +179,10 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
         return _said(reduce_table(kind, first), why, *unused), ()
     sizes, where, files = specimen_of(kind, first, specimen)
     try:
-        return _said(_by_protocol(kind, recordings, sizes, branch), why, *where), files
+        made = _by_protocol(kind, recordings, sizes, branch)
+        area = sizes.ring_area_m2 if isinstance(sizes, Strip) else sizes.area_m2
+        facts = {"specimen_area_mm2": 1e6 * area, "specimen_length_mm": 1e3 * sizes.length_m, **made.facts}
+        return _said(replace(made, facts=facts), why, *where), files
     except InputFileError:
         raise
     except ValueError as error:

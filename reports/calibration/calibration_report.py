@@ -15,6 +15,7 @@ from reports.calibration import calibration_tables as tables_of
 from reports.calibration import cycle_figures, mode_figures, posterior_figures, stability_figure, stress_figures
 from reports.calibration import first_page as summary
 from reports.calibration.card_record import Record, read_record, rows_where
+from reports.calibration.card_verdict import verdict
 from reports.calibration.conductivity_figure import conductivity_law
 from reports.document import provenance
 from reports.document.numerals import counted, number, typeset
@@ -55,7 +56,7 @@ def report(card_path: Path) -> Report:
     footer = provenance.footer(_sources(record), provenance.seed_words(card.provenance.get("seed")))
     return Report("calibration", "Material calibration", _subtitle(card), footer, summary.findings(card), plates,
                   _tables(record, absent), absent, _prose(record), [typeset(s) for s in cautions(card)],
-                  {"decisions": grouped(card)})
+                  {"decisions": grouped(card)}, verdict(card))
 
 
 def _sources(record: Record) -> list[provenance.Source]:
@@ -155,6 +156,7 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
         "results": (lambda _: summary.results(record), foam or series or skin),
         "skin": (tables_of.skin, skin),
         "tested": (summary.tested, tests(card)),
+        "recorded": (lambda _: summary.recorded(record), tests(card)),
         "cross": (tables_of.cross, crossed),
         "by_test": (tables_of.by_test, len(crossed.get("relative_rms_of", ())) > len(crossed.get("relative_rms", ()))),
         "predicted": (tables_of.predicted, fit.get("predicted")),

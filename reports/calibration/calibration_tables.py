@@ -41,9 +41,7 @@ def _parameter_caption(law: Hyperfoam | None, errors: Mapping[str, Any]) -> str:
                                        if (e := _stderr(errors, f"mu_{i + 1}_Pa")) is not None]):
         caption += (f", with one standard error each: a single μᵢ is known to {percent(min(shares))} at best and to "
                     f"{percent(max(shares))} at worst")
-        if (sum_error := _stderr(errors, "mu_0_Pa")) is not None:
-            caption += f", their sum μ₀ to {percent(sum_error / law.mu_0_Pa)}"
-        caption += ". These errors take residuals as independent and the law as exact"
+        caption += ". These errors take residuals as independent and the law as exact; quote the results above"
     elif law is not None and errors:
         caption += "; single terms have no standard errors, because the tests do not distinguish them"
     return caption + "."
@@ -144,7 +142,7 @@ def _exported(card: MaterialCard, target: str) -> tuple[str, ...] | str:
 
 def printed(table: Printed, caption: str) -> Table:
     """A table of the terminal on a page."""
-    rows = [[typeset(cell) for cell in row] for row in table.rows]
+    rows = [[typeset(cell).replace("+-", "±") for cell in row] for row in table.rows]
     return Table(caption, table.head, rows, table.align.replace("<", "l").replace(">", "r"))
 
 
@@ -183,7 +181,8 @@ def by_test(card: MaterialCard) -> Table:
 def series_orders(card: MaterialCard) -> Table:
     """Numbers of Prony terms tried."""
     assert card.prony is not None
-    caption = f"Terms of the Prony series tried; it has {counted(card.prony.g.size, 'term')}."
+    caption = (f"Terms of the Prony series tried; it has {counted(card.prony.g.size, 'term')}. Residuals are "
+               "weighted by the precision of each point, which those of the tests are not.")
     if slowest := card.fit["prony"].get("slowest_s"):
         end = "without an upper end" if slowest["hi"] is None else f"to {number(slowest['hi'])} s"
         caption += (f" The slowest time, {number(slowest['value'])} s, has the 95 % profile interval "

@@ -38,11 +38,6 @@ class Test:
             raise ValueError(f"{self.label} has no {'clock' if self.time_s is None else 'fit'}; fit the card again.")
         return self.time_s, self.value, self.fitted
 
-    @property
-    def compressed(self) -> bool:
-        """Whether the test only compresses."""
-        return self.kind != "volumetric" and bool(np.all(self.strain <= 1e-12))
-
 
 @dataclass(frozen=True)
 class Record:

@@ -21,7 +21,7 @@ DEEPEST = -0.9  # compression to which every touch may drive the law
 def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[float],
                      band: pd.DataFrame | None) -> ReportFigure:
     """Data and cubic over the fitted strains, and the cubic on to deep compression."""
-    figure = style.sheet(78)
+    figure = style.sheet(64)
     panels = figure.subplot_mosaic([["near", "far"], ["residual", "far"]], height_ratios=[3, 1])
     near, far, residual = panels["near"], panels["far"], panels["residual"]
     data = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,13 +13,16 @@ from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record.bands import conductivity_at
 from matcal.record.cautions import relative_rms, tests
-from reports.calibration.card_record import Record
+from matcal.record.compare import quoted
+from reports.calibration.card_record import Record, Test
 from reports.document.numerals import counted, interval, number, pascals, percent, r_squared, within
 from reports.document.page import Table
 
 NAMES = {"mu_0_Pa": "initial shear modulus μ₀", "E_0_Pa": "initial Young's modulus E₀",
          "plateau_Pa": "plateau stress at 40 % strain"}
 PLATEAU_STRAIN = -0.4
+STANDARD = re.compile(r"\b(ISO|ASTM|DIN|EN|JIS|GB/T) ?[A-Z]? ?\d[\d-]*")
+UNKNOWN = "not recorded"
 SYMBOLS = {"shear": "γ", "volumetric": "J"}
 
 
@@ -43,47 +47,34 @@ def ranges(card: MaterialCard) -> str:
 def results(record: Record) -> Table:
     """Every number that an engineer asks for first, with its 95 % interval and where it holds."""
     rows = [*_foam_rows(record.card), *_series_rows(record.card), *_skin_rows(record)]
-    head = ["quantity", "unit", "value", "95 % interval", *(["95 %, posterior"] if _drawn(record.card) else []),
-            "holds for"]
-    return Table(_caption(record.card), head, rows, "wl" + "r" * (len(head) - 3) + "w")
-
-
-def _drawn(card: MaterialCard) -> Mapping[str, Any]:
-    return card.posterior.get("derived", {})
+    return Table(_caption(record.card), ["quantity", "unit", "value", "95 % interval", "holds for"], rows, "wlrrw")
 
 
 def _caption(card: MaterialCard) -> str:
-    known = [(row["hi"] - row["lo"]) / 2 / abs(row["value"]) for row in card.fit.get("derived", {}).values()
-             if row["value"]]
+    known = [(row["hi"] - row["lo"]) / 2 / abs(row["value"]) for name in card.fit.get("derived", {})
+             if (row := quoted(card, name)) and row["value"]]
     if not known:
         return "Results; the card holds no intervals." if card.hyperfoam else "Results."
+    source = "the posterior" if card.posterior.get("checks", {}).get("converged") else "the fit, linearised"
     about = f" {card.fit['intervals']}" if "intervals" in card.fit else ""
-    return f"Results: what the tests determine, the moduli to ± {percent(max(known))} or better at 95 %.{about}"
+    return (f"Results: what the tests determine, the moduli to ± {percent(max(known))} or better. Values are those of "
+            f"the card, intervals hold 95 % of {source}.{about}")
 
 
 def _foam_rows(card: MaterialCard) -> list[list[str]]:
     law, rows = card.hyperfoam, []
     if law is None:
         return rows
-    known, drawn = card.fit.get("derived", {}), _drawn(card)
+    known = card.fit.get("derived", {})
     factor, unit = pascals(law.mu_0_Pa)
     values = law_values(law) if not known else {name: row["value"] for name, row in known.items()}
     for name, value in values.items():
-        middle, ends = _within(known.get(name), value, factor)
-        rows.append([NAMES.get(name, name), unit, middle, ends, *_sampled(drawn, name, factor), _where(card, name)])
-    if "mu_0_new_specimen_Pa" in drawn:
-        row = drawn["mu_0_new_specimen_Pa"]
-        middle, ends = within(factor * row["median"], factor * row["lo"], factor * row["hi"])
-        rows.append(["μ₀ of a further specimen", unit, middle, "–", ends, "specimens like those tested"])
+        middle, ends = _within(quoted(card, name), value, factor)
+        rows.append([NAMES.get(name, name), unit, middle, ends, _where(card, name)])
+    if (row := quoted(card, "mu_0_new_specimen_Pa")) is not None:
+        middle, ends = within(factor * row["value"], factor * row["lo"], factor * row["hi"])
+        rows.append(["μ₀ of a further specimen", unit, middle, ends, "specimens like those tested"])
     return rows
-
-
-def _sampled(drawn: Mapping[str, Any], name: str, factor: float = 1.0) -> list[str]:
-    """The cell of the posterior's interval; none where nothing was sampled."""
-    if not drawn:
-        return []
-    row = drawn.get(name)
-    return ["–" if row is None else within(factor * row["median"], factor * row["lo"], factor * row["hi"])[1]]
 
 
 def _within(row: Mapping[str, float] | None, value: float, factor: float) -> tuple[str, str]:
@@ -101,14 +92,19 @@ def _where(card: MaterialCard, name: str) -> str:
     return f"uniaxial, {moduli(card.hyperfoam)}" + ("" if inside else "; extrapolated")
 
 
+def _own(card: MaterialCard, name: str, value: float, sd: float | None) -> tuple[str, str]:
+    """A value of the card and its interval: as quoted, else from its standard error."""
+    row = quoted(card, name) or ({"lo": value - 1.96 * sd, "hi": value + 1.96 * sd} if sd else None)
+    return within(value, row["lo"], row["hi"]) if row else (number(value, 4), "not in the card")
+
+
 def _series_rows(card: MaterialCard) -> list[list[str]]:
     if card.prony is None:
         return []
-    sd, value = card.fit.get("prony", {}).get("g_infinity_sd"), card.prony.g_infinity
-    middle, ends = (within(value, value - 1.96 * sd, value + 1.96 * sd) if sd else (number(value, 4), "–"))
+    middle, ends = _own(card, "g_infinity", card.prony.g_infinity, card.fit.get("prony", {}).get("g_infinity_sd"))
     last = max((row["time_s"] for row in tests(card).values() if row["kind"] == "relaxation" and "time_s" in row),
                default=None)
-    return [["long-term share of the modulus", "–", middle, ends, *_sampled(_drawn(card), "g_infinity"),
+    return [["long-term share of the modulus", "–", middle, ends,
              f"{number(last)} s of relaxation" if last else "the recorded hold"]]
 
 
@@ -116,16 +112,14 @@ def _skin_rows(record: Record) -> list[list[str]]:
     card = record.card
     if card.conductivity is None:
         return []
-    sd, drawn = card.fit.get("conductivity", {}).get("c0_sd_S_per_m"), _drawn(card)
     c0, (lo, hi) = card.conductivity.c0_S_per_m, card.conductivity.strain_range
-    middle, ends = within(c0, c0 - 1.96 * sd, c0 + 1.96 * sd) if sd else (number(c0, 4), "not in the card")
-    rows = [["unstrained conductivity c₀", "S/m", middle, ends, *_sampled(drawn, "c0_S_per_m"),
-             f"strain {interval(lo, hi)}"]]
+    middle, ends = _own(card, "c0_S_per_m", c0, card.fit.get("conductivity", {}).get("c0_sd_S_per_m"))
+    rows = [["unstrained conductivity c₀", "S/m", middle, ends, f"strain {interval(lo, hi)}"]]
     band = record.tables.get("conductivity_band")
     if band is not None:
         value, low, high = conductivity_at(band, -0.5)
         middle, ends = within(value, low, high)
-        rows.append(["conductivity at a strain of −0.5", "S/m", middle, ends, *(["–"] if drawn else []),
+        rows.append(["conductivity at a strain of −0.5", "S/m", middle, ends,
                      "extrapolated" if lo > -0.5 else "measured"])
     return rows
 
@@ -143,6 +137,36 @@ def tested(card: MaterialCard) -> Table:
     return Table(caption, ["test", "file", "points", "strain", "RMS", "relative RMS", "R²"], rows, "lwrrrrr")
 
 
+def recorded(record: Record) -> Table:
+    """What a test report states of every test, as far as the record holds it."""
+    said, rows = record.card.provenance.get("decisions", ()), []
+    for label, row in tests(record.card).items():
+        standards = [found[0] for words in said if words.startswith(f"{label}: ")
+                     for found in STANDARD.finditer(words)]
+        same = sum(other["kind"] == row["kind"] for other in tests(record.card).values())
+        rows.append([label, ", ".join(dict.fromkeys(standards)) or UNKNOWN, _sizes(row),
+                     _rate(record.tests.get(label)), row.get("layout") or UNKNOWN, str(same)])
+    caption = ("What the record says of the tests; a test report also states machine, operator, date, temperature and "
+               "humidity, which are not recorded. Rate: largest strain over the time to reach it.")
+    return Table(caption, ["test", "standard", "specimen", "rate (1/s)", "file layout", "specimens of its kind"], rows,
+                 "lwwrwr")
+
+
+def _sizes(row: Mapping[str, Any]) -> str:
+    if "specimen_area_mm2" not in row:
+        return UNKNOWN
+    part = "coating ring of" if row["kind"] == "conductivity" else "loaded area"
+    return f"{part} {number(row['specimen_area_mm2'])} mm², length {number(row['specimen_length_mm'])} mm"
+
+
+def _rate(test: Test | None) -> str:
+    if test is None or test.time_s is None:
+        return UNKNOWN
+    at = int(np.argmax(np.abs(test.strain) >= 0.999 * np.abs(test.strain).max()))
+    spent = float(test.time_s[at] - test.time_s[0])
+    return number(abs(float(test.strain[at] - test.strain[0])) / spent, 2) if spent > 0 else UNKNOWN
+
+
 def findings(card: MaterialCard) -> list[str]:
     """The card in a few sentences."""
     found = [*_foam_findings(card), *_series_findings(card), *_skin_findings(card)]
@@ -152,7 +176,7 @@ def findings(card: MaterialCard) -> list[str]:
 def _foam_findings(card: MaterialCard) -> list[str]:
     if card.hyperfoam is None:
         return []
-    law, known = card.hyperfoam, card.fit.get("derived", {}).get("mu_0_Pa")
+    law, known = card.hyperfoam, quoted(card, "mu_0_Pa")
     factor, unit = pascals(law.mu_0_Pa)
     middle, ends = _within(known, law.mu_0_Pa, factor)
     said = [f"Foam: hyperfoam law of {counted(law.mu_Pa.size, 'term')}, initial shear modulus μ₀ = {middle} {unit}"

@@ -61,7 +61,7 @@ def _draw_tests(axes: Axes, kind: str, tests: Sequence[Test]) -> None:
 def every_mode(bands: pd.DataFrame, source: str) -> ReportFigure:
     """Long-term stress in all five modes, fitted strains drawn through, extrapolated ones dashed, with 95 % bands."""
     modes = [mode for mode in MODES if mode in set(bands["mode"])]
-    figure = style.sheet(96)
+    figure = style.sheet(84)
     panels = figure.subplots(2, 3)
     for axes, mode in zip(panels.flat, modes, strict=False):
         _draw_mode(axes, rows_where(bands, bands["mode"] == mode), mode)

@@ -35,23 +35,21 @@ def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapp
     -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode; `band`: the mode's rows of
     bands.parquet, from `source` in words."""
     kind = tests[0].kind
-    sign = -1.0 if all(test.compressed for test in tests) else 1.0
     factor, unit = pascals(np.concatenate([test.value for test in tests]))
-    figure = style.sheet(82)
+    figure = style.sheet(66)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
-    data = _draw_tests(upper, tests, sign, factor, "fitted to all modes" if alone else "fitted")
-    fine_unit = _draw_residuals(lower, tests, sign)
+    data = _draw_tests(upper, tests, factor, "fitted to all modes" if alone else "fitted")
+    fine_unit = _draw_residuals(lower, tests)
     for k, (name, other) in enumerate(alone.items()):
         for i, test in enumerate(tests):
             stress = along_history(other, prony, test)
-            upper.plot(sign * test.strain, sign * factor * stress, color=style.SERIES[(k + 1) % 4],
+            upper.plot(test.strain, factor * stress, color=style.SERIES[(k + 1) % 4],
                        ls=style.DASHES[(k + 1) % 4], label=f"fitted to {name} alone" if i == 0 else None)
             data[test.label][f"{name}_alone_stress_Pa"] = stress
-    data |= _draw_longterm(upper, kind, law, tests, sign, factor, band)
-    _frame_data(upper, [sign * factor * test.value for test in tests])
-    what = "compressive" if sign < 0 else "nominal"
-    style.label(upper, "", f"{what.capitalize()} stress ({unit})")
-    style.label(lower, STRAIN.get(kind, f"{what.capitalize()} strain (–)"), f"Residual ({fine_unit})")
+    data |= _draw_longterm(upper, kind, law, tests, factor, band)
+    _frame_data(upper, [factor * test.value for test in tests])
+    style.label(upper, "", f"Nominal stress ({unit})")
+    style.label(lower, STRAIN.get(kind, "Nominal strain (–)"), f"Residual ({fine_unit})")
     upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
     return ReportFigure(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
 
@@ -79,41 +77,41 @@ def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> ReportF
     return ReportFigure(name, figure, caption, {name: table})
 
 
-def _draw_tests(axes: Axes, tests: Sequence[Test], sign: float, factor: float, title: str) -> dict[str, pd.DataFrame]:
+def _draw_tests(axes: Axes, tests: Sequence[Test], factor: float, title: str) -> dict[str, pd.DataFrame]:
     data = {}
     for i, test in enumerate(tests):
         said = "measured" if len(tests) == 1 else f"measured, {test.label}"
-        axes.plot(sign * test.strain, sign * factor * test.value, MARKS[i % len(MARKS)], color=style.INK, ms=2, mew=0,
+        axes.plot(test.strain, factor * test.value, MARKS[i % len(MARKS)], color=style.INK, ms=2, mew=0,
                   alpha=1 - 0.5 * i / len(tests), label=said)
         data[test.label] = pd.DataFrame({"strain": test.strain, "stress_Pa": test.value})
         if test.fitted is not None:
-            axes.plot(sign * test.strain, sign * factor * test.fitted, color=style.ACCENT,
+            axes.plot(test.strain, factor * test.fitted, color=style.ACCENT,
                       label=title if i == 0 else None)
             data[test.label]["fit_stress_Pa"] = test.fitted
     return data
 
 
-def _draw_residuals(axes: Axes, tests: Sequence[Test], sign: float) -> str:
+def _draw_residuals(axes: Axes, tests: Sequence[Test]) -> str:
     """Measured minus fitted; the unit in which they are drawn."""
     residuals = [test.value - test.fitted for test in tests if test.fitted is not None]
     factor, unit = pascals(np.concatenate(residuals) if residuals else [0.0])
     for i, test in enumerate(t for t in tests if t.fitted is not None):
-        axes.plot(sign * test.strain, sign * factor * residuals[i], MARKS[i % len(MARKS)], color=style.ACCENT, ms=1.6,
+        axes.plot(test.strain, factor * residuals[i], MARKS[i % len(MARKS)], color=style.ACCENT, ms=1.6,
                   mew=0, alpha=1 - 0.5 * i / len(tests))
     axes.axhline(0, color=style.GREY, lw=0.6)
     return unit
 
 
-def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test], sign: float, factor: float,
+def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test], factor: float,
                    band: pd.DataFrame | None) -> dict[str, pd.DataFrame]:
     lo, hi = min(t.strain.min() for t in tests), max(t.strain.max() for t in tests)
     strain = np.linspace(lo, hi, 200)
-    axes.plot(sign * strain, sign * factor * nominal_stress(law, kind, strain), color=style.ACCENT, lw=0.8, ls="-.",
+    axes.plot(strain, factor * nominal_stress(law, kind, strain), color=style.ACCENT, lw=0.8, ls="-.",
               label="long-term law")
     if band is None:
         return {}
     rows = rows_where(band, (band["strain"] >= lo - 1e-9) & (band["strain"] <= hi + 1e-9))
-    axes.fill_between(sign * rows["strain"], sign * factor * rows["stress_lo_Pa"], sign * factor * rows["stress_hi_Pa"],
+    axes.fill_between(rows["strain"], factor * rows["stress_lo_Pa"], factor * rows["stress_hi_Pa"],
                       color=style.ACCENT, alpha=0.2, lw=0, label="95 % band of the long-term law")
     return {f"{kind}_band": rows.drop(columns="mode")}
 
@@ -149,7 +147,7 @@ def half_width(rows: pd.DataFrame) -> float:
 
 def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> ReportFigure:
     """Stress over the stress of an ideal step, measured and fitted with the recorded ramp, against time."""
-    figure = style.sheet(84)
+    figure = style.sheet(66)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
     data, ramps = {}, []
     for i, test in enumerate(tests):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 
@@ -49,11 +48,8 @@ def plus_minus(value: float, error: float) -> str:
 
 
 def r_squared(value: float) -> str:
-    """R² to four digits, or, close to 1, to the second digit of what it lacks."""
-    lack = 1 - value
-    if not 0 < lack < 1e-3:
-        return number(value, 4)
-    return f"{value:.{min(1 - math.floor(math.log10(lack)), 12)}f}"
+    """R² to four places; where these would read 1, that it is above 0.9999."""
+    return "> 0.9999" if 0.99995 <= value < 1 else typeset(f"{value:.4f}")
 
 
 counted = number_words.counted

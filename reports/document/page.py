@@ -14,6 +14,7 @@ import typst
 from matplotlib.figure import Figure
 
 from reports.document import style
+from reports.document.verdict import Verdict
 from touchcal.document import Keys
 from touchcal.json_file import read_json
 
@@ -38,12 +39,12 @@ class Table:
     caption: str  # what it finds
     head: Sequence[str]  # column heads, units included
     rows: Sequence[Sequence[str]]
-    align: str  # one letter a column: l left, r right, w wide (left, takes the remaining width)
+    align: str  # one letter a column: l left, r right, w wide (left, shares the remaining width), W twice as wide
 
     def __post_init__(self) -> None:
         widths = {len(self.head), len(self.align), *(len(row) for row in self.rows)}
-        if len(widths) != 1 or set(self.align) - set("lrw"):
-            raise ValueError(f"table '{self.caption}': head, align (letters l, r, w) and rows must have one width.")
+        if len(widths) != 1 or set(self.align) - set("lrwW"):
+            raise ValueError(f"table '{self.caption}': head, align (letters l, r, w, W) and rows must have one width.")
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class Report:
     cautions: Sequence[str] = ()  # what the reader must know before the numbers are used, one sentence each
     # lists of sentences under headings, by name
     groups: Mapping[str, Sequence[tuple[str, Sequence[str]]]] = field(default_factory=dict)
+    verdict: Sequence[Verdict] = ()  # what the numbers are good for, the first thing on the first page
 
 
 def write_pdf(report: Report, out: Path) -> None:
@@ -89,8 +91,9 @@ def _stage(report: Report, work: Path) -> None:
               "plates": {plate.name: plate.caption for plate in report.plates},
               "tables": {name: asdict(table) for name, table in report.tables.items()},
               "absent": report.absent, "prose": report.prose, "cautions": report.cautions, "groups": report.groups,
+              "verdict": [asdict(line) for line in report.verdict],
               "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK,
-                        "warning": style.SECOND}}
+                        "warning": style.SECOND, "good": style.THIRD, "usable": style.USABLE}}
     (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
 
 

@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 # the one accent colour, and what stands next to it (Okabe and Ito's palette; line styles differ as well)
 ACCENT, SECOND, THIRD = "#0072B2", "#D55E00", "#009E73"
+USABLE = "#B07A00"  # Okabe and Ito's orange, darker, so that words in it can be read on white
 INK, GREY, FAINT = "#1a1a1a", "#6b6b6b", "#d9d9d9"
 # a second mark of each series, so that no line is known by colour alone
 DASHES = ("-", "--", ":", "-.")

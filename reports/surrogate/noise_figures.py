@@ -54,7 +54,7 @@ def _panel(axes: Axes, output: str, parts: Mapping[str, Any], measured: list[tup
         axes.set_ylim((low * high / NARROW) ** 0.5, (low * high * NARROW) ** 0.5)
     style.plain_log(axes.yaxis)
     axes.invert_xaxis()
-    style.label(axes, "Noise below baseline (dB)", f"RMSE ({unit(parts)})", label(output))
+    style.label(axes, "Noise level (dB)", f"RMSE ({unit(parts)})", label(output))
 
 
 def _caption(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], limits: pd.DataFrame | None) -> str:
@@ -62,7 +62,8 @@ def _caption(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]], 
     shown = {output: unseen(parts) for output, parts in by_output.items()}
     grown = [loudest["outputs"][output][part]["rmse"] / by_output[output][part]["rmse"]
              for output, part in shown.items()]
-    said = (f"RMSE of unseen rows under {counted(len(levels), 'level')} of white noise, by output: at "
+    said = (f"RMSE of unseen rows under {counted(len(levels), 'level')} of white noise, dB below the "
+            "RMS of the baseline, by output: at "
             f"{number(loudest['db_below_baseline'])} dB {number(min(grown))} to {number(max(grown))} times that "
             "without noise.")
     ratios = {}

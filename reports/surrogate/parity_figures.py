@@ -45,7 +45,7 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "")
     as " by the networks"."""
     title, sign = label(name), unit(parts)
     shown = [part for part in ("train", "test") if part in parts] or list(parts)
-    figure = style.sheet(66, 83 * len(shown) if len(shown) < 3 else style.TEXT_WIDTH_MM)
+    figure = style.sheet(48, 83 * len(shown) if len(shown) < 3 else style.TEXT_WIDTH_MM)
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     places = rows.loc[rows["part"].isin(shown), ["target", "value"]].to_numpy(dtype=float)
     ends = float(places.min()), float(places.max())

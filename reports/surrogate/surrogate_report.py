@@ -9,9 +9,10 @@ from typing import Any
 import pandas as pd
 
 from reports.document import provenance
-from reports.document.numerals import counted, number, percent, r_squared
+from reports.document.numerals import counted, interval, number, percent, r_squared, typeset
 from reports.document.page import Report, write_pdf
 from reports.document.style import house
+from reports.document.verdict import GOOD, NOT_USABLE, SHORTFALL, UNEXPLAINED, USABLE, Verdict, graded, worst
 from reports.surrogate import bound_figures, noise_figures, parity_figures, surrogate_tables, training_figures
 from reports.surrogate.parity_figures import TITLES, label, unit, unseen
 from surrogate.bounds import bound_files
@@ -60,7 +61,7 @@ def report(model_dir: Path) -> Report:
     if words := evaluation.get("scored", ""):
         prose["scored"] = words[0].upper() + words[1:]
     return Report("surrogates", "Surrogate of the touch", subtitle, footer, _findings(model, evaluation), plates,
-                  tables, absent, _prose(model) | prose)
+                  tables, absent, _prose(model) | prose, _cautions(evaluation), verdict=_verdict(model, evaluation))
 
 
 def _limits(model_dir: Path, evaluation: Mapping[str, Any]) -> tuple[pd.DataFrame | None, dict[str, str]]:
@@ -83,6 +84,38 @@ def _present(folder: Path, name: str) -> Path:
 
 def _json(folder: Path, name: str) -> dict[str, Any]:
     return read_json(_present(folder, name), "a file of `surrogate train`", "Train the model again.")
+
+
+def _verdict(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[Verdict]:
+    """Outputs by what they are good for on unseen rows, their intervals, and measured frames."""
+    scores = {name: parts[unseen(parts)] for name, parts in evaluation["outputs"].items()}
+    grades = {name: NOT_USABLE if s["r2"] is None else graded(1 - s["r2"], UNEXPLAINED) for name, s in scores.items()}
+    found = []
+    for grade in (GOOD, USABLE, NOT_USABLE):
+        if names := [name for name in scores if grades[name] == grade]:
+            words = ", ".join(label(name).lower() for name in names)
+            known = [r2 for name in names if (r2 := scores[name]["r2"]) is not None]
+            least = f"R² {r_squared(min(known))}" if known else "no R²: the targets do not vary"
+            found.append(Verdict(words[0].upper() + words[1:], grade, least + (" or more" if len(known) > 1 else "")))
+    name = min(scores, key=lambda name: scores[name]["coverage_90"])
+    held, few = scores[name]["coverage_90"], evaluation.get("few_interval_rows", "")
+    found.append(Verdict("90 % intervals", worst(graded(0.9 - held, SHORTFALL), USABLE if few else GOOD),
+                         f"hold {percent(held)} of {scores[name]['n']} rows of {label(name).lower()}, the least of all"
+                         + (f"; calibrated on {evaluation['interval_rows']} rows, which are few" if few else "")))
+    if model["dataset"].get("measurement") == {}:
+        found.append(Verdict("Measured frames", NOT_USABLE, "trained on simulated frames without noise"))
+    return found
+
+
+def _cautions(evaluation: Mapping[str, Any]) -> list[str]:
+    """What `surrogate evaluate` warns of, in its words; an evaluation of an earlier version may lack them."""
+    said = [evaluation.get(key, "") for key in ("few_interval_rows", "interval_caution", "material")]
+    if spans := evaluation.get("trained_range"):
+        units = {name: unit(parts) for name, parts in evaluation["outputs"].items()}
+        said.append("Intervals hold within the trained range: " + ", ".join(
+            f"{label(name).lower()} {interval(*ends)} {units[name]}" for name, ends in spans.items()
+            if name in units) + ".")
+    return [typeset(words[0].upper() + words[1:]) for words in said if words]
 
 
 def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[str]:

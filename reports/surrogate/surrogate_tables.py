@@ -17,7 +17,7 @@ def scores(by_output: Mapping[str, Any]) -> Table:
     """One row an output and part of the rows."""
     rows = [[label(name), unit(parts), TITLES.get(part, part), str(s["n"]), number(s["mse"]), number(s["rmse"]),
              number(s["mae"]), "–" if s["r2"] is None else r_squared(s["r2"]), percent(s["coverage_90"])]
-            for name, parts in by_output.items() for part, s in parts.items()]
+            for name, parts in by_output.items() for part, s in parts.items() if part != "val" or len(parts) == 1]
     head = ["output", "unit", "rows", "n", "MSE", "RMSE", "MAE", "R²", "in 90 %"]
     return Table(_scores_caption(by_output), head, rows, "wllrrrrrr")
 
@@ -28,8 +28,8 @@ def _scores_caption(by_output: Mapping[str, Any]) -> str:
     if not known:
         return "Scores; MSE is in the unit squared. R² is undefined: no target varies."
     best, worst = max(known, key=known.__getitem__), min(known, key=known.__getitem__)
-    return (f"Scores; MSE is in the unit squared. On unseen rows R² lies between {r_squared(known[worst])} "
-            f"({label(worst).lower()}) and {r_squared(known[best])} ({label(best).lower()}).")
+    return (f"Scores; MSE is in the unit squared. On unseen rows R² is {r_squared(known[worst])} "
+            f"at the least ({label(worst).lower()}) and {r_squared(known[best])} at the most ({label(best).lower()}).")
 
 
 def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]],

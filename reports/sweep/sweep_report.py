@@ -20,6 +20,7 @@ from reports.document import provenance
 from reports.document.numerals import counted, number, percent
 from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
+from reports.document.verdict import ERROR, EXTRAPOLATED, LOST, USABLE, Verdict, graded, real, worst
 from reports.sweep import account_tables, sweep_figures
 from reports.sweep.sweep_figures import Columns
 from reports.touch import touch_report
@@ -64,7 +65,7 @@ def report(folder: Path) -> Report:
     if card := data.manifest.get("card"):
         subtitle += f" with card {provenance.card_words(card)}"
     return Report("sweep", "Data set of touches", subtitle, _footer(folder, data), _findings(data, account, ok), plates,
-                  tables, absent, _prose(data, account), cautions)
+                  tables, absent, _prose(data, account), cautions, verdict=_verdict(data, ok, bool(cautions)))
 
 
 def _columns(data: Dataset, rows: np.ndarray) -> Columns:
@@ -96,6 +97,23 @@ def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
         found.append(f"A scene costs {number(float(np.median(cost)))} s of CPU in the median and {number(cost.max())} "
                      f"s at most; those that ended ok cost {number(cost.sum())} s together.")
     return found
+
+
+def _verdict(data: Dataset, ok: Columns, stale: bool) -> list[Verdict]:
+    """What the rows are good for, their signals, and the signals of a real skin."""
+    asked, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
+    why = f"{solved} of {counted(asked, 'scene')} ended ok" + ("; made by other code than is here" if stale else "")
+    grade = graded(1 - solved / asked, LOST)
+    found = [Verdict("Rows as designed", worst(grade, USABLE) if stale or present < asked else grade, why)]
+    if solved:
+        error = float(np.nanquantile(ok["signal_error"], 0.95))
+        found.append(Verdict("Signals by the card's law", graded(error, ERROR), f"95 % of them to {percent(error)}, "
+                             "estimated"))
+    if solved and "skin_fraction_extrapolated" in ok:
+        share = float(np.mean(ok["skin_fraction_extrapolated"] > 0))
+        found.append(Verdict("Signals of a real skin", graded(share, EXTRAPOLATED), f"in {percent(share)} of the "
+                             "scenes the skin in contact is strained outside what was measured"))
+    return found + real("A real sensor", (data.manifest.get("card") or {}).get("synthetic", False))
 
 
 def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[ReportFigure]:

@@ -34,7 +34,7 @@ def largest(signal: Array) -> tuple[int, int]:
 def curves(touched_V: Array, baseline_V: Array) -> ReportFigure:
     """Voltages and signal of all patterns in a row (paper, figure 10); both (patterns, readings), V."""
     signal = touched_V - baseline_V
-    figure = style.sheet(88)
+    figure = style.sheet(58)
     upper, lower = figure.subplots(2, 1, sharex=True)
     factor, unit = curve_panels(upper, lower, touched_V, baseline_V)
     pattern, reading = largest(signal)
@@ -81,7 +81,7 @@ def signal_map(touched_V: Array, baseline_V: Array) -> ReportFigure:
     signal = touched_V - baseline_V
     factor, unit = volts(signal)
     top = float(np.nanmax(np.abs(signal))) * factor or 1.0
-    figure = style.sheet(72, 110)
+    figure = style.sheet(52, 110)
     axes = figure.subplots()
     axes.grid(False)
     patterns, readings = signal.shape

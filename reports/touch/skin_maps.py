@@ -79,7 +79,7 @@ def apart(patterns: Sequence[int]) -> tuple[int, ...]:
 
 def equipotentials(skin: SkinMap, scene: Mapping[str, Any], patterns: Sequence[int]) -> ReportFigure:
     """Lines of equal potential of drive patterns without the touch, with it, and of its change (paper, figure 1)."""
-    figure = style.sheet(58 * len(patterns))
+    figure = style.sheet(44 * len(patterns))
     panels = figure.subplots(len(patterns), 3, squeeze=False, sharex=True, sharey=True)
     data: dict[str, Array] = {"x_mm": skin.triangles.x, "y_mm": skin.triangles.y}
     sizes = []
@@ -145,7 +145,7 @@ def response(skin: SkinMap, scene: Mapping[str, Any]) -> ReportFigure:
     maps = {"pressure_kPa": ("Contact pressure (kPa)", skin.fields["contact_pressure_Pa"] / 1e3),
             "strain": ("Largest in-plane strain (–)", skin.fields["largest_in_plane_strain"]),
             "depth_mm": ("Displacement downwards (mm)", -skin.fields["displacement_m"][:, 2] * 1e3)}
-    figure = style.sheet(62)
+    figure = style.sheet(56)
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     box = _about(scene)
     near = (np.abs(skin.triangles.x - box[0]) < box[2]) & (np.abs(skin.triangles.y - box[1]) < box[2])

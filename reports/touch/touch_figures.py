@@ -68,7 +68,7 @@ def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone:
     the rim or a neighbour changes them, which these values do not hold."""
     fields = {name: np.asarray(values, dtype=float) for name, values in block.items()}
     r = fields["radius_mm"]
-    figure = style.sheet(108)
+    figure = style.sheet(84)
     up, middle, down = figure.subplots(3, 1, sharex=True)
     up.plot(r, fields["u_z_mm"], color=style.ACCENT, label="vertical")
     up.plot(r, fields["u_r_mm"], color=style.SECOND, ls="--", label="radial")

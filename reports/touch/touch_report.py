@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from reports.document import provenance
-from reports.document.numerals import counted, number, percent, volts
+from reports.document.numerals import counted, interval, number, percent, volts
 from reports.document.page import Report, ReportFigure, Table
+from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST, Verdict, graded, real, worst
 from reports.touch import reading_figures, skin_maps, touch_figures
 from touchcal.document import Keys
 from touchcal.json_file import read_json
@@ -51,7 +52,7 @@ def report(path: Path) -> Report:
     footer = provenance.footer([provenance.source(file) for file in files], "no seed: nothing is drawn")
     card = f"Card {provenance.card_words(result['card'])}, " if result.get("card") else ""
     return Report("touch", "Touch simulation", f"{card}outcome: {result['outcome']}", footer, _findings(result), plates,
-                  tables, absent, provenance.origin(result))
+                  tables, absent, provenance.origin(result), verdict=_verdict(result), cautions=_cautions(result))
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -66,6 +67,39 @@ def touches(result: Mapping[str, Any], key: str) -> list[float]:
     return list(value) if isinstance(value, list) else [value]
 
 
+def _verdict(result: Mapping[str, Any]) -> list[Verdict]:
+    """What depth and pressure, the signal, and the signal of a real skin are good for."""
+    if result["outcome"] != "ok":
+        return [Verdict("This touch", NOT_USABLE, f"its outcome is {result['outcome']}")]
+    error, stability = result.get("error_estimate", {}), result.get("stability", {})
+    mechanical = {ERRORS[key]: error[key] for key in ("depth", "sigma_max", "A_c") if key in error}
+    grades = [graded(value, ERROR) for value in mechanical.values()]
+    why = [f"{name} to {percent(value)}" for name, value in mechanical.items()]
+    if not stability.get("elliptic", True):
+        grades.append(NOT_USABLE)
+        why.append(f"strong ellipticity is lost at {percent(stability['fraction_non_elliptic'])} of the points")
+    if (fitted := stability.get("fitted_foam_strain")) and (past := fitted[0] - stability["least_strain"]) > 0:
+        grades.append(graded(past, PAST_TEST))
+        why.append(f"foam strained to {number(stability['least_strain'])}, tested to {number(fitted[0])}")
+    found = [Verdict("Depth and pressure", worst(*grades), ", ".join(why))] if grades else []
+    if "signal" in error:
+        found.append(Verdict("Signal by the card's law", graded(error["signal"], ERROR),
+                             f"to {percent(error['signal'])}, estimated"))
+    if (share := stability.get("signal_share_extrapolated")) is not None:
+        ends = stability.get("fitted_skin_strain")
+        why = [f"{percent(share)} of it comes from extrapolated conductivity"]
+        why += [f"measured for strains of {interval(*ends)}"] if ends and share else []
+        found.append(Verdict("Signal of a real skin", graded(share, EXTRAPOLATED), ", ".join(why)))
+    return found + real("A real sensor", (result.get("card") or {}).get("synthetic", False))
+
+
+def _cautions(result: Mapping[str, Any]) -> list[str]:
+    """What the run itself says, and decisions whose cost is in no error estimate."""
+    said = [result["message"]] if result["outcome"] == "ok" and result.get("message") else []
+    unknown = [d["decision"] for d in result["plan"] if "unknown" in d["reason"]]
+    return said + ([f"At a cost that is unknown and in no error: {'; '.join(unknown)}."] if unknown else [])
+
+
 def _findings(result: Mapping[str, Any]) -> list[str]:
     found = [] if result["outcome"] == "ok" else [f"Outcome {result['outcome']}: {result.get('message', '')}".strip()]
     if "delta_max_mm" in result:
@@ -73,7 +107,7 @@ def _findings(result: Mapping[str, Any]) -> list[str]:
         peaks = touches(result, "sigma_max_kPa")
         names = ["the punch"] if len(depths) == 1 else [f"punch {i}" for i in range(1, len(depths) + 1)]
         at = f"{when.capitalize()}, " if (when := _when(result)) else ""
-        found += [f"{at}{number(force)} N presses {name} {number(depth, 4)} mm deep; the peak contact pressure is "
+        found += [f"{at}{number(force)} N presses {name} {number(depth)} mm deep; the peak contact pressure is "
                   f"{number(peak)} kPa." for name, force, depth, peak in zip(names, forces, depths, peaks, strict=True)]
     if "readings_V" in result:
         touched, baseline = _voltages(result)
@@ -136,7 +170,7 @@ def _skin_file(path: Path, result: Mapping[str, Any]) -> Path | None:
 def _mechanics_table(result: Mapping[str, Any]) -> Table:
     columns = {key: touches(result, key) for key in MECHANICS if key in result}
     count = len(next(iter(columns.values())))
-    rows = [[MECHANICS[key][0], MECHANICS[key][1], *(number(v, 4) for v in values)] for key, values in columns.items()]
+    rows = [[MECHANICS[key][0], MECHANICS[key][1], *(number(v) for v in values)] for key, values in columns.items()]
     heads = ["value"] if count == 1 else [f"touch {i + 1}" for i in range(count)]
     at = f" {when}" if (when := _when(result)) else ""
     caption = f"The mechanical outputs{at}{_peaks(columns['sigma_max_kPa'], columns['sigma_ave_kPa'])}."
@@ -167,7 +201,7 @@ def _hold_table(times: Sequence[Mapping[str, Any]], baseline_V: reading_figures.
     signals = [float(np.nanmax(np.abs(np.array(block["readings_V"], dtype=float) - baseline_V))) for block in times]
     factor, unit = volts(signals)
     keys = ("force_N", "delta_max_mm", "sigma_max_kPa")
-    rows = [[number(block["time_s"]), *(number(block[key], 4) for key in keys), number(signal * factor)]
+    rows = [[number(block["time_s"]), *(number(block[key]) for key in keys), number(signal * factor)]
             for block, signal in zip(times, signals, strict=True)]
     first, last = times[0], times[-1]
     caption = "The hold, timed from the end of loading"
@@ -181,7 +215,7 @@ def _hold_table(times: Sequence[Mapping[str, Any]], baseline_V: reading_figures.
 
 
 def _change(name: str, first: float, last: float, unit: str) -> str:
-    start, end = number(first, 4), number(last, 4)
+    start, end = number(first), number(last)
     return f"the {name} stays at {end} {unit}" if start == end else f"the {name} goes from {start} to {end} {unit}"
 
 
@@ -193,7 +227,7 @@ def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
                "the signal")
     if largest is not None and largest["error_bound"] > 0:
         caption += f", most of it by “{largest['decision']}”"
-    return Table(caption + ". A dash: no cost is counted.", ["decision", "reason", "may cost"], rows, "wwr")
+    return Table(caption + ". A dash: no cost is counted.", ["decision", "reason", "may cost"], rows, "wWr")
 
 
 def _scene_table(scene: Mapping[str, Any]) -> Table:
@@ -201,7 +235,8 @@ def _scene_table(scene: Mapping[str, Any]) -> Table:
     for table, value in scene.items():
         for i, block in enumerate(value if isinstance(value, list) else [value]):
             name = f"{table} {i + 1}" if isinstance(value, list) and len(value) > 1 else table
-            rows.append([name, ", ".join(f"{key} = {_cell(v)}" for key, v in block.items())])
+            idle = {"half_angle_deg"} if table == "punch" and block.get("profile") != "cone" else set[str]()
+            rows.append([name, ", ".join(f"{key} = {_cell(v)}" for key, v in block.items() if key not in idle)])
     return Table(f"The scene in full, defaults filled in: {counted(len(rows), 'table')} with units in their keys.",
                  ["table", "keys"], rows, "lw")
 
@@ -225,6 +260,9 @@ def _quality_table(result: Mapping[str, Any]) -> Table:
     if "skin_fraction_extrapolated" in stability:
         rows.append(["skin area strained outside the fitted range of the conductivity",
                      percent(stability["skin_fraction_extrapolated"])])
+    if "signal_share_extrapolated" in stability:
+        rows.append(["signal from there: rings' shares of the dipole moment in a uniform field",
+                     percent(stability["signal_share_extrapolated"])])
     names = {"cpu_s": ("CPU time", "s"), "wall_s": ("wall time", "s"), "peak_MB": ("peak memory of the process", "MB")}
     cost = result["cost"]
     rows += [[name, f"{number(cost[key])} {unit}"] for key, (name, unit) in names.items() if key in cost]
@@ -236,6 +274,9 @@ def _quality_caption(stability: Mapping[str, Any]) -> str:
         return "Error, stability and cost, as far as the run reached."
     held = ("Strong ellipticity holds everywhere" if stability["elliptic"] else
             f"Strong ellipticity is lost at {percent(stability['fraction_non_elliptic'])} of the quadrature points")
-    outside = stability.get("skin_fraction_extrapolated", 0.0)
+    outside, share = stability.get("skin_fraction_extrapolated", 0.0), stability.get("signal_share_extrapolated")
+    if not outside:
+        return held + "; the whole skin stays in the range of the conductivity fit."
+    most = "" if share is None else f", and {percent(share)} of the signal comes from there"
     return held + (f"; {percent(outside)} of the skin is strained outside the range in which the conductivity was "
-                   "measured." if outside else "; the whole skin stays in the range of the conductivity fit.")
+                   f"measured{most}.")

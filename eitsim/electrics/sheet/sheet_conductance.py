@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -221,6 +222,32 @@ def extrapolated_fraction(body: Body, punch: Punch, touch: Touch, skin: Skin, la
     far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
     area = _angle_inside(radius, math.hypot(punch.x_m, punch.y_m), body.radius_m) * radius * width
     return float(np.sum(area[far]) / (np.pi * body.radius_m**2))
+
+
+def extrapolated_share(touches: Sequence[Touch], skin: Skin, law: Conductivity) -> float:
+    """Share of the signal that comes from skin strained outside the fitted range by more than NEAR_RANGE.
+
+    The signal of a small touch goes as its dipole moment in a uniform field. With f(r) cos(theta) the potential there,
+    and s_m, s_h the sheet conductances over that at rest, a ring adds (s_m - 1) r f' + (s_h - 1) f to the moment; the
+    share is taken of the rings' absolute values. Each touch counts by itself, without what the rim changes.
+    """
+    rest, far_part, whole = untouched_conductance(law, skin), 0.0, 0.0
+    for touch in touches:
+        edges = np.union1d(np.linspace(0, touch.radius_m[-1], 1001), touch.radius_m)[1:]
+        radius = (edges[1:] + edges[:-1]) / 2
+        along = stretches(touch, radius)
+        meridian, hoop = (sheet / rest for sheet in principal_conductances(law, skin, *along))
+        strain = driving_strain(skin.strain, *along)
+        far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
+        k, step = np.sqrt(meridian * hoop), np.log(edges[1:] / edges[:-1])
+        h = np.tanh(k / meridian * step)
+        y = np.array(list(accumulate(zip(k, h, strict=True), lambda y, kh: kh[0] * (y + kh[0] * kh[1])
+                                     / (kh[0] + y * kh[1]), initial=k[0])))
+        slope = (y[1:] + y[:-1]) / 2 / meridian  # d ln f / d ln r
+        f = np.exp(np.cumsum(slope * step) - slope * step / 2)
+        part = np.abs((meridian - 1) * slope + hoop - 1) * f * np.diff(edges) * edges[-1] / np.exp(slope @ step)
+        far_part, whole = far_part + float(part[far].sum()), whole + float(part.sum())
+    return far_part / whole if whole > 0 else 0.0
 
 
 def _angle_inside(radius: Array, distance: float, disc: float) -> Array:

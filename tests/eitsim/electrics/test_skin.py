@@ -14,6 +14,7 @@ from eitsim.electrics.sheet.sheet_conductance import (
     changes,
     driving_strain,
     extrapolated_fraction,
+    extrapolated_share,
     local_axes,
     moved,
     principal_conductances,
@@ -112,6 +113,21 @@ def test_the_extrapolated_area_is_that_of_the_compressed_disc(x_m):
     assert fraction == pytest.approx(0.01, rel=3e-3)
     assert extrapolated_fraction(Body(), Punch(x_m=x_m), pressed, Skin(strain="areal"), LAW) == 0
     assert untouched_conductance(LAW, Skin()) == pytest.approx(6e-4)
+
+
+def test_the_extrapolated_share_of_the_signal_is_that_of_the_dipole_moment():
+    """A pressed disc is the whole signal; of a disc in a stretched ring it is what closed forms of the moment give."""
+    r = np.array([0.0, 0.01, 0.0100001, 0.02, 0.0200001, 0.09])
+    pressed = touch(r, 1.0, 1.0, np.array([0.7, 0.7, 1.0, 1.0, 1.0, 1.0]))
+    assert extrapolated_fraction(Body(), Punch(), pressed, Skin(), LAW) == pytest.approx(0.01, rel=3e-3)
+    assert extrapolated_share([pressed], Skin(), LAW) > 0.999
+    assert extrapolated_share([pressed], Skin(strain="principal"), LAW) == 0
+    ringed = touch(r, 1.0, 1.0, np.array([0.7, 0.7, 1.2, 1.2, 1.0, 1.0]))
+    inner, ring = (conductivity(LAW, e) / LAW.c0_S_per_m for e in (-0.3, 0.2))
+    # f = r inside 10 mm and b r + c/r outside, its potential and current continuous there
+    parts = abs(inner - 1), abs(ring - 1) * (1 + inner / ring) / 2 * (4 - 1)
+    assert extrapolated_share([ringed], Skin(), LAW) == pytest.approx(parts[0] / sum(parts), rel=2e-3)
+    assert extrapolated_share([touch([0.0, 0.1], 1.0, 1.0, 1.0)], Skin(), LAW) == 0
 
 
 def test_an_area_beyond_the_rim_does_not_count():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from pypdf import PdfReader
 
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.cli.main import app
@@ -168,3 +169,41 @@ def test_parts_that_a_card_lacks_are_named(matcal, tmp_path: Path) -> None:
         assert status == 2
         assert "bare" in error
         assert "matcal fit" in error
+
+
+def test_two_cards_are_compared_in_standard_deviations(matcal, card: Path, tmp_path: Path) -> None:
+    one, other = (MaterialCard(name, TABLE_1.hyperfoam, TABLE_1.prony, fit={"derived": {
+        "mu_0_Pa": {"value": 9530.0 + more, "sd": sd, "lo": 0.0, "hi": 1.0},
+        "plateau_Pa": {"value": 4000.0 + more, "sd": sd, "lo": 0.0, "hi": 1.0}}})
+        for name, more, sd in (("one", 0.0, 30.0), ("other", 125.0, 40.0)))
+    paths = tmp_path / "a.json", tmp_path / "b.json"
+    for made, path in zip((one, other), paths, strict=True):
+        write_card(made, path)
+    status, text, _ = matcal("compare", *paths, "--json")
+    found = {row["name"]: row for row in json.loads(text)}
+    assert status == 0
+    assert found["plateau_Pa"]["sds"] == pytest.approx(125 / 50)
+    assert found["g_infinity"]["sds"] is None
+    out = tmp_path / "both.pdf"
+    status, text, _ = matcal("compare", *paths, "--out", out)
+    assert status == 0
+    assert "4000 +- 30" in text
+    assert "4125 +- 40" in text
+    assert out.is_file()
+    words = " ".join("".join(page.extract_text() for page in PdfReader(out).pages).split())
+    assert "not usable largest difference 2.5 standard deviations, in plateau_Pa" in words
+    drawn = pd.read_csv(tmp_path / "both_files" / "curves.csv")
+    assert set(drawn["card"]) == {"a", "b"}
+    assert "conductivity" not in set(drawn["kind"])
+
+
+def test_cards_that_cannot_be_compared_are_refused(matcal, card: Path, tmp_path: Path) -> None:
+    write_card(MaterialCard("skin", conductivity=TABLE_1.conductivity), tmp_path / "skin.json")
+    write_card(MaterialCard("foam", TABLE_1.hyperfoam), tmp_path / "foam.json")
+    write_card(MaterialCard("fast", Hyperfoam([9530.0], [2.0], [0.0], "instantaneous")), tmp_path / "fast.json")
+    for first, words in (("skin", "no fitted part in common"), ("fast", "instantaneous and longterm")):
+        status, _, error = matcal("compare", tmp_path / f"{first}.json", tmp_path / "foam.json", "--out",
+                                  tmp_path / "no.pdf")
+        assert status == 2
+        assert words in error
+        assert not (tmp_path / "no.pdf").exists()

@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 from matcal.cli.main import app
+from reports.calibration import calibration_report
 from reports.document.numerals import percent
 
 Reader = Callable[[Path], Any]
@@ -134,3 +135,15 @@ def test_a_real_foam_is_reported_with_the_tension_it_misses(tmp_path: Path, read
     assert missed > 0.1
     assert "Tests kept out of the fit are missed" in text
     assert percent(missed, 3) in text
+
+
+def test_what_the_record_holds_of_each_test_is_stated(cards: dict[str, Path]) -> None:
+    """1963 mm2 is the disc of 50 mm that specimen.toml gives; the plain table states neither sizes nor a clock."""
+    (row,) = calibration_report.report(cards["relaxation"]).tables["recorded"].rows
+    assert row[1] == "ISO 3384-1"
+    assert row[2] == "loaded area 1960 mm², length 20.0 mm"
+    assert row[3] == "0.77"
+    assert row[4:] == ["mts_testsuite", "1"]
+    rows = calibration_report.report(cards["replicates"]).tables["recorded"].rows
+    assert [row[5] for row in rows] == ["2", "2"]
+    assert {row[2] for row in rows} == {"not recorded"}

@@ -121,13 +121,41 @@ def test_a_calibration_report_holds_the_numbers_of_its_card(tmp_path: Path, card
                   "1.81 %", "−0.546 to −0.306", "0.748 to 1.75", "38.1 %", "2.75 s",
                   "seed 31"):
         assert value in text, value
-    for unit in ("Compressive stress (kPa)", "Compressive strain (–)", "Residual (Pa)", "γ (–)", "Conductivity (S/m)",
+    for unit in ("Nominal stress (kPa)", "Nominal strain (–)", "Residual (Pa)", "γ (–)", "Conductivity (S/m)",
                  "Residual (S/m)", "Time from the start of loading (s)", "Normalised stress (–)"):
         assert unit in text, unit
     assert hashlib.sha256(card_path.read_bytes()).hexdigest()[:16] in text
     assert "12" * 32 in text
     for line in json.loads(card_path.read_text())["provenance"]["decisions"]:
         assert line in text
+
+
+def test_a_calibration_begins_with_its_verdict(tmp_path: Path, card_path: Path, read_pdf: Reader) -> None:
+    raw = json.loads(card_path.read_text())
+    change(card_path, provenance=raw["provenance"] | {"synthetic": True})
+    write(card_path, tmp_path / "c.pdf")
+    first = " ".join(read_pdf(tmp_path / "c.pdf").pages[0].split())
+    for line in ("Stress, uniaxial −0.800 to 0, shear γ 0 to 1.00 usable misses its tests by at most",
+                 "one specimen of each kind", "Finite elements over these strains usable Drucker stability is lost in "
+                 "uniaxial", "Conductivity under a touch not usable measured for strains of 0 to 0.400",
+                 "A real material not usable the data are synthetic"):
+        assert line in first, line
+    assert first.index("A real material") < first.index("Foam: hyperfoam law")
+
+
+def test_one_shear_modulus_is_quoted(card_path: Path) -> None:
+    derived = {"mu_0_Pa": {"median": 9500.0, "sd": 500.0, "lo": 8456.0, "hi": 10567.0}}
+    checks = {"rhat": 1.0, "ess": 7000.0, "converged": True}
+    for converged, ends in ((True, "8.5 to 10.6"), (False, "9.39 to 9.67")):
+        change(card_path, posterior={"file": "card.d/no.nc", "n": 60, "derived": derived,
+                                     "checks": checks | {"converged": converged}})
+        report = calibration_report.report(card_path)
+        (row,) = [row for row in report.tables["results"].rows if "shear modulus" in row[0]]
+        assert row[3] == ends
+        assert any(ends in sentence for sentence in report.findings)
+        others = [end for end in ("8.5 to 10.6", "9.39 to 9.67") if end != ends]
+        assert others[0] not in str(report.tables) + str(report.findings)
+        assert "μ₀ to" not in report.tables["parameters"].caption
 
 
 def test_captions_and_tables_state_the_errors_of_the_drawn_data(card_path: Path) -> None:
@@ -241,3 +269,10 @@ def test_errors_name_the_file(tmp_path: Path, card_path: Path) -> None:
     card_path.write_text("{}")
     with pytest.raises(InputFileError, match="not a card"):
         write(card_path, tmp_path / "c.pdf")
+
+
+def test_compression_is_negative_in_every_figure(card_path: Path) -> None:
+    plates = {plate.name: plate for plate in calibration_report.report(card_path).plates}
+    for axes in plates["uniaxial"].figure.axes[:1]:
+        for line in axes.get_lines():
+            assert np.max(np.asarray(line.get_xdata(), float)) <= 1e-9, line.get_label()

@@ -33,9 +33,9 @@ def test_a_number_that_is_not_finite_never_reaches_a_page(value: float) -> None:
         number(value)
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.5, "0.5000"), (-3.25, "−3.250"), (0.9991, "0.99910"), (1.0, "1.000"),
-                                             (0.99999832, "0.9999983")])
-def test_r_squared_near_one_shows_what_it_lacks(value: float, text: str) -> None:
+@pytest.mark.parametrize(("value", "text"), [(0.5, "0.5000"), (-3.25, "−3.2500"), (0.9991, "0.9991"), (1.0, "1.0000"),
+                                             (0.99994, "0.9999"), (0.999999999948, "> 0.9999")])
+def test_r_squared_has_four_places_and_never_reads_one_where_it_is_not(value: float, text: str) -> None:
     assert r_squared(value) == text
 
 

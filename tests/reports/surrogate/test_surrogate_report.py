@@ -13,6 +13,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from reports.document import style
+from reports.document.numerals import percent
 from reports.surrogate import parity_figures, surrogate_tables
 from reports.surrogate.surrogate_report import report, write
 from surrogate.statistics.metrics import score
@@ -72,6 +73,23 @@ def test_a_surrogate_report_holds_its_scores(tmp_path: Path, read_pdf: Reader) -
         assert hashlib.sha256((tmp_path / "model" / name).read_bytes()).hexdigest()[:16] in text
     drawn = pd.read_csv(tmp_path / "s_files" / "parity_x0.csv")
     assert np.allclose(drawn["value"], table.loc[table["output"] == "x0", "value"])
+
+
+def test_a_surrogate_begins_with_its_verdict_and_carries_the_cautions_of_the_terminal(tmp_path: Path,
+                                                                                      read_pdf: Reader) -> None:
+    table = write_model(tmp_path / "model", interval_rows=6, few_interval_rows="6 calibrating rows are few.",
+                        interval_caution="intervals were calibrated on rows without noise.",
+                        material="material uncertainty is not in the intervals.", trained_range={"x0": [10.0, 60.0]})
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    first = " ".join(read_pdf(tmp_path / "s.pdf").pages[0].split())
+    held = table[(table["part"] == "test") & ((table["value"] - table["target"]).abs() <= 1.6)]
+    least = min(held["output"].tolist().count(name) for name in UNITS) / 6
+    for line in ("Position x, contact area good R²", f"hold {percent(least)} of 6 rows", "which are few",
+                 "Before you use these numbers", "6 calibrating rows are few.",
+                 "Intervals were calibrated on rows without noise.", "Material uncertainty is not in the intervals.",
+                 "position x 10.0 to 60.0 mm"):
+        assert line in first, line
+    assert first.index("Position x, contact area") < first.index("Position x: RMSE")
 
 
 def test_noise_that_was_not_scored_is_said_and_a_scored_one_is_shown(tmp_path: Path, read_pdf: Reader) -> None:
