@@ -1,7 +1,5 @@
 """The material card: what calibration writes and everything else reads, as JSON with a schema version."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

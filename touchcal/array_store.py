@@ -1,8 +1,6 @@
 """Values made of arrays, numbers, words, None, lists, tuples and this package's dataclasses, as arrays alone: who reads
 them from a folder that others write to runs nothing of theirs, as with pickles. And npz files, read with care."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import importlib

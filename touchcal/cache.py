@@ -3,8 +3,6 @@
 The folder is $TOUCHCAL_CACHE, else touchcal in $XDG_CACHE_HOME, else in ~/.cache.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import functools

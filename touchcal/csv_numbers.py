@@ -1,7 +1,5 @@
 """A CSV of numbers: a header where its first cell is no number, then rows of one width, each with its line."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Sequence

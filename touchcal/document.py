@@ -4,8 +4,6 @@ A shape is a type (`str`, `bool`, `dict`), None, a `Number`, a tuple of shapes (
 list of any length) or of several (one value for each), a dictionary {str: shape} (any keys), or `Keys`.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Errors that reach a user, each saying what was wrong, where, and how to fix it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Files that a user names: regular ones only, and none that unpacks to far more than it holds, checked before any work.
 """
 
-from __future__ import annotations
-
 import stat
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Compiled loops are kept on disk. Numba compiles a loop again where its own file 
 a compiled function has changed that its module imports, directly or not. Numbers from other files are not followed.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import inspect

@@ -1,7 +1,5 @@
 """JSON files, written in one step and read with errors that name the file."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

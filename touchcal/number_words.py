@@ -1,7 +1,5 @@
 """Numbers as the terminal prints them: as many digits as the uncertainty leaves, decimals where they stay readable."""
 
-from __future__ import annotations
-
 import math
 
 _SMALLEST, _LARGEST = -4, 7  # values printed with a power of ten: below 1e-4, from 1e7 on

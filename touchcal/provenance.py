@@ -1,7 +1,5 @@
 """What a result was made from: the card's content hash and the versions of the code."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import os

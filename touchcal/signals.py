@@ -1,7 +1,5 @@
 """Ending early as a terminal, a batch system or a closed session asks for it, with everything put away."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """What every command line here shares: exit status, plain errors, progress, one JSON object."""
 
-from __future__ import annotations
-
 import json
 import sys
 import tempfile
@@ -51,8 +49,8 @@ def _sentence(error: BaseException) -> str:
     return str(error)
 
 
-def print_json(value: dict[str, Any]) -> None:
-    """Print one JSON object, and nothing else, on standard output; NaN is refused, never written."""
+def print_json(value: Any) -> None:
+    """Print one JSON value, and nothing else, on standard output; NaN is refused, never written."""
     print(json.dumps(value, indent=1, default=_plain, allow_nan=False))
 
 

@@ -1,7 +1,5 @@
 """Reading TOML files, with errors that name the file."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

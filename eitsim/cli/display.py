@@ -1,7 +1,5 @@
 """What the terminal shows of plans, results, models and images: tables for people, the files that were written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

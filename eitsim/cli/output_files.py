@@ -1,7 +1,5 @@
 """The files that a run may write next to its result: fields in the foam and on the skin, frames, derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How far a sweep is: a bar on a terminal; in a pipe nothing, or a line now and then where that is asked for."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping

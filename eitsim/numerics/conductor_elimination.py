@@ -7,8 +7,6 @@ Taksar, Heyman, Oper. Res. 33 (1985) 1107, doi:10.1287/opre.33.5.1107; front by 
 Softw. 9 (1983) 302, doi:10.1145/356044.356047.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

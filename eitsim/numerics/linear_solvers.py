@@ -1,7 +1,5 @@
 """Linear solvers as values: a factorisation gives solve(b)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

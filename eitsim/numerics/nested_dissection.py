@@ -3,8 +3,6 @@
 Source: George, SIAM J. Numer. Anal. 10 (1973) 345, doi:10.1137/0710032.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

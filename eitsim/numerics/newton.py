@@ -1,7 +1,5 @@
 """Minimisation of an energy by Newton's method with damped negative curvature and Armijo's rule."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ vector in conjugate gradients, which is about what their CPU times are to each o
 number of factorisations on its finest mesh.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

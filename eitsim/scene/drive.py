@@ -1,7 +1,5 @@
 """Current patterns and readings; both are linear in the impedance matrix of the electrodes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Electrodes along the rim: where they lie, how they touch the skin, and which of them are missing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

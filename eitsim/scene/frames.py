@@ -1,7 +1,5 @@
 """Frames of voltages as a CSV: one column a reading, pattern-major, one row a frame, header optional."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the simulation returns: the touch (mechanics), the readings (electrics), the plan, and all of them together."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """A scene: the body, its skin and electrodes, the touches, and how well they must be known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace

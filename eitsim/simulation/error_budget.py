@@ -1,7 +1,5 @@
 """The error of a result: what is numerical of it, what the plan left out, and what misses the requested one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from eitsim.scene.results import Plan, Readings, Touch

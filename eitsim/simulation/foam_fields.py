@@ -1,7 +1,5 @@
 """Fields inside the foam of a touch, on its axisymmetric section or near the rim in the volume, and their VTU file."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

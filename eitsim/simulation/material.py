@@ -1,7 +1,5 @@
 """A card's laws as one scene takes them, resolved once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from eitsim.scene.scene import Scene

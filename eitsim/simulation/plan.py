@@ -1,7 +1,5 @@
 """What a scene needs, decided before anything is solved, with the reason and the error each decision may cost."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """A result as plain JSON values: the keys of `result.json`, units in their names."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

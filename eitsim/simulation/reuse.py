@@ -1,7 +1,5 @@
 """Which table of load paths serves a scene, and what a touch from it is said to cost."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, astuple, replace
 from typing import Any
 

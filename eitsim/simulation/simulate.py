@@ -1,7 +1,5 @@
 """One scene, end to end: plan, mechanics, skin and electrics, readings."""
 
-from __future__ import annotations
-
 import logging
 import resource
 import time

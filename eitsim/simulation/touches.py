@@ -1,7 +1,5 @@
 """The touches of a scene, each solved as finely as the scene asks, alone, together with a neighbour, or held."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 

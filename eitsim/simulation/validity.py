@@ -1,7 +1,5 @@
 """What a scene and a card may ask of numbers: forces, depths and conductivities that rounding does not hide."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

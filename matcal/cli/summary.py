@@ -1,7 +1,5 @@
 """What the command line prints of a calibration: results first, what to mind, errors, and at last what was decided."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Iterator, Mapping

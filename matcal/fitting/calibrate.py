@@ -1,7 +1,5 @@
 """The whole calibration: Prony series and hyperfoam law by turns, contact points refined, conductivity separately."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

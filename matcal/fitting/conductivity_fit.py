@@ -5,8 +5,6 @@ small floor from a strain of -0.9 on is part of the prior (see `matcal.posterior
 Source: paper, figure 6c; Lawson & Hanson, Solving Least Squares Problems (1974), chapter 23 (least distance).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Conductivity of the skin against strain: c(e) = c_0 (1 + a_1 e + a_2 e^2 + a_3 e^3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ series before they are pushed forward: P(t) = sum_c w_c(strain(t)) S_c(t).
 Source: paper, equations 2-4; Abaqus Theory Guide, "Hyperelastic material behavior".
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

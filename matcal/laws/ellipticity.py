@@ -7,8 +7,6 @@ Source: Dacorogna, Discrete Contin. Dyn. Syst. B 1 (2001) 257, DOI 10.3934/dcdsb
 matrices: Hadeler, Linear Algebra Appl. 49 (1983) 79, DOI 10.1016/0024-3795(83)90095-2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

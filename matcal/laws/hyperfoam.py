@@ -9,8 +9,6 @@ Source: Abaqus Theory Guide, "Hyperelastic material behavior"; Storakers, J. Mec
 DOI 10.1016/0022-5096(86)90033-5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

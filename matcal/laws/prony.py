@@ -1,7 +1,5 @@
 """Prony series of the relaxing stress: G(t)/G_0 = 1 - sum_i g_i (1 - exp(-t/tau_i))."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

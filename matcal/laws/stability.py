@@ -12,8 +12,6 @@ Source: Abaqus Analysis User's Guide, "Hyperelastic behavior in elastomeric foam
 Elastic Deformations (1984), 6.2.7 (acoustic tensor in principal axes).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -8,8 +8,6 @@ part that stays positive) by turns with a Metropolis step for ln v.
 Source: Smith, Oper. Res. 32 (1984) 1296, DOI 10.1287/opre.32.6.1296 (hit and run).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import ndtr, ndtri
 

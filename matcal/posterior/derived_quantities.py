@@ -1,7 +1,5 @@
 """Quantities that follow from draws of whole parameter sets: moduli, plateau, stresses in the tested modes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Draws of whole parameter sets: the file next to the card, cards made from them, bands of what they predict."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

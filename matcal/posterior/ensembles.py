@@ -9,8 +9,6 @@ Source: Foreman-Mackey et al. 2013, DOI 10.1086/670067 (emcee); ter Braak & Vrug
 (differential evolution with snooker moves); Vehtari et al. 2021, DOI 10.1214/20-BA1221 (rank-normalised split R-hat).
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence

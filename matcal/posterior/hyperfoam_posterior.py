@@ -8,8 +8,6 @@ relaxation test the rate effect follows the sampled series exactly in its times 
 scaled with the sampled one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ point, load drift), z ~ N(0, 1). Given the series the sizes have a flat prior ov
 series is favoured for the scale or the number of its columns.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ those for independent noise would make intervals too short. What the order of th
 `matcal.fitting.uncertainty.intervals`.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A file as rows of cells, each row with its line, and the way its numbers are written."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

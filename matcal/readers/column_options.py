@@ -1,7 +1,5 @@
 """Which columns of a file mean what, as the user says with --columns."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

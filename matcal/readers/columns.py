@@ -1,7 +1,5 @@
 """From a grid and its header to a recording: which column is which quantity, in SI, and what was decided about it."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

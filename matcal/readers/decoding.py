@@ -1,7 +1,5 @@
 """The text of a file: what is on disk, in whatever encoding, as lines."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

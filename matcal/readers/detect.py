@@ -1,7 +1,5 @@
 """One door to every reader: the layout is known from what the file holds, never from its name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from matcal.readers import vendors

@@ -1,7 +1,5 @@
 """Whether columns can hold what their names say: swapped columns and wrong units are refused by name."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

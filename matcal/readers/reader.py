@@ -1,7 +1,5 @@
 """The seam of every reader: what it looks at (`Source`), and what it offers (`Reader`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A recording: the columns of one machine file (or of its parts), named by quantity, in SI, nothing reduced yet."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

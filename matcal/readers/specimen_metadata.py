@@ -1,7 +1,5 @@
 """Lines above a table that say something about the specimen: `key, value, unit`, and the sizes among them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 

@@ -1,7 +1,5 @@
 """What a user may give as tests: words and paths of files, or arrays and tables in SI, as (kind, sources) a test."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

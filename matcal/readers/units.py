@@ -1,7 +1,5 @@
 """Units as people write them, turned into SI factors. pint is used here only, for units that are not `_PLAIN`."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The words that machines and people use for a column or a specimen's size, in the languages they use them in."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from functools import cache

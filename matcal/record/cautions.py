@@ -1,7 +1,5 @@
 """What one must know before a card is used: the terminal and the report say it first, in the same words."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Two cards next to each other: what both determine, and how far they differ in standard deviations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a card predicts in each mode, with the band of its draws, and where its law is stable."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from pathlib import Path

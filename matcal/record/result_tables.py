@@ -1,7 +1,5 @@
 """Tables of a calibration as the terminal shows them, read from its card, values with the digits they deserve."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Two machines, two clocks: the shift between a load frame's time and a potentiostat's."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

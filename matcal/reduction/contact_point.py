@@ -1,7 +1,5 @@
 """Where a specimen begins to carry load, and what the load cell reads before."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

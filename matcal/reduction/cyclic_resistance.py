@@ -1,7 +1,5 @@
 """How the resistance of a coated strip settles over the cycles of a stretch (paper, figure 6b)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

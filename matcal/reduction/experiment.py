@@ -1,7 +1,5 @@
 """A reduced experiment: what every reader and protocol ends in and every fit begins with."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

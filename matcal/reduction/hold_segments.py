@@ -1,7 +1,5 @@
 """Where a relaxation test holds its strain: one step and hold, or several of them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from matcal.statistics.block_means import sample_noise

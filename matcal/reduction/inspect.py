@@ -1,7 +1,5 @@
 """What a test file holds, in words and numbers, before anything is reduced."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

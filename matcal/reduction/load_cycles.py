@@ -1,7 +1,5 @@
 """Loadings of a cyclic test: one of them kept, loss and set of all of them reported."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

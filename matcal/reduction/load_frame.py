@@ -3,8 +3,6 @@
 Of a cyclic test one loading is kept, the last or the first; preconditioning is the user's choice, never an accident.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from matcal.readers.recording import Recording

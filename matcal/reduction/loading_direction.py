@@ -1,7 +1,5 @@
 """Compression or tension: the words that tell, in the languages that machines and people use, and the curve's shape."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Slow loading: uniaxial (ISO 3386-1), lap shear (ISO 1827), equibiaxial and planar sheets, volumetric tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from matcal.readers.recording import Recording

@@ -1,7 +1,5 @@
 """From test files to reduced experiments: which protocol each file needs, and the specimen that belongs to it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Tables that are reduced already: strain with nominal stress, J with pressure, or strain with conductivity."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

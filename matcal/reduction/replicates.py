@@ -1,7 +1,5 @@
 """Repeated tests of one kind: how much specimens differ, point by point and in their stiffness as a whole."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Whether a specimen's sizes can belong to a record, before anything is made of both."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from matcal.readers.recording import Recording

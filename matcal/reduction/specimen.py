@@ -1,7 +1,5 @@
 """Sizes of the specimens, from `specimen.toml`: one table a kind, millimetres in the file, SI here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which sizes belong to a test: those given, the file's own, or a TOML next to it; and what to do where they differ."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

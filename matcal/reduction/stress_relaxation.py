@@ -1,7 +1,5 @@
 """A fast ramp and a hold, or several: relaxation in compression (ISO 3384-1)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

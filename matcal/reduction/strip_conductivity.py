@@ -1,7 +1,5 @@
 """A coated strip stretched under constant voltage: conductivity against strain (paper, section 3.2)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The parts of a crosshead's record: rest, loadings, and what lies between and after them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

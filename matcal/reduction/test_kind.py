@@ -1,7 +1,5 @@
 """Which kind of test a file holds: said by the user, by the file, by a TOML next to it, or by its name."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Fewer points from a long record: means of equal or logarithmic blocks, and the noise that such means keep."""
 
-from __future__ import annotations
-
 from math import comb
 
 import numpy as np

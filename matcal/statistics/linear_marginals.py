@@ -4,8 +4,6 @@ y = A x + noise with unit variance and x ~ N(mean, 1/root^2): the triangular fac
 further rows holds the marginal density, -r_last^2/2 - sum ln |r_ii|, and the conditional draws, R x = r + N(0, 1).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchcal.arrays import Array

@@ -9,8 +9,6 @@ are as likely white as correlated.
 Source: Patterson & Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.545.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

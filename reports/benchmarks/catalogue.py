@@ -1,7 +1,5 @@
 """Stored benchmarks as points of error against run time: which column of which file tells what."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The report of error against run time, from the tables that the benchmarks wrote."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

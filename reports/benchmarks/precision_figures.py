@@ -1,7 +1,5 @@
 """Work-precision diagrams: error, or size, against CPU time, one line a method, one panel a problem."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict

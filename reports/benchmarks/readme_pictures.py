@@ -1,7 +1,5 @@
 """The two pictures of the README: a touch, and error against run time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

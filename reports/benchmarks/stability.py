@@ -1,7 +1,5 @@
 """The report of stiff and extreme cases, from stored tables: what holds, holds with a caution, or is lost."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

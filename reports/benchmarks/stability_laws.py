@@ -1,7 +1,5 @@
 """Maps of laws: the strains at which each mode keeps Drucker's condition and strong ellipticity, and h(lambda)."""
 
-from __future__ import annotations
-
 import math
 
 from reports.benchmarks.state_map import CAUTION, COLOURS, HATCHES, KEPT, LOST, box, legend

@@ -1,7 +1,5 @@
 """Maps of what rounding costs: time ratios of a Prony series, conductance contrast and contact impedance."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Iterable

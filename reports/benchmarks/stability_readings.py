@@ -1,7 +1,5 @@
 """Maps of surrogates under noise and shift: how much worse they read, and whether their intervals still hold."""
 
-from __future__ import annotations
-
 from reports.benchmarks.state_map import CAUTION, KEPT, LOST, Cell, cells, legend
 from reports.benchmarks.stored_tables import Rows, distinct, frame, where
 from reports.document import style

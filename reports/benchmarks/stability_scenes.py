@@ -1,7 +1,5 @@
 """Map of random scenes: by card, diameter and force, how many converge, stay elliptic or are lost."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Maps of states: cells that hold, hold with a caution, or are lost; shown by colour, by hatch and by words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

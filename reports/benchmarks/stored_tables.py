@@ -1,7 +1,5 @@
 """What the reports of stored tables share: rows, the conditions they ran under, whether by the code that is here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version

@@ -1,7 +1,5 @@
 """The calibration report, from a card and the folder that `matcal fit` wrote next to it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

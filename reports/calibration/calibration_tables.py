@@ -1,7 +1,5 @@
 """Tables of a calibration: parameters (paper, table 1), cross prediction, orders, stability, validity, files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A material card with what `matcal fit` left next to it: reduced tests, their fitted curves, the posterior."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

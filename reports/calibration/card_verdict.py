@@ -1,7 +1,5 @@
 """What a card is good for: stresses, finite elements, the conductivity of a touched skin, a real material."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from matcal.card import MaterialCard

@@ -1,7 +1,5 @@
 """Two cards drawn over each other, with their differences in standard deviations."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

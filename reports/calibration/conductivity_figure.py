@@ -1,7 +1,5 @@
 """Figure of the skin's conductivity against strain, measured, fitted and extrapolated (paper, figure 6c)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figure of cyclic tests over their cycles: settling resistance (paper, figure 6b), or loss and set of a foam."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The first page of a calibration: what was found with its intervals, where it holds, what was tested."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any

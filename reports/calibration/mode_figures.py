@@ -1,7 +1,5 @@
 """Figures over all tests: the strip of the first page, stress in every mode with its band, the orders tried."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figure of the derived quantities over the whole-parameter draws of a card."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Figure of the strains at which a law is stable, by criterion and mode."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

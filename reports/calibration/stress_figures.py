@@ -1,7 +1,5 @@
 """Figures of stress: each mode with its fits and residuals (paper, figures 3b and 4b), and the relaxation (5b)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

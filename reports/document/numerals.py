@@ -1,7 +1,5 @@
 """Numbers as they stand on a page: significant digits, a true minus sign, powers of ten, prefixes of units."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

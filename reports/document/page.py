@@ -1,7 +1,5 @@
 """Pages: a Typst template of this package, values as JSON next to it, figures as vector PDF; compiled in-process."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Mapping, Sequence

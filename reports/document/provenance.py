@@ -1,7 +1,5 @@
 """Where a report's numbers come from: hashes of its inputs, versions, commit, machine."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

@@ -1,7 +1,5 @@
 """The look of every figure and page, in one place: sizes, fonts, colours that colour-blind readers can tell apart."""
 
-from __future__ import annotations
-
 import warnings
 from contextlib import AbstractContextManager
 from pathlib import Path

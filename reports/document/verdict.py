@@ -1,7 +1,5 @@
 """The verdict on the first page of a report: what its numbers are good, usable or not usable for, and why."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 GOOD, USABLE, NOT_USABLE = "good", "usable", "not usable"

@@ -3,8 +3,6 @@
 Run as `python -m reports.paper.convergence SCENE CARD OUT`, a stage of the paper's report.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

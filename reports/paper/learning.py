@@ -1,7 +1,5 @@
 """Sections of the surrogates: the networks and their predictions (paper, figures 12 to 19)."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sections of the material: fits, parameters and the skin's conductivity (paper, figures 3 to 6 and table 1)."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

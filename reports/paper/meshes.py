@@ -1,7 +1,5 @@
 """Figures of the meshes: the sensor with its electrodes and random scenes, and convergence (paper, figures 7 and 8)."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

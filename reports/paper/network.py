@@ -1,7 +1,5 @@
 """Figure of what a network is made of and learns from (paper, figure 12), from the model's own record."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from typing import Any

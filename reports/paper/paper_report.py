@@ -1,7 +1,5 @@
 """The source paper walked through with our own data: stages made where needed, then figures 1, 3 to 19 and table 1."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A section of the paper's report: one of its figures, what it states, what was found here, and the numbers of both."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Sections of the simulation: potentials, meshes, convergence, holds, readings and maps (paper, figures 1, 7 to 11)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Stages of a long run: commands whose results are kept, and made again only where what they are made from changed."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """The stages of the paper's report, at two settings: quick, and full with the paper's 4,000 scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

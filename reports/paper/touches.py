@@ -1,7 +1,5 @@
 """Figures of choices that the paper leaves open: the kind of hold (figure 9), the punch's conduction, the strain."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

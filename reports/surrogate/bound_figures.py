@@ -1,7 +1,5 @@
 """Maps of the physical limit over the disc: what any reading of a frame leaves open of a touch, by its place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes

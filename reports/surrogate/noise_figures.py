@@ -1,7 +1,5 @@
 """Errors of a surrogate under noise, over the least that any reading of the same frames can reach."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Predictions against targets, training and unseen rows side by side (paper, figures 13 to 19)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

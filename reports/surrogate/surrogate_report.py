@@ -1,7 +1,5 @@
 """The surrogate report, from the folder that `surrogate train` wrote."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

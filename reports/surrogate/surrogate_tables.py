@@ -1,7 +1,5 @@
 """Tables of a surrogate: scores by part of the rows, scores under noise, how the training went."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

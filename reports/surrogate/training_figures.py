@@ -1,7 +1,5 @@
 """How networks were trained: error, effective parameters, alpha and beta after every step (paper, figure 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

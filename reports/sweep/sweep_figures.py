@@ -1,7 +1,5 @@
 """Figures of a data set: touches on the disc, distributions of what went in and came out, error and cost."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

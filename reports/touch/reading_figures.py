@@ -1,7 +1,5 @@
 """Reading curves: the voltages of every drive pattern, touched and untouched, and the signal between them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes

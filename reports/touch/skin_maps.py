@@ -1,7 +1,5 @@
 """Maps of a touched skin from the file of `eitsim run --skin`: equipotential lines, pressure, strain, displacement."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures of one touch: the sensor from above, and the deformed surface along the radius."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

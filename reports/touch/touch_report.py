@@ -1,7 +1,5 @@
 """The report of one touch, from the `result.json` of `eitsim run`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

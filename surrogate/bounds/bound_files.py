@@ -1,8 +1,6 @@
 """Files of `surrogate limit` in a model's folder: the least errors that any reading of its data set can reach under
 noise, and standard deviations over the disc."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

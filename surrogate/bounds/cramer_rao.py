@@ -4,8 +4,6 @@ Places of one sector from an electrode to the next are solved; the ring's turns 
 covariance of the place with them. (Its mirror is no symmetry of the readings: see `derivative_table`.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -5,8 +5,6 @@ their ranges. White noise is added to the touched frame alone, as in `evaluate`;
 equal averaging, the change has sqrt(2) times the noise of one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -5,8 +5,6 @@ taken against an electrode on one side of the driven pair, and with white noise 
 less.) Places are Gauss-Legendre points in the square of the distance from the centre, where the punch fits.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace

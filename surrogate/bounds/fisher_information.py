@@ -5,8 +5,6 @@ with a material known to a covariance L L' it is J' (s^2 I + M M')^-1 J, M = (dV
 the readings counts as noise. Source: Kay, Fundamentals of Statistical Signal Processing I, 1993, chapters 3 and 15.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ no use in a linear formula. Each draw is therefore taken as the change of the ca
 order, makes the draw's stress: their covariance is that of the stresses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Derivatives of readings by a touch and its card's parameters, from the adjoint sensitivities of the simulator."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

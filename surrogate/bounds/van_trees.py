@@ -9,8 +9,6 @@ estimator needs to miss. Source: Gill, Levit, Bernoulli 1 (1995) 59, DOI 10.2307
 here over the field.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The untouched frame: its noise, and whether it is that of the trained sensor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ Cards are therefore compared by what they answer at a few strains, and the direc
 answers are the states that a surrogate learns and later marginalises.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The eight quantities that a surrogate reads from voltages: name, column of the data set, unit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

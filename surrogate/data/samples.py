@@ -1,7 +1,5 @@
 """The rows of a data set as a surrogate sees them: signals, targets, the sensor, a hash that recognises each row."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

@@ -1,7 +1,5 @@
 """The ring of electrodes as a surrogate needs it: where they are, and which four make a reading."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property

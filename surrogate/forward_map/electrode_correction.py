@@ -1,7 +1,5 @@
 """What electrodes add to the signal of a touch near them that series and polarization lack, by one half-sector."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

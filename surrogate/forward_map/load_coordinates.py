@@ -4,8 +4,6 @@ Punches of all diameters press nearly the same at one nominal pressure p, so tha
 goes like p for light touches, where effects are proportional to the force, and like log p for heavy ones.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchcal.arrays import Array

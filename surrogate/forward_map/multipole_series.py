@@ -8,8 +8,6 @@ depend on the touch alone, up to the reflection of its own field at the rim, whi
 series does not suffice, and `surrogate.forward_map.electrode_correction` adds what it leaves.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ on the angle, so all rows teach them together. What the electrodes' own metal ch
 `surrogate.forward_map.electrode_correction`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

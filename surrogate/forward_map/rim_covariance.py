@@ -1,7 +1,5 @@
 """The map's error near the rim: how large it is, and how readings share it, estimated from touches left out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

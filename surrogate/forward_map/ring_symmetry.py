@@ -4,8 +4,6 @@ A touch is folded into one half-sector, from the middle of electrode 0 to the mi
 with it; so every row teaches the whole ring.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

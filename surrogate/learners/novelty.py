@@ -1,7 +1,5 @@
 """Whether a signal looks like those of the calibration rows, for learners that do not model signals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Features of a signal: the whitened direction dV / |dV|, which hardly depends on its size, and log |dV|."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scores of a model on a data set: per output, per part of the split, per noise level."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Channels that read nothing, and what a model can still tell without them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

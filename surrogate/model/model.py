@@ -1,7 +1,5 @@
 """A trained surrogate as users have it: it predicts arrays of voltages and is kept in a folder."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A model as a folder: model.json says what it is, arrays.npz holds its numbers; nothing in it is ever executed."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frames line by line, each answered as soon as it is there."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import math

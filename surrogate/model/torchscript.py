@@ -1,7 +1,5 @@
 """Networks as TorchScript: one module from the 208 differences to the untouched frame to the outputs in their units."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

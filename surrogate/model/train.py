@@ -1,7 +1,5 @@
 """Train a surrogate on a data set."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import os
 from collections.abc import Sequence

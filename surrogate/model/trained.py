@@ -1,7 +1,5 @@
 """What a training leaves: one learner, the rows it was trained on, and what calibrates its intervals."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Punches of different d and F have nearly one signal, so that the likelihood is a
 and load from those of the ridge at the same diameter makes it straight, and keeps volumes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

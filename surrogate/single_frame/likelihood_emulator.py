@@ -4,8 +4,6 @@ chi^2 = |W (f(u) - signal)|^2 with W (f(u) - signal) = B' phi(u), phi all produc
 only the triangular factor of B is kept, so that a touch costs a product of small matrices.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement

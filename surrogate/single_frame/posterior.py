@@ -5,8 +5,6 @@ map as `surrogate.single_frame.simulated_posterior` corrects it. Unlike the inve
 likely, known punches or not. Chains run on a polynomial of the residuals; the map itself weighs their draws.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace

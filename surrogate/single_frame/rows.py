@@ -1,7 +1,5 @@
 """Rows of `surrogate predict` with --direct, --posterior or --touches 2: one frame at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any

@@ -5,8 +5,6 @@ the derivatives there, and r what scenes at other diameters of the ridge still m
 it was not made from tell its error.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 

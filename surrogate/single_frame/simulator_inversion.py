@@ -4,8 +4,6 @@ Unknowns are (x, y, log d, load g) under the Gaussian prior of a learned map's t
 simulator's adjoint ones at the start and follow by secants (Broyden, Math. Comp. 19 (1965) 577): one scene a step.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The simulator as a forward map: readings of a touch, their derivatives, and what is not known of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Superposition leaves what the two scatter of each other: its part of the signal 
 measured (benchmarks/results/several_touches.csv, "sum", two 14 mm punches under 1 N) and counts as noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A step is taken for an input of its own, 0 on one side and SIZE on the other; it
 among rows about it, if that is WORTH more than without (Rasmussen and Williams 2006, section 5.4.1).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from surrogate.statistics import matern_process

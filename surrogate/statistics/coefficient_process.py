@@ -5,8 +5,6 @@ c is a Gaussian process with a trend, in the span of some nodes (Quinonero-Cande
 share the lengths of the kernel. Single rows need not determine their coefficients.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

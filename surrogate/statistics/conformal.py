@@ -1,7 +1,5 @@
 """Split-conformal intervals: how many standard deviations hold so many of the validation rows (Lei et al. 2018)."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

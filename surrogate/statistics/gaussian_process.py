@@ -1,7 +1,5 @@
 """Gaussian process regression of one smooth quantity on a few inputs, hyperparameters by their posterior mode."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Levenberg-Marquardt on many small least-squares problems at once (Marquardt 1963)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

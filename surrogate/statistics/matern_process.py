@@ -1,7 +1,5 @@
 """Gaussian process of many smooth quantities at once, which share the lengths of one Matern kernel (nu = 5/2)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

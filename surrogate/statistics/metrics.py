@@ -1,7 +1,5 @@
 """How good predictions are: errors, explained variance, and how often the interval holds the truth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A map whose answers are kept on disk one by one until all are there, so that a stopped sweep loses little."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import pickle

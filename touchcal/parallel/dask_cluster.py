@@ -1,7 +1,5 @@
 """Workers of a dask.distributed cluster, by the address of its scheduler."""
 
-from __future__ import annotations
-
 import logging
 import pickle
 import time

@@ -1,7 +1,5 @@
 """Handing tasks to whoever works on them, a few at a time, and again where a worker was lost."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator

@@ -5,8 +5,6 @@ middle of an answer, and costs no other item. (The pool of concurrent.futures sh
 all that is under way, and one in the middle of an answer can leave the parent waiting.)
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import pickle

@@ -5,8 +5,6 @@ dZ_kl = -int grad u_k . dS grad u_l - int d(1/z) (u_k - U_k)(u_l - U_l): all der
 Source: Polydorides, Lionheart, Meas. Sci. Technol. 13 (2002) 1871, DOI 10.1088/0957-0233/13/12/310.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix

@@ -3,8 +3,6 @@
 Direct currents alone: conductances, contact impedances and potentials are real.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """The untouched skin without a mesh: harmonic series inside the disc, an integral equation for its line electrodes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

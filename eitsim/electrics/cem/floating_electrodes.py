@@ -7,8 +7,6 @@ electrode model; nothing that electrodes read changes.
 Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060, with no current through the electrode.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

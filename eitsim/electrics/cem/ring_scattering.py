@@ -1,8 +1,6 @@
 """Touches as stacks of rings about their punches: each scatters every circular harmonic by itself; the rim and the
 other touches couple them."""
 
-from __future__ import annotations
-
 import cmath
 import itertools
 import math

@@ -1,7 +1,5 @@
 """The strain outside the rings, up to the rim: small, so its signal is taken to first order."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Fields on the skin of a sweep's rows, on one grid for all of them: which, where, and their values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any

@@ -6,8 +6,6 @@ fifth at most. The law matters where it is far from the paper's: for one touch, 
 difference was 1.07 times this for 1 - 2 e + 2 e^2 - e^3, 0.9 for 1 + e, and 4.6 for 1 - e / 2.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Fields on the skin of a touched scene: potential, current density, sheet conductance, and their VTU file."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

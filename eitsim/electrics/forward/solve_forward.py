@@ -1,7 +1,5 @@
 """From touches to readings: what a touch changes in the complete electrode model of the skin."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import time

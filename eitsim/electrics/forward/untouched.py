@@ -1,7 +1,5 @@
 """The sensor of a data set: its disc, electrodes and drive, and the sheet conductance that its frames imply."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache

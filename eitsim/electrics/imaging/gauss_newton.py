@@ -10,8 +10,6 @@ as in GREIT. A signal-to-noise ratio is the mean magnitude over the root mean sq
 their areas.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The quarter-amplitude set are the pixels of the target's sign with at least a qu
 Source: Adler et al. 2009, DOI 10.1088/0967-3334/30/6/S03.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

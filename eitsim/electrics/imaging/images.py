@@ -1,7 +1,5 @@
 """From frames to images, in arrays and in files: VTU for ParaView, or a CSV of one row a pixel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ stimulation(k).stim_pattern and .meas_pattern; an image has elem_data with its f
 from 1 in the file, from 0 here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

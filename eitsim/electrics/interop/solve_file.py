@@ -1,8 +1,6 @@
 """A user's own model of a sheet on its own triangles, solved, what the triangles cost, and the document of
 `eitsim solve-mesh`."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import time

@@ -1,7 +1,5 @@
 """A mesh that follows touches: curved triangles in rings about each punch, a graded triangulation between."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

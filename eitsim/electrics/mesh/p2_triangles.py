@@ -1,7 +1,5 @@
 """Curved P2 triangles that do not fold over, in a mesh or in what it is halved into."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """A mesh that follows the touch: rings of curved quadratic quadrilaterals about the punch that widen into the rim."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

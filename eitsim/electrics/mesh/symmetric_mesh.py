@@ -1,8 +1,6 @@
 """Equal meshes for scenes that a turn or a mirror of the ring of electrodes takes into each other, the end of contact a
 line of the mesh where a circle has no room inside the rim."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

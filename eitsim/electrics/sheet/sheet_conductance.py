@@ -1,7 +1,5 @@
 """The coated surface as a conducting sheet: from the stretches of a touch to its conductance on the reference disc."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import accumulate

@@ -1,8 +1,6 @@
 """Ways to the equilibrium under a force: at once from rest or from a neighbour, from a coarser mesh, or in steps of the
 force or of the roundness of the punch's edge."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

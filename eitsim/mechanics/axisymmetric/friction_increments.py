@@ -8,8 +8,6 @@ lets go after the increment. The way is solved on a coarse mesh, and its last in
 of the increments is the change from half as many, which a first order leaves.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ All else is stepped in time by `eitsim.mechanics.axisymmetric.viscoelastic`. The
 half as many on the coarsest mesh, about three times what is left.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Unknowns x are the free displacements and, last, the depth of the punch. Lengths
 in mu_0, forces in mu_0 H^2, so that tolerances and the penalty need no units.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -15,8 +15,6 @@ points of contact, and the area to the ring between the outermost that touches a
 better than that. On 104 random profiles see benchmarks/touch_errors.py.
 """
 
-from __future__ import annotations
-
 import itertools
 import time
 from collections.abc import Sequence

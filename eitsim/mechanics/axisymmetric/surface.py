@@ -1,7 +1,5 @@
 """The foam's top surface under a punch: its stretches, contact pressure, contact areas and dipole response."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ minimises a w(E) + H : E. The recursion is exact for the times of the series, so
 Source: Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153, DOI 10.1016/0045-7825(87)90107-1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

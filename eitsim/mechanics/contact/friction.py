@@ -7,8 +7,6 @@ sticks, by Coulomb's law the coefficient times the nominal pressure. Source: Wri
 2nd ed. (2006), chapters 5 and 10, DOI 10.1007/978-3-540-32609-0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contact of the foam's top with a rigid punch: penetration, its pressure and energy, and their derivatives."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ stiffness of `eitsim.mechanics.contact.friction` resists slip along the punch's 
 axis. Both are linear about the axisymmetric touch, so that where no circle is cut its equilibrium stays one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ cos t = (R^2 - s^2 - c^2)/(2 s c) on. Whole circles have equally spaced angles, 
 one have Gauss points. Harmonics are 1 and sqrt(2) cos m t, or sqrt(2) sin m t: orthonormal in the mean over a circle.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ Duster, Rank, Comput. Mech. 41 (2007) 121, DOI 10.1007/s00466-007-0173-y). Units
 eitsim.mechanics.axisymmetric.indentation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

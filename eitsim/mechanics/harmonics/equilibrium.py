@@ -1,7 +1,5 @@
 """Equilibrium of a clipped disc: energy, gradient and curvature of what the rim adds, and their minimum."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

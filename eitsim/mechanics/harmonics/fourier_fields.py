@@ -6,8 +6,6 @@ stand at the nodes of a mesh of the meridian. Gradients are taken in the local f
 harmonics or angles, which lie next to each other in memory.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ inside the disc. That part itself is taken into account by the Gram matrix G of 
 unity: amplitudes are scaled by (G + tie)^-1/2, column by column, before and after.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

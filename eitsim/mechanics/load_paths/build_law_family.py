@@ -1,7 +1,5 @@
 """Solving what a few laws change of a table's load paths, and how far weighted means are from other laws' touches."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from dataclasses import replace

@@ -5,8 +5,6 @@ with the gap, and is a cubic through those. Deep touches next to the rim are not
 as parabolas, and no touch next to such a place is served.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Solving the load paths of a table, and its deviation from touches solved anew between them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ At equal depth the surface is nearly the same for all of them, and the pressure 
 is a weighted sum of what a few laws change (`ReducedBasis`), solved at a few diameters and depths.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

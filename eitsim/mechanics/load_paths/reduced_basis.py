@@ -5,8 +5,6 @@ few are chosen one by one, each the worst of a mean of those before, as bases ar
 (DOI 10.1115/1.1448332); weights then hardly exceed 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

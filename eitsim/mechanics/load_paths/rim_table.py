@@ -5,8 +5,6 @@ divided by the depth, in proportion to which it starts; between them it is cubic
 far it is off is known for each cell between neighbouring gaps and depths.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ At equal depth the surface about the punch's edge is nearly the same for every d
 from one punch to another with the edge and the start of the fillet in place, and few diameters suffice.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """What a table of load paths is made for and what it holds, as data."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

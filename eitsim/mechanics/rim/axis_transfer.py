@@ -5,8 +5,6 @@ moved along the line through both. Between the nodes of the meridian's mesh stan
 of each line: gradients of a mesh's own quadratic elements jump between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

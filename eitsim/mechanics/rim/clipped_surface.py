@@ -1,7 +1,5 @@
 """The surface of a disc pressed off its centre, on circles about the punch's axis, and what is added to it there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the rim, or a neighbour, changes of an axisymmetric touch, and how well that is known."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

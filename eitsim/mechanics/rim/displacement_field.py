@@ -1,7 +1,5 @@
 """The foam's displacement about a punch near the rim, as kept on its touch: at places, and with its gradient."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

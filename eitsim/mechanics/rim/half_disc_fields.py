@@ -4,8 +4,6 @@ Cells lie between half-planes through the punch's axis. Radii under the punch ar
 from the punch's edge to the rim along every half-plane, so that the last ones lie on the rim.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What it costs to solve each of several touches as if it were alone."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

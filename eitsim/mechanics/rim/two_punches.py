@@ -8,8 +8,6 @@ follow the other's edge. Solving either frame with the other's field given, as i
 pass, leads there.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Displacement gradients grad_u = F - 1 have the parts rr, rz, zr, zz and hoop.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

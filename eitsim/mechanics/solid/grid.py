@@ -1,7 +1,5 @@
 """Tensor mesh of the foam's meridian half-plane, biquadratic or bilinear, numbered for a narrow band."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

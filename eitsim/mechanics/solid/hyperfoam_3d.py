@@ -4,8 +4,6 @@ F = sum l_k u_k v_k', with the modes of `eitsim.mechanics.solid.principal_stretc
 (rings, 9, angles): the parts of F - 1 row after row, the angles last, so that loops over them run along memory.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ In the meridian plane F = l_1 u_1 v_1' + l_2 u_2 v_2', and l_3 is the hoop stret
 those of `eitsim.mechanics.solid.principal_stretches` for the pair (1, 2).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Strains and stresses of deformation gradients, as tensors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from matcal.laws.ellipticity import strongly_elliptic

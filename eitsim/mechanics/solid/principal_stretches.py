@@ -7,8 +7,6 @@ are written with the law's divided difference, so coinciding stretches need no c
 Goes, Kim, ACM Trans. Graph. 38 (2019) 12, DOI 10.1145/3241041.
 """
 
-from __future__ import annotations
-
 import math
 
 from matcal.laws.hyperfoam import (

@@ -1,7 +1,5 @@
 """A punch whose end is half an ellipsoid of revolution, on a shank; between a flat punch and a hemisphere."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 

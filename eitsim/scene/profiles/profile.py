@@ -1,7 +1,5 @@
 """What the solvers ask of a punch's profile: distance, arc length, and what its mesh and contact need."""
 
-from __future__ import annotations
-
 from typing import ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flat, spherical and conical punches: all points within a radius of a cylinder or a cone on a shank, tip downwards."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self

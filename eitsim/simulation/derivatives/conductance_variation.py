@@ -7,8 +7,6 @@ the adjoint formula of `eitsim.electrics.cem.adjoint` with it is the exact deriv
 mesh, whatever v.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ foam's law; for a_1, a_2, a_3, in which the field is linear, it is exact but for
 is solved anew for each side of a parameter.
 """
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Which code made the rows of a folder: other code does not add to them unasked, and the manifest tells whose they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Fields of a data set's rows on disk: next to each Parquet part an HDF5 file of the same name, written before it."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 A part holds neighbouring scenes and is named by the first; a sweep's parts have a size that its manifest keeps.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io

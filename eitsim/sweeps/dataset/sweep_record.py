@@ -1,7 +1,5 @@
 """What a call of a sweep did and spent: what it returns, and what the manifest of its folder keeps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Which card serves a row: the card itself, or a whole parameter set drawn from its posterior."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

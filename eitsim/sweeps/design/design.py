@@ -1,7 +1,5 @@
 """A design of scenes: ranges, laws and lists in the tables of a scene file, and the scene of any row."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """How the values of one key of a design come about: by chance from a law, every combination in turn, or row by row."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ sample, the second one and both mixed ones of the pick-freeze scheme (Saltelli e
 DOI 10.1016/j.cpc.2009.09.018), and depends on nothing but its number.
 """
 
-from __future__ import annotations
-
 from eitsim.sweeps.design.card_draws import Material
 
 SAMPLER = "nested"

@@ -1,7 +1,5 @@
 """Places of touches in a design: uniform over the disc where the punch fits, on a grid, or from a list."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

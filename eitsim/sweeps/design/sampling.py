@@ -1,7 +1,5 @@
 """The rows of a design: random numbers of each row, the values they give, and places where touches do not overlap."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """What varies between the rows of a design, in a fixed order, and what stays."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence

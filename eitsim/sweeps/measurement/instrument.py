@@ -4,8 +4,6 @@ Terms are independent of each other: switching one on or off leaves the draws of
 the seed and the scene's number alone, not on the order of rows or on which of them are there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

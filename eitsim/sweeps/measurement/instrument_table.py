@@ -1,7 +1,5 @@
 """The measurement of a file: the keys of its `[measurement]` table, checked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path

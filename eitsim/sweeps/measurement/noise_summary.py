@@ -1,7 +1,5 @@
 """What a measurement means for a data set: its noise against every voltage that an SNR may be given of."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The account of a data set: outcomes, errors of signals, and what each stage of its making cost."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,8 +1,6 @@
 """How the touches of a sweep are solved: each from rest, or from a table of load paths that is solved before its rows,
 or a family of tables where rows have laws of their own; and when these are worth their cost."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, astuple, replace
 from functools import partial

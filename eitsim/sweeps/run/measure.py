@@ -1,7 +1,5 @@
 """A clean data set measured: the same rows with readings as an instrument gives them, part by part, in a new folder."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What the plans of a design's rows leave out, and the error that it may cost."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any

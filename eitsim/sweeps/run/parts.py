@@ -1,7 +1,5 @@
 """Parts of a sweep as its workers send them: rows encoded for the disk, and what became of them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

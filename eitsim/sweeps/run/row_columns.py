@@ -1,7 +1,5 @@
 """What a row of a data set tells of its scene: the names of its columns and their values."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Rows of a data set: the scenes of a design solved, one row each, whatever their outcome."""
 
-from __future__ import annotations
-
 import math
 import time
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """A CSV table of scenes as a design: one row a scene, a column a key, the other keys from a scene file."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from collections.abc import Mapping

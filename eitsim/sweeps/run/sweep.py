@@ -1,7 +1,5 @@
 """Many scenes into a data set, by one or many workers; a sweep that was stopped goes on where it was."""
 
-from __future__ import annotations
-
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping

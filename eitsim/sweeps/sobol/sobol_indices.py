@@ -1,7 +1,5 @@
 """What makes the variance of a nested data set: touch, material and, of readings, noise."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Indices for people and programs: a JSON document, a CSV of every reading, a table and what it means in words."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

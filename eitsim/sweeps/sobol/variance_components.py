@@ -9,8 +9,6 @@ only, and powers of two of them: from the same rows its indices scatter 1.6 to 1
 function's groups.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ For given exponents everything that a law must satisfy here is linear in the mod
 Source: Lawson & Hanson, Solving Least Squares Problems (1974), chapter 23 (least distance programming).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

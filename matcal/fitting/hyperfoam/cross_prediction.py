@@ -1,7 +1,5 @@
 """What a law says about tests that it was not fitted to: laws of one mode alone, and files kept out of the fit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Stress-strain curves as a fit sees them: each with its weights and with the hereditary kernel of its own history."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ and a cubic spline between nodes 0.04 apart reproduces them to 2e-7. A search or
 point whatever the number of measurements; what it finds is evaluated again with the exact design.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Best moduli and exponents over curves for one nu: the exponents that may be searched, and the bound on the moduli."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

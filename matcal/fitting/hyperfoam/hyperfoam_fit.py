@@ -1,7 +1,5 @@
 """Hyperfoam law fitted to stress-strain curves: variable projection, order by BIC, nu, stability, cross prediction."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

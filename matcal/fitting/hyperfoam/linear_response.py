@@ -1,7 +1,5 @@
 """How the parameters of a fit answer, to first order, to its data: slopes, what the residuals are worth, gains."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How many terms a hyperfoam law should have, and when its single parameters mean nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

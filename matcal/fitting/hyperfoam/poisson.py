@@ -4,8 +4,6 @@ With one nu for all terms the lateral stretch is lambda_2 = lambda_1^-nu whateve
 fitted in closed form. Source: Storakers, J. Mech. Phys. Solids 34 (1986) 125, DOI 10.1016/0022-5096(86)90033-5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

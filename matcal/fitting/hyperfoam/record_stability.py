@@ -8,8 +8,6 @@ fall counts where the slope lies below zero by several of its standard errors an
 Source: Ogden, Non-linear Elastic Deformations (1984), 6.2.7; Abaqus Theory Guide, "Hyperelastic material behavior".
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

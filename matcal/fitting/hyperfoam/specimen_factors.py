@@ -7,8 +7,6 @@ factor: one standard normal number moves the record along its stated deviation. 
 is not inferred: how well a law can follow the record says nothing about it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ in ln tau: a spline of it on the few directions that all D span costs microsecon
 measurements and decades.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -6,8 +6,6 @@ own stress shapes the curve, a cubic spline through the origin; a ramp of few sa
 curve is straight between the strains that are held, and what a bent one would change is a doubt.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -3,8 +3,6 @@
 A series is searched as (ln tau_1, ln of the ratios of neighbouring times, g_i/g_inf), which is ordered by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Long records thinned to block means, so that a fit's memory and time stay bounded."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,8 +7,6 @@ its own size; without one the stress of the ramps is compared too and shapes the
 3384-1.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

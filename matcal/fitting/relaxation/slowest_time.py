@@ -1,7 +1,5 @@
 """What a hold of finite length can say about the slowest relaxation time, by its profile likelihood."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ Replicates and stated scatter are in it (`matcal.fitting.hyperfoam.specimen_fact
 specimen to specimen is left out, as are errors in the specimen's size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ after the test or from other tests on the frame; the whole curve knows them bett
 priors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

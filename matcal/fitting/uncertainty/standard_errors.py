@@ -5,8 +5,6 @@ parameters a test can see at all, and read mu_0, E_0 and stresses from `matcal.f
 exponent that the fit keeps at a bound stays there; one at its least distance from the one before moves with it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -3,8 +3,6 @@
 The clock is the procedure's and need not start at 0; the order of columns varies, so they are matched by name.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

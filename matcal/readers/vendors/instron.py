@@ -4,8 +4,6 @@ Layout as Bluehill writes its raw data: numbers may carry thousands commas or a 
 language, and a file may begin with a blank line.
 """
 
-from __future__ import annotations
-
 import re
 
 from matcal.readers.cells import Grid

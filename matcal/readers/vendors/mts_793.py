@@ -5,8 +5,6 @@ title such as `Data Acquisition ... Time: 308.3 s 1/28/2015` in the language of 
 a few `key value` lines; an operator's block holds only these. Blocks are known by this shape, not by their words.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

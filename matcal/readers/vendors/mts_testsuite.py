@@ -3,8 +3,6 @@
 A test may be split over `... (Timed).txt`, `... (Timed)1.txt` and so on, not in order of time; a part may hold nothing.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Plain tables: a line of names, perhaps a line of units, then numbers; text with any separator, or a sheet."""
 
-from __future__ import annotations
-
 from matcal.readers.cells import Grid, no_table, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, flag_for, read_columns

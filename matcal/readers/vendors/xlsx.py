@@ -1,7 +1,5 @@
 """Workbooks (xlsx): the sheet that holds the test, as a grid."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Iterator

@@ -11,8 +11,6 @@ behavior in elastomeric foams" (22.5.2), "Time domain viscoelasticity" (22.7.1) 
 Abaqus Theory Guide, "Finite-strain viscoelasticity" (4.8.2).
 """
 
-from __future__ import annotations
-
 from matcal.record.exporters.base import Material, Target, Written, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, identifier, number, rows
 

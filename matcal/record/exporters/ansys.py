@@ -10,8 +10,6 @@ Sources: Ansys Mechanical APDL Theory Reference, "Ogden Compressible Foam Option
 Compressible Foam Option (TB,HYPER,,,,FOAM)" and "Viscoelasticity"; Command Reference, TB and TBDATA.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The seam of every exporter: what a target gets (`Material`), what it gives (`Written`), and its name (`Target`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ Sources: CalculiX CrunchiX User's Manual, *HYPERFOAM (energy, beta_i = nu_i/(1 -
 of CalculiX (width of a value, known parameters); N = 1 was tried.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from matcal.record.exporters.abaqus import density_lines, hyperfoam_data

@@ -1,7 +1,5 @@
 """A material card as input of a finite-element program, with a comment that says what it is and what it is not."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module, metadata

@@ -8,8 +8,6 @@ stress, at most six terms: the card's own form.
 Source: FEBio User Manual (version 4), "Ogden unconstrained" and "viscoelastic" under unconstrained materials.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from xml.sax.saxutils import escape, quoteattr

@@ -1,7 +1,5 @@
 """Numbers, names and comment lines in the form that input files take."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Sequence

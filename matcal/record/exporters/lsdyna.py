@@ -13,8 +13,6 @@ format"; field tables of PyDyna (`MatHillFoam`). Hill, Adv. Appl. Mech. 18 (1979
 34 (1986) 125.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

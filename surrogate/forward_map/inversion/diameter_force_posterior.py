@@ -6,8 +6,6 @@ interval in closed form however narrow it is. The prior is uniform over the F of
 or, where training rows share a few diameters, almost all of it on these.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 

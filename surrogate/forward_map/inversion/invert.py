@@ -6,8 +6,6 @@ signal, on a curved ridge with several branches: the start is sought over all of
 those of the whole posterior, `diameter_force_posterior`, instead of its peak.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -5,8 +5,6 @@ diameter held, and weighed by its evidence, after Laplace, against the others an
 has the prior probability OTHER (Kass, Raftery, J. Am. Stat. Assoc. 90 (1995) 773, section 4.1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

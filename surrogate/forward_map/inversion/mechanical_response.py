@@ -1,7 +1,5 @@
 """The mechanical response of a touch, learned: (d, F, distance to the rim) -> peak and mean stress, area, depth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

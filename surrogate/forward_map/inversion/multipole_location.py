@@ -1,7 +1,5 @@
 """Where a touch is and how strong its multipoles are, before asking which punch made them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -4,8 +4,6 @@ The covariance white^2 I + U diag(sd^2) U' of each frame has orthonormal U of fe
 whitened by one product with them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where to start from for touches near the rim: foreseen touches, each moved by one damped step to the frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

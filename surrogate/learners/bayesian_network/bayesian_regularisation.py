@@ -9,8 +9,6 @@ trained in the directions that its inputs take, and is the same network; then th
 is solved. 208 readings take 104 directions where driving and reading pairs are interchangeable (reciprocity).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Networks of one output each on shared inputs, trained by their evidence, with the spread that their weights leave."""
 
-from __future__ import annotations
-
 import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor

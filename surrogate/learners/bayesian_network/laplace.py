@@ -4,8 +4,6 @@ H = beta J'J + alpha I is half the Hessian of beta E_D + alpha E_W. J J' has the
 smaller of the two is formed, once for each set of weights, and serves every alpha, beta and damping.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

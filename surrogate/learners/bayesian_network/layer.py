@@ -4,8 +4,6 @@ y(x) = v . tanh(W x + b) + c. All weights in one vector w = (W by rows, b, v, c)
 and h units. The Jacobian J is n x p; products with it and the n x n matrix J J' never need it whole.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

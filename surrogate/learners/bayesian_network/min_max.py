@@ -1,7 +1,5 @@
 """Min-max scaling, paper eq. 7, onto [-1, 1], where networks of tanh units start well."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
