@@ -131,9 +131,9 @@ def _starts(forward: ForwardMap, signal_V: Array) -> Array:
 def _punch(forward: ForwardMap, place_mm: Array, dipole: float) -> Array:
     """(4,) a punch of the mean diameter whose dipole is nearest."""
     table = make_table(forward)
-    middle = len(table.d_mm) // 2
-    nearest = np.argmin(np.abs(table.strengths[middle, :, 0] - np.log(max(dipole, 1e-12))))
-    return np.array([*place_mm, np.log(table.d_mm[middle]), table.load[nearest]])
+    middle = table.known + (len(table.d_mm) - table.known) // 2
+    nearest = np.argmin(np.abs(table.strengths[1, middle, :, 0] - np.log(max(dipole, 1e-12))))
+    return np.array([*place_mm, np.log(table.d_mm[middle]), table.load[middle, nearest]])
 
 
 def _unknown(forward: ForwardMap, state: Array) -> Array:

@@ -291,7 +291,7 @@ def test_the_plan_says_how_a_hold_is_solved():
 
 @pytest.mark.parametrize(("hold", "named"), [
     ({"time_s": [2.0], "moduli": "longterm"}, "nothing to relax"), ({"loading_s": 1.0}, "without time_s"),
-    ({"time_s": [2.0], "loading_s": -1.0}, "negative"), ({"time_s": [0.0]}, "positive")])
+    ({"time_s": [2.0], "loading_s": -1.0}, "must be from 0"), ({"time_s": [0.0]}, "positive")])
 def test_holds_that_make_no_sense_are_refused(hold, named):
     with pytest.raises(ValueError, match=named):
         scene_from({"hold": hold})

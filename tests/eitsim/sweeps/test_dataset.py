@@ -77,7 +77,7 @@ def part_of(tmp_path: Path, table: pd.DataFrame, stamped: bool = True) -> Path:
 
 def test_a_part_of_before_hashes_is_read(tmp_path: Path) -> None:
     table = pd.DataFrame([row(0), row(1, "refused")])
-    write_manifest(tmp_path, {"design": {"scenes": 2}, "card": {}})
+    write_manifest(tmp_path, {"design": {"scenes": 2, "tables": {}}, "card": {}})
     part_of(tmp_path, table, stamped=False)
     assert read_dataset(tmp_path).table.equals(table)
 
@@ -119,7 +119,7 @@ def test_a_part_without_what_every_part_has_is_named(tmp_path: Path, change, sai
 
 @pytest.mark.parametrize("name", ["part-zzz.parquet", "part-000000007.parquet"])
 def test_a_part_of_another_name_or_of_scenes_outside_the_design_is_named(tmp_path: Path, name: str) -> None:
-    write_manifest(tmp_path, {"design": {"scenes": 2}, "card": {}})
+    write_manifest(tmp_path, {"design": {"scenes": 2, "tables": {}}, "card": {}})
     (tmp_path / name).write_bytes(encoded(pd.DataFrame([row(0 if "z" in name else 7)])))
     with pytest.raises(InputFileError, match="does not belong"):
         read_dataset(tmp_path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 
 from eitsim.cli.sweep_commands import _range
 from eitsim.sweeps.design.design import design_from
-from eitsim.sweeps.run.folder import _differing, _plain
+from eitsim.sweeps.run.folder import _differing
 from eitsim.sweeps.run.omissions import cautions
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
@@ -39,7 +41,7 @@ def test_sobol_points_want_powers_of_two(scenes: int, told: list[str]) -> None:
     ({"skin": {"thickness_um": 5}}, 'skin is not given, here {"thickness_um": 5}'),
     ({"punch": [{"y_mm": 0}, {"y_mm": 1}]}, 'punch is {"x_mm"')])
 def test_the_key_that_differs_is_named(other: dict[str, Any], words: str) -> None:
-    old, new = (_plain(design_from(raw))["tables"] for raw in (RAW, {**RAW, **other}))
+    old, new = (json.loads(json.dumps(asdict(design_from(raw))))["tables"] for raw in (RAW, {**RAW, **other}))
     assert words in _differing("tables", old, new)
 
 

@@ -67,7 +67,7 @@ def test_a_folder_keeps_to_its_method(card: Path, tmp_path: Path) -> None:
         account(card, tmp_path / "a", 2, reuse=True)
     with pytest.raises(ValueError, match="started with exact = False"):
         account(card, tmp_path / "a", 2, exact=True)
-    with pytest.raises(ValueError, match="exact solves every touch afresh"):
+    with pytest.raises(ValueError, match="exact solves every touch itself"):
         account(card, tmp_path / "b", 2, exact=True, reuse=True)
     assert account(card, tmp_path / "a", 2).kept == 1
 

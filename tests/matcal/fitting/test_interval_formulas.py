@@ -134,7 +134,7 @@ def test_an_interval_adds_covariance_and_hidden_order() -> None:
     """sd^2 = g' C g + (wider - law)^2, ends at the reach."""
     covariance = np.array([[400.0, -0.6], [-0.6, 0.0025]])
     law, wider = Hyperfoam([MU], [ALPHA], [0.0]), Hyperfoam([MU + 30], [ALPHA + 0.01], [0.0])
-    about = Uncertainty({}, covariance, 50.0, law, wider, 2.5, {}, ())
+    about = Uncertainty({}, covariance, 50.0, law, (wider,), 2.5, {}, ())
     found = intervals(about, derived_quantities)
     for name, gradient in _gradients(MU, ALPHA).items():
         value, other = derived_quantities(law)[name], derived_quantities(wider)[name]
@@ -142,7 +142,7 @@ def test_an_interval_adds_covariance_and_hidden_order() -> None:
         assert (found[name].value, found[name].form) == (value, pytest.approx(abs(other - value)))
         assert found[name].sd == pytest.approx(sd, rel=1e-6)
         assert (found[name].lo, found[name].hi) == pytest.approx((value - 2.5 * sd, value + 2.5 * sd), rel=1e-7)
-    assert intervals(replace(about, wider=None), derived_quantities)["mu_0_Pa"].sd == pytest.approx(20.0)
+    assert intervals(replace(about, neighbours=()), derived_quantities)["mu_0_Pa"].sd == pytest.approx(20.0)
 
 
 def test_the_plateau_is_told_where_compression_reaches_it() -> None:

@@ -44,7 +44,7 @@ def write_model(folder: Path, **changes: Any) -> pd.DataFrame:
         for part in ("train", "val", "test"):
             chosen = ((table["output"] == name) & (table["part"] == part)).to_numpy()
             target, value, half = (table[key].to_numpy(float)[chosen] for key in ("target", "value", "half_width_90"))
-            scores.setdefault(name, {})[part] = asdict(score(target, value, np.array([half] * 3), unit))
+            scores.setdefault(name, {})[part] = asdict(score(target, value, *[np.array([half] * 3)] * 2, unit))
     dataset = {"sha256": "cd" * 32, "rows": 40}
     net = {"gamma": 25.5, "parameters": 101, "epochs": 77, "stop": "the gradient vanished", "collapsed": False}
     model = {"schema": 1, "method": "trainbr", "seed": 4, "fit_s": 12.34, "versions": {"torch": "2.13.0"},
@@ -195,7 +195,7 @@ def test_bars_of_many_rows_stay_apart(rows: int, bars: int, words: str) -> None:
     target = np.linspace(1.0, 2.0, rows)
     table = pd.DataFrame({"part": "test", "scene": range(rows), "unit": "N", "target": target, "value": target,
                           "half_width_90": 0.1})
-    parts = {"test": asdict(score(target, target + 0.01, np.full((3, rows), 0.1), "N"))}
+    parts = {"test": asdict(score(target, target + 0.01, *[np.full((3, rows), 0.1)] * 2, "N"))}
     made = parity_figures.plate("F", table, parts)
     (axes,) = made.figure.axes
     (drawn,) = (one for one in axes.collections if isinstance(one, LineCollection))

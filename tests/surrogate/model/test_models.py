@@ -218,7 +218,7 @@ def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "method": "forward"}))
     with pytest.raises(InputFileError, match="do not belong"):
         surrogate.load(tmp_path / "model")
-    for spoilt, said in (("[1, 2]", "no JSON object"), (json.dumps({**text, "outputs": [{"name": "x9"}]}), "x9")):
+    for spoilt, said in (("[1, 2]", "must be an object"), (json.dumps({**text, "outputs": [{"name": "x9"}]}), "x9")):
         (tmp_path / "model" / "model.json").write_text(spoilt)
         with pytest.raises(InputFileError, match=said):
             surrogate.load(tmp_path / "model")

@@ -36,7 +36,7 @@ def test_a_score_by_hand() -> None:
 
 
 def test_a_constant_target_has_no_r2() -> None:
-    assert score(np.full(3, 14.0), np.array([14.0, 14.1, 13.9]), np.ones(3), "mm").r2 is None
+    assert score(np.full(3, 14.0), np.array([14.0, 14.1, 13.9]), np.ones((3, 3)), np.ones((3, 3)), "mm").r2 is None
 
 
 def test_decibels() -> None:

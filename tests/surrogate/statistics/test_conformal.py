@@ -55,12 +55,12 @@ def test_scores_by_hand() -> None:
     """Errors 1, -1, 3, -1 on targets 0, 2, 4, 6, whose variance is 5."""
     target, value = np.array([0.0, 2.0, 4.0, 6.0]), np.array([1.0, 1.0, 7.0, 5.0])
     half = np.array([[0.5, 1.0, 2.0, 1.0], [1.0, 1.0, 3.0, 2.0], [4.0] * 4])
-    found = score(target, value, half, "mm")
+    found = score(target, value, half, half, "mm")
     assert (found.mse, found.rmse, found.mae, found.n, found.unit) == (3.0, pytest.approx(3**0.5), 1.5, 4, "mm")
     assert found.r2 == pytest.approx(1 - 3 / 5)
     assert (found.coverage_50, found.coverage_90, found.coverage_95) == (0.5, 1.0, 1.0)
     assert found.half_width_90 == 1.5
     assert COVERAGES == (0.50, 0.90, 0.95)
-    assert score(np.full(4, 7.0), value, half, "mm").r2 is None
-    assert score(1e-3 * target, 1e-3 * value, half, "m").r2 == pytest.approx(1 - 3 / 5)
+    assert score(np.full(4, 7.0), value, half, half, "mm").r2 is None
+    assert score(1e-3 * target, 1e-3 * value, half, half, "m").r2 == pytest.approx(1 - 3 / 5)
     assert rms(np.array([3.0, -4.0])) == pytest.approx(12.5**0.5)
