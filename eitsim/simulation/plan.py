@@ -252,7 +252,7 @@ def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
         yield Decision("the skin is solved on a mesh that follows the touch", "patch electrodes cover part of it; the "
                        "mesh's estimate counts in the result's own error", 0.0)
         yield Decision("patches conduct by their untouched area", "their contact impedance does not follow what a "
-                       "touch beside them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
+                       "touch next to them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
     else:
         yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
                        "requested error, a mesh that follows the touch takes over; the estimate counts in the result's "

@@ -70,7 +70,7 @@ def fit_command(
         prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
         posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior with emcee.")] = False,
         seed: Annotated[int, typer.Option(help="Seed of the sampler.")] = 0,
-        out: Annotated[Path, typer.Option(help="Card to write; its data go beside it.")] = Path("card.json"),
+        out: Annotated[Path, typer.Option(help="Card to write; its data go next to it.")] = Path("card.json"),
         report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
         as_json: JsonOption = False) -> None:
     """Fit everything the files allow and write the material card.

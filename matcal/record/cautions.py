@@ -138,7 +138,7 @@ def _stability(card: MaterialCard) -> Iterator[str]:
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
-    """What the decisions say that a reader must not pass over: a direction that nothing told, nu at its bound."""
+    """What the decisions say that a reader must not pass over: a direction that nothing stated, nu at its bound."""
     said = [sentence.partition(ASSUMED) for sentence in card.provenance.get("decisions", ())]
     yield from (f"{begin}{rest}" for _, begin, rest in said if begin)
     if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):

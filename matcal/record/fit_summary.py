@@ -25,7 +25,7 @@ _REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "res
 
 def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
     """Per experiment its errors and, by the draws if there are any, the share of it in the band; then whatever the
-    calibration holds beside them."""
+    calibration holds besides."""
     out: dict[str, Any] = {}
     for label, experiment in zip(labels(found.experiments), found.experiments, strict=True):
         out[label] = _of_test(found, label, experiment)

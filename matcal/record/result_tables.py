@@ -145,7 +145,7 @@ def predicted(card: MaterialCard) -> Printed:
 
 
 def stability_cost(card: MaterialCard) -> Printed:
-    """Relative RMS of the law held stable, beside that of the free one."""
+    """Relative RMS of the law held stable, next to that of the free one."""
     free, held = card.fit["without_stability"]["relative_rms_of"], tests(card)
     rows = [[label, percent(own_rms(held[label])), percent(share)] for label, share in free.items()]
     return Printed("What stability costs: relative RMS", ["test", "held stable", "free"], rows, "<>>")
@@ -210,7 +210,7 @@ def _span(ends: Sequence[float]) -> str:
 
 
 def _near(end: float, other: float) -> float:
-    """An end of a range, 0 where it is that beside the other one."""
+    """An end of a range, 0 where it is as good as that next to the other one."""
     return 0.0 if abs(end) < 1e-4 * abs(other) else end
 
 

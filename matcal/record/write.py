@@ -1,4 +1,4 @@
-"""What a calibration leaves behind: the card, and beside it a folder with the reduced tests and their fitted curves.
+"""What a calibration leaves behind: the card, and next to it a folder with the reduced tests and their fitted curves.
 
 The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where
 the test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law
@@ -173,7 +173,7 @@ def _predicted_table(found: FittedLaws, predicted: Predicted) -> Columns:
 def folder_of(card: Path) -> Path:
     """card.json -> card.d; ValueError for a card that would be called like its folder."""
     if card.suffix == ".d":
-        raise ValueError(f"{card}: the ending .d is that of the folder beside a card. Call the card {card.stem}.json.")
+        raise ValueError(f"{card}: the ending .d is that of the folder next to a card. Call the card {card.stem}.json.")
     return card.with_suffix(".d")
 
 

@@ -32,7 +32,7 @@ class Reduced:
     experiments: list[Experiment]
     # files that were given
     files: tuple[Path, ...]
-    # files that were read beside those given: specimens' sizes and kinds
+    # files that were read besides those given: specimens' sizes and kinds
     beside: tuple[Path, ...]
 
 
@@ -170,7 +170,8 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
     kind, why = decide_kind(explicit, recordings)
     if len(recordings) > (2 if kind == "conductivity" else 1):
         raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
-                         f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give replicates apart.")
+                         f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give each "
+                         "replicate as a test of its own.")
     if len(recordings) == 1 and _is_reduced(first):
         unused = () if specimen is None else (
             f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)

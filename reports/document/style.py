@@ -1,4 +1,4 @@
-"""The look of every figure and page, in one place: sizes, fonts, colours that colour-blind readers can tell apart."""
+"""The look of every figure and page, in one place: sizes, fonts, colours that colour-blind readers can distinguish."""
 
 import warnings
 from contextlib import AbstractContextManager

@@ -47,7 +47,7 @@ _ALWAYS = 4
 _FEW = 3
 # times the residual of the chosen order up to which one term fewer counts as fitting nearly as well
 NEARLY = 1.5
-# nu of the first and last term apart from the shared one, at further starts of a search term by term
+# nu of the first and last term off the shared one, at further starts of a search term by term
 _TILT = 0.1
 
 
@@ -302,7 +302,7 @@ def _cost_sentences(stable: str | None, log_range: tuple[float, float], law: Hyp
     low, high = np.exp(log_range)
     costs = ", ".join(f"{c.label} {relative_rms(law, c):.3%} instead of {relative_rms(free, c):.3%}" for c in curves)
     out = [f"The law is held {stable} stable at every combination of principal stretches from {low:.3g} to {high:.3g}, "
-           f"and was checked there; relative RMS beside the law without that: {costs}."]
+           f"and was checked there; relative RMS next to the law without that: {costs}."]
     if stable == "elliptic":
         out.append("Neither criterion implies the other at large stretches: where the best Drucker stable law is not "
                    "strongly elliptic, it may fit better than this one.")

@@ -96,7 +96,7 @@ def _require_data(poisson: str, curves: Sequence[Curve]) -> None:
     if lateral or volumetric or (poisson == "fit" and len(kinds - {"shear"}) > 0 and len(kinds) > 1):
         return
     requested = (
-        "the lateral strain beside the axial one (a column lateral strain), or a volumetric test beside another mode"
+        "the lateral strain next to the axial one (a column lateral strain), or a volumetric test next to another mode"
     ) + ("" if poisson == "fit-each" else ", or a second mode besides shear")
     raise ValueError(f"poisson '{poisson}': {', '.join(sorted(kinds))} alone does not tell nu"
                      f"{' term by term' if poisson == 'fit-each' else ''}. Add {requested}, or give a value.")

@@ -14,7 +14,7 @@ from eitsim.scene.scene import Body
 from touchcal.errors import NotConverged
 
 PATH = Path(__file__).parents[3] / "benchmarks" / "touch_errors.py"
-FEW = (0, 1, 2, 3, 41, 70)  # those of the review, and a sphere and a cone that two meshes alone did not cover
+FEW = (41, 70)  # a sphere and a cone that two meshes alone did not cover; the slow test takes all
 
 
 @pytest.fixture(scope="module")
