@@ -92,9 +92,31 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     sd = reading_covariance.at(forward, start, size, noise_V)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
-    selected = _selected(forward, signal, sd, free, branches)
-    found = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, punches, noise_V), selected))
-    return _along_ridge(_without_rim(forward, signal, found, located, np.hypot(noise_V, floor)))
+    found = _bounded(forward, _inversion(forward, free, punches, noise_V))
+    found = _without_rim(forward, signal, found, located, np.hypot(noise_V, floor))
+    rest = np.flatnonzero(~found.broad)
+    if len(forward.known_mm) and len(rest):
+        tried = _rows(branches, (rest[:, None] * BRANCHES + np.arange(BRANCHES)).ravel())
+        selected = _selected(forward, signal[rest], of(sd, rest), _rows(free, rest), tried)
+        known = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, punches, noise_V), selected))
+        found = _with_rows(found, known, rest)
+    return _along_ridge(found)
+
+
+def _rows(ends: Minimum, rows: Index) -> Minimum:
+    return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
+
+
+def _with_rows(found: Inversion, known: Inversion, rows: Index) -> Inversion:
+    """With the rows of the peak that known punches gave."""
+    def merged(whole: Array, part: Array) -> Array:
+        out = whole.copy()
+        out[rows] = part
+        return out
+
+    peak = Peak(*(merged(getattr(found.peak, name), getattr(known.peak, name)) for name in ("joint", "known", "noise")))
+    return replace(found, peak=peak, **{name: merged(getattr(found, name), getattr(known, name)) for name in (
+        "touch", "covariance", "material", "misfit", "inside")})
 
 
 def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
@@ -107,14 +129,11 @@ def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, 
 
 def _best(ends: Minimum, frames: int, most: int) -> Minimum:
     cost = ends.cost.reshape(frames, -1)
-    rows = (np.argsort(cost, axis=1)[:, :most] + cost.shape[1] * np.arange(frames)[:, None]).ravel()
-    return Minimum(ends.state[rows], ends.cost[rows], ends.normal[rows], ends.residual[rows])
+    return _rows(ends, (np.argsort(cost, axis=1)[:, :most] + cost.shape[1] * np.arange(frames)[:, None]).ravel())
 
 
 def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum, branches: Minimum) -> Selected:
-    """Known punches tried from the ends of the free fit and of the next best branch; the free fit where none is."""
-    if not len(forward.known_mm):
-        return Selected(free, free.state[:, None], np.ones((len(signal), 1)))
+    """Known punches tried from the ends of the free fit and of the next best branch."""
     log_d = (np.log(forward.known_mm) - forward.mean[2]) / forward.sd[2]
     branches = _spread(branches, WIDE / forward.sd[3])
     worth = known_diameters.worth_trying(free, branches, log_d).ravel()
@@ -144,8 +163,6 @@ def _spread(ends: Minimum, wide: float) -> Minimum:
 
 def _mixed(forward: ForwardMap, found: Inversion, selected: Selected) -> Inversion:
     """With the mean over the candidate punches, and what parts them added to the covariance."""
-    if selected.probability.shape[1] == 1:
-        return found
     mean, covariance = known_diameters.between(selected, lambda state: to_touch(_unknown(forward, state), forward.p0))
     joint = found.peak.joint.copy()
     joint[:, :4, :4] += covariance
