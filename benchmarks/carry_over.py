@@ -1,7 +1,8 @@
 """After a commit that changes no number: tables that were current at COMMIT get the hash of the code that is here, and
 caches and sweeps of COMMIT go on (touchcal/same_numbers.json).
 
-Usage: python benchmarks/carry_over.py COMMIT. Renaming changes the code hash, not results. Compare a row of each kind
+Usage: python benchmarks/carry_over.py COMMIT [BENCHMARK ...]. With benchmarks named only their tables are carried, and
+caches and sweeps are not: where a commit changed some numbers and left those of these benchmarks. Renaming changes the code hash, not results. Compare a row of each kind
 of sweep, a card and a prediction with those of COMMIT bit for bit first; what was stale at COMMIT stays stale.
 """
 
@@ -37,14 +38,15 @@ def hashes_at(commit: str) -> dict[str, str]:
     return json.loads(found.stdout)
 
 
-def main(commit: str) -> None:
+def main(commit: str, *named: str) -> None:
     """Rewrite the column `code` of tables whose rows were current, and SAME_NUMBERS."""
     there = hashes_at(commit)
     here = {old: script_hash(ROOT / "benchmarks" / f"{name}.py") for name, old in there.items()
-            if (ROOT / "benchmarks" / f"{name}.py").is_file()}
-    SAME_NUMBERS.write_text("{}\n", encoding="utf-8")
-    same = {code_hash(modules): there[" ".join(modules)] for modules in KEYED}
-    SAME_NUMBERS.write_text(json.dumps(same, indent=1) + "\n", encoding="utf-8")
+            if (ROOT / "benchmarks" / f"{name}.py").is_file() and (not named or name in named)}
+    if not named:
+        SAME_NUMBERS.write_text("{}\n", encoding="utf-8")
+        same = {code_hash(modules): there[" ".join(modules)] for modules in KEYED}
+        SAME_NUMBERS.write_text(json.dumps(same, indent=1) + "\n", encoding="utf-8")
     for path in sorted((ROOT / "benchmarks" / "results").glob("*.csv")):
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         carried = [carry(line, here) for line in lines]
@@ -61,6 +63,6 @@ def carry(line: str, here: dict[str, str]) -> str:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         sys.exit(__doc__)
-    main(sys.argv[1])
+    main(*sys.argv[1:])
