@@ -2,8 +2,9 @@
 caches and sweeps of COMMIT go on (touchcal/same_numbers.json).
 
 Usage: python benchmarks/carry_over.py COMMIT [BENCHMARK ...]. With benchmarks named only their tables are carried, and
-caches and sweeps are not: where a commit changed some numbers and left those of these benchmarks. Renaming changes the code hash, not results. Compare a row of each kind
-of sweep, a card and a prediction with those of COMMIT bit for bit first; what was stale at COMMIT stays stale.
+caches and sweeps are not: where a commit changed some numbers and left those of these benchmarks. Renaming changes the
+code hash, not results. Compare a row of each kind of sweep, a card and a prediction with those of COMMIT bit for bit
+first; what was stale at COMMIT stays stale.
 """
 
 from __future__ import annotations
