@@ -72,7 +72,7 @@ def test_a_bound_that_is_reached_is_told() -> None:
 
 
 @pytest.mark.parametrize(("modes", "choice", "word"), [
-    (("shear",), "fit", "shear alone does not tell nu"), (("uniaxial",), "fit", "lateral strain beside"),
+    (("shear",), "fit", "shear alone does not tell nu"), (("uniaxial",), "fit", "lateral strain next to"),
     (("uniaxial", "shear"), "fit-each", "uniaxial alone does not tell nu term by term"),
     (("uniaxial", "shear"), "fitted", "known: a value"), (("uniaxial",), (0.1, 0.2, 0.5), "0.5 must lie between"),
     (("uniaxial",), 0.6, "must lie between")])
