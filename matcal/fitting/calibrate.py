@@ -16,7 +16,7 @@ from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicat
 from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
-from matcal.fitting.uncertainty.nuisance import refined_records, surprise, with_drift
+from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift
 from matcal.laws.deformation_modes import MODES
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
@@ -176,6 +176,8 @@ def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curv
     """The curves with contact, load zero and drift refined, by the order that needs least to explain them. A term too
     many takes up what is an error of the record: each lower order of nearly the same residual refines the records its
     own way, and the criterion of orders decides, the corrections' own prior counted."""
+    if not any(uncertain(curve) for curve in curves):
+        return curves, ()
     order, nu = _with_one_nu(options)
     first = fit(curves, order, nu, starts=_FEW, thorough=False)
     best = refined_records(first)

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from matcal.fitting.hyperfoam.curves import Curve
-from matcal.laws.deformation_modes import log_stretches
-from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.laws.stability import CRITERIA, margin, unstable_ranges
+from matcal.laws.stability import CRITERIA, unstable_ranges
 
 # points at which the range of a curve is scanned for lost stability
 _SCANNED = 121
@@ -70,10 +68,7 @@ def unstable_within(law: Hyperfoam, curves: Sequence[Curve]) -> dict[str, dict[s
         for kind in kinds_of(curves):
             e = np.concatenate([c.experiment.strain for c in curves if c.experiment.kind == kind])
             strain = np.linspace(e.min(), e.max(), _SCANNED)
-            if criterion == "elliptic" and np.ptp(law.nu) == 0 and np.all(
-                    strongly_elliptic(law, log_stretches(law, kind, strain))):
-                continue
-            ranges = unstable_ranges(lambda s, c=criterion, k=kind: margin(law, c, k, s), strain)
+            ranges = unstable_ranges(law, criterion, kind, strain)
             if ranges:
                 out.setdefault(criterion, {})[kind] = ranges
     return out

@@ -26,6 +26,9 @@ Solve = Callable[[Array, Array, Array], Array]
 _BEAM = 64
 # relative step of the exponents at which a start stops
 TOLERANCE = 1e-9
+# relative step at which starts stop at first; of those that end within a share of the least gap of exponents from
+# each other only the best goes on to TOLERANCE
+_SCREENED, _SAME_END = 1e-4, 0.05
 # exponents from which starts are combined
 _GRID = np.array([-12.0, -8.0, -5.0, -3.0, -1.5, -0.5, 0.3, 0.9, 2.0, 3.5, 5.0, 7.5, 11.0, 16.0, 23.0])
 
@@ -51,7 +54,7 @@ class Optimum:
     alpha: Array
     # sum of squared weighted residuals
     cost: float
-    # sum of squared weighted residuals that each start ended in, best first
+    # sum of squared weighted residuals near which each start ended, best first
     starts: tuple[float, ...]
     # evaluations of the design over all starts
     evaluations: int
@@ -91,16 +94,24 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
     highest = np.r_[allowed.high, np.full(order - 1, allowed.high - allowed.low)]
     free = solve is least_moduli
     slopes: Any = jacobian if free else "2-point"
-    found = []
+
+    def descend(steps: Array, to: float) -> tuple[float, Array]:
+        out = least_squares(residual, steps, jac=slopes, bounds=(lowest, highest), gtol=1e-14,
+                            xtol=to if free else 1e-7, ftol=1e-2 * to if free else 1e-8, max_nfev=200 if free else 60)
+        return 2 * float(out.cost), out.x
+
+    loose = []
     for start in [*_starts(design, target, order, allowed, starts, solve), *more]:
         steps = np.clip(np.diff(start, prepend=0.0), lowest + 1e-6, highest - 1e-6)
-        out = least_squares(residual, steps, jac=slopes,
-                            bounds=(lowest, highest), gtol=1e-14, xtol=tolerance if free else 1e-7,
-                            ftol=1e-2 * tolerance if free else 1e-8, max_nfev=200 if free else 60)
-        found.append((2 * float(out.cost), exponents(out.x, allowed)))
-    found.sort(key=lambda pair: pair[0])
-    cost, alpha = found[0]
-    return Optimum(solve(design(alpha), target, alpha), alpha, cost, tuple(c for c, _ in found), calls)
+        loose.append(descend(steps, max(tolerance, _SCREENED)))
+    loose.sort(key=lambda end: end[0])
+    found = loose
+    if free and tolerance < _SCREENED:
+        each = [k for k, (_, steps) in enumerate(loose) if not any(
+            np.abs(np.cumsum(steps - better)).max() < _SAME_END * allowed.gap for _, better in loose[:k])]
+        found = sorted([descend(loose[k][1], tolerance) for k in each], key=lambda end: end[0])
+    cost, alpha = found[0][0], exponents(found[0][1], allowed)
+    return Optimum(solve(design(alpha), target, alpha), alpha, cost, tuple(c for c, _ in loose), calls)
 
 
 def _projected_slopes(matrix: Array, slope: Array, target: Array) -> Array:

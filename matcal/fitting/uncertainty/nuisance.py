@@ -134,8 +134,12 @@ def _principal_directions(prony: PronyFit) -> list[Array]:
 
 
 def _uncertain(fit: Fit) -> list[tuple[int, str]]:
-    return [(k, fact) for k, curve in enumerate(fit.curves) for fact in MOVED
-            if curve.experiment.facts.get(fact, 0.0) > 0 and _known(fact, curve.experiment)]
+    return [(k, fact) for k, curve in enumerate(fit.curves) for fact in uncertain(curve)]
+
+
+def uncertain(curve: Curve) -> list[str]:
+    """Standard deviations, members of MOVED, that the curve's record states and that can be turned into stress."""
+    return [fact for fact in MOVED if curve.experiment.facts.get(fact, 0.0) > 0 and _known(fact, curve.experiment)]
 
 
 def _known(fact: str, experiment: Experiment) -> bool:
