@@ -5,20 +5,19 @@
   sum mu_i lambda^alpha_i > 0 at each stretch. (The twist of the axes adds (tau_i - tau_j)/(x_i - x_j) > 0, which
   follows from it along these paths.)
 - elliptic: the acoustic tensor Q(n) is positive definite for every direction n, so that waves of every polarisation
-  travel and no band of localised strain can form. It is minimised numerically: in principal axes Q depends on n_i^2
-  only, so n_i^2 runs over a triangular grid which is then refined about its worst point.
+  travel and no band of localised strain can form: `matcal.laws.ellipticity` in closed form. The worst direction is
+  found numerically: in principal axes Q depends on n_i^2 only, so n_i^2 runs over a triangular grid which is then
+  refined about its worst point.
 
 Source: Abaqus Analysis User's Guide, "Hyperelastic behavior in elastomeric foams" (Drucker); Ogden, Non-linear
 Elastic Deformations (1984), 6.2.7 (acoustic tensor in principal axes).
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from matcal.laws.deformation_modes import MODES, log_stretches
+from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_tangent
 from touchcal.errors import NotConverged
 
@@ -30,6 +29,8 @@ SCANNED = {"uniaxial": (-0.95, 1.0), "biaxial": (-0.95, 1.0), "planar": (-0.95, 
            "volumetric": (0.05, 2.0)}
 # points of a scan; an unstable range narrower than the spacing can be missed
 _POINTS = 391
+# strain to which the ends of an unstable range are found
+_END = 1e-7
 
 
 def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
@@ -54,19 +55,17 @@ def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
     return {criterion: {mode: _scan(law, criterion, mode) for mode in MODES} for criterion in CRITERIA}
 
 
-def margin(law: Hyperfoam, criterion: str, mode: str, strain: ArrayLike) -> Array:
-    """Least eigenvalue, Pa, (n,), at strains (n,), over all increments (drucker) or directions (elliptic).
+def is_stable(law: Hyperfoam, criterion: str, mode: str, strain: ArrayLike) -> NDArray[np.bool_]:
+    """Whether the law keeps a criterion, (n,), at strains (n,) of a mode.
 
-    It is -mu_0 where the free faces find no stress-free stretch (unequal nu): such a state does not exist.
+    It does not where the free faces find no stress-free stretch (unequal nu): such a state does not exist.
     """
     x, exists = _states(law, mode, np.atleast_1d(strain))
     if criterion == "drucker":
-        value = np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0]
-    elif criterion == "elliptic":
-        value = worst_acoustic_directions(law, x)[0]
-    else:
-        raise ValueError(f"criterion '{criterion}' is unknown; known: {', '.join(CRITERIA)}.")
-    return np.where(exists, value, -law.mu_0_Pa)
+        return exists & (np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0] > 0)
+    if criterion == "elliptic":
+        return exists & strongly_elliptic(law, x)
+    raise ValueError(f"criterion '{criterion}' is unknown; known: {', '.join(CRITERIA)}.")
 
 
 def _states(law: Hyperfoam, mode: str, strain: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -78,26 +77,21 @@ def _states(law: Hyperfoam, mode: str, strain: Array) -> tuple[Array, NDArray[np
         return np.where(exists[:, None], error.estimate, 0.0), exists
 
 
-def unstable_ranges(margin_at: Callable[[Array], Array], strain: Array) -> list[list[float]]:
-    """[[lo, hi], ...] where a margin, given at increasing strains (n,), is not positive; ends found by root search."""
-    value = margin_at(strain)
-    inside = value <= 0
-    edges = np.flatnonzero(inside[1:] != inside[:-1])
-    ends = [float(strain[0])] * bool(inside[0])
-    ends += [_root(lambda e: float(margin_at(np.array([e]))[0]), strain[k], strain[k + 1]) for k in edges]
-    ends += [float(strain[-1])] * bool(inside[-1])
-    return [[lo, hi] for lo, hi in zip(ends[::2], ends[1::2], strict=True)]
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    root = brentq(function, low, high, xtol=1e-7)
-    assert isinstance(root, float)
-    return root
+def unstable_ranges(law: Hyperfoam, criterion: str, mode: str, strain: Array) -> list[list[float]]:
+    """[[lo, hi], ...] where the law loses a criterion, scanned at increasing strains (n,); ends found by bisection."""
+    stable = is_stable(law, criterion, mode, strain)
+    edges = np.flatnonzero(stable[1:] != stable[:-1])
+    low, high = strain[edges], strain[edges + 1]
+    while edges.size and np.ptp([low, high], axis=0).max() > _END:
+        middle = (low + high) / 2
+        before = is_stable(law, criterion, mode, middle) == stable[edges]
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    ends = [*strain[:1][~stable[:1]], *(low + high) / 2, *strain[-1:][~stable[-1:]]]
+    return [[float(lo), float(hi)] for lo, hi in zip(ends[::2], ends[1::2], strict=True)]
 
 
 def _scan(law: Hyperfoam, criterion: str, mode: str) -> dict[str, object]:
-    strain = np.linspace(*SCANNED[mode], _POINTS)
-    ranges = unstable_ranges(lambda e: margin(law, criterion, mode, e), strain)
+    ranges = unstable_ranges(law, criterion, mode, np.linspace(*SCANNED[mode], _POINTS))
     return {"stable": not ranges, "unstable_strain": ranges, "scanned": list(SCANNED[mode])}
 
 
