@@ -1,7 +1,5 @@
 """Command line of `matcal`: inspect, fit, predict, check, export, compare, report."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext

@@ -1,7 +1,5 @@
 """`surrogate limit`: how well readings with white noise can tell a touch, whatever reads them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any

@@ -42,12 +42,12 @@ def account(card: Path, folder: Path, scenes: int, **options) -> Account:
 def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp_path: Path,
                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweeping, "ROWS_FROM_TABLE", 2)
-    first = account(card, tmp_path / "a", 5, reuse=True)
+    first = account(card, tmp_path / "a", 3, reuse=True)
     assert "a table of 1 load paths" in first.method
     assert cache.clear() == 1
-    account(card, tmp_path / "b", 5, reuse=True, workers=2)
+    account(card, tmp_path / "b", 3, reuse=True, workers=2)
     with ThreadPoolExecutor(2) as threads:
-        account(card, tmp_path / "c", 5, reuse=True, scheduler=ExecutorPool(threads, 3))
+        account(card, tmp_path / "c", 3, reuse=True, scheduler=ExecutorPool(threads, 3))
     a, *others = (read_dataset(tmp_path / name).table.drop(columns=[*COST]) for name in "abc")
     for other in others:
         pd.testing.assert_frame_equal(a, other, check_exact=True)
