@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +15,7 @@ from touchcal.terminal import JsonOption, check_apart, check_out, print_json
 if TYPE_CHECKING:
     import pandas as pd
 
-    from surrogate.data.baseline_frame import Untouched
+    from surrogate.data.baseline_frame import Comparison, Untouched
     from surrogate.data.frame_rows import Lines
     from surrogate.model.model import Model
     from surrogate.single_frame.simulator_likelihood import Simulator
@@ -28,6 +29,9 @@ POSTERIOR_HELP = "Sample the posterior of each frame with emcee, on the learned 
 TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains it as well."
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
 MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise are singular
+SCALE_HELP = ("Multiply all readings by the training's untouched ones over those measured: yes, no, or auto, where "
+              "that explains a difference beyond noise.")
+HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
 NoiseV = Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, where known.")]
 
 
@@ -35,6 +39,8 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             baseline: Annotated[Path | None, typer.Option(help=BASELINE_HELP)] = None, noise_v: NoiseV = None,
             direct: Annotated[bool, typer.Option("--direct", help=DIRECT_HELP)] = False,
             posterior: Annotated[bool, typer.Option("--posterior", help=POSTERIOR_HELP)] = False,
+            scale_baseline: Annotated[str, typer.Option(help=SCALE_HELP)] = "auto",
+            held: Annotated[float | None, typer.Option(help=HELD_HELP)] = None,
             touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
             data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
@@ -73,18 +79,24 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
     model = surrogate.load(model_folder)
+    if held is not None and (direct or posterior or touches == 2):
+        raise ValueError("--held is for plain predictions; leave it out with --direct, --posterior and --touches 2.")
     if frames == "-":
-        _predict_stream(model, baseline, noise_v, out)
+        _predict_stream(model, baseline, noise_v, out, scale_baseline, held)
         return
     read, reference, dead = _frames(model, Path(frames), baseline)
-    noise = _noise(model, reference, noise_v)
+    noise = _noise(reference, noise_v)
+    found = _compared(model, reference, noise, scale_baseline)
+    read, noise = replace(read, volts=read.volts * found.gain), noise * found.noise_factor
+    reference = replace(reference, volts=reference.volts * found.gain)
+    _say_holding(model, held)
     if touches == 2:
         table = _pairs(model, read, reference, dead, noise)
     elif direct or posterior:
         simulator = None if card is None else _simulator(model, card, data, scene, reference)
         table = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
     else:
-        table = _plain_table(model, read, reference, dead, noise)
+        table = _plain_table(model, read, reference, dead, noise, held)
     _written(table, model_folder, out, as_json)
 
 
@@ -100,11 +112,12 @@ def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None,
         raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
 
 
-def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float) -> pd.DataFrame:
+def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float,
+                 held_s: float | None) -> pd.DataFrame:
     from surrogate.model.predict import prepare, sign_caution, table_of
 
     _say_intervals(model, noise)
-    table = table_of(prepare(model, reference.volts, noise, dead), frames)
+    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s), frames)
     if words := sign_caution(table["flag"].tolist()):
         _say(words)
     return table
@@ -178,19 +191,22 @@ def _plain(row: dict[Any, Any]) -> dict[str, Any]:
     return {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
 
 
-def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None) -> None:
+def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None, scaling: str,
+                    held_s: float | None) -> None:
     from contextlib import nullcontext
 
     from surrogate.data.baseline_frame import Untouched
     from surrogate.model.stream import answer, widen_pipe
 
     reference, dead = (None, None) if baseline is None else _untouched(model, baseline)
-    noise = _noise(model, reference or Untouched(model.baseline_V, None), noise_V)
+    noise = _noise(reference or Untouched(model.baseline_V, None), noise_V)
     _say_intervals(model, noise)
+    _say_holding(model, held_s)
     widen_pipe(sys.stdin.fileno())
     with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
           nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
-        counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say)
+        counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say,
+                        scaling=scaling, held_s=held_s)
     if out is not None:
         print(f"{out}: {_counted(counts.answered, counts.flagged)}")
 
@@ -199,12 +215,25 @@ def _counted(frames: int, flagged: int) -> str:
     return f"{frames} frames, {flagged} of them flagged."
 
 
-def _noise(model: Model, reference: Untouched, given: float | None) -> float:
-    """Standard deviation of the noise, V; cautions where it is unknown, and about an untouched frame of elsewhere."""
-    from surrogate.data.baseline_frame import caution
+def _compared(model: Model, reference: Untouched, noise_V: float, scaling: str) -> Comparison:
+    """The untouched frame next to the training's; says what differs."""
+    from surrogate.data.baseline_frame import compared
 
-    if words := caution(model.baseline_V, reference.volts):
+    found = compared(model.baseline_V, model.ring, reference.volts, noise_V, scaling)
+    if found.words:
+        _say(found.words)
+    return found
+
+
+def _say_holding(model: Model, held_s: float | None) -> None:
+    from surrogate.model.holding_time import holding_caution
+
+    if words := holding_caution(model, held_s):
         _say(words)
+
+
+def _noise(reference: Untouched, given: float | None) -> float:
+    """Standard deviation of the noise, V; a caution where it is unknown."""
     noise = given if given is not None else reference.noise_V
     if noise is None:
         _say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "

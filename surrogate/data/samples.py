@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.sweeps.dataset.parquet import TOUCH, Dataset, read_dataset
+from eitsim.sweeps.dataset.parquet import RELAXATION, TOUCH, Dataset, read_dataset
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.measurement.instrument_table import TABLE
 from surrogate.data import material_states, outputs
@@ -42,6 +42,7 @@ class Samples:
     row_hash: NDArray[np.uint64]
     # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
     measurement: Mapping[str, Any] = field(default_factory=dict)
+    relaxation: Mapping[str, Any] = field(default_factory=dict)  # the manifest's, empty where none is told
 
     def __len__(self) -> int:
         return len(self.scene)
@@ -84,7 +85,7 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     material = material_states.answers(rows, "hold" in data.design["tables"])
     measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
     return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
-                   material, _hashes(scene, target), measurement)
+                   material, _hashes(scene, target), measurement, data.manifest.get(RELAXATION, {}))
 
 
 def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:
@@ -131,7 +132,7 @@ def content_hash(samples: Samples) -> str:
 def take(samples: Samples, rows: Index | Mask) -> Samples:
     """The samples of these rows."""
     return replace(samples, **{part.name: getattr(samples, part.name)[rows] for part in fields(samples)
-                               if part.name not in ("ring", "measurement")})
+                               if part.name not in ("ring", "measurement", "relaxation")})
 
 
 def split(touch: ArrayLike, seed: int) -> NDArray[np.str_]:

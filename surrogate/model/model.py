@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from surrogate.data.baseline_frame import caution, untouched
+from surrogate.data.baseline_frame import compared, untouched
 from surrogate.model import store
+from surrogate.model.holding_time import holding_caution
 from surrogate.model.missing_channels import silent, stuck
 from surrogate.model.predict import predict, prepare, si_table
 from surrogate.model.trained import TrainedModel
@@ -21,7 +22,8 @@ class Model(TrainedModel):
     """A learner for some outputs of one sensor, made by `train` or `load`."""
 
     def predict(self, frames_V: ArrayLike, baseline_V: ArrayLike | None = None, *,
-                noise_V: float | None = None) -> pd.DataFrame:
+                noise_V: float | None = None, scale_baseline: str = "auto",
+                held_s: float | None = None) -> pd.DataFrame:
         """Read a touch from each frame of voltages.
 
         Parameters
@@ -33,6 +35,13 @@ class Model(TrainedModel):
         noise_V : float, optional
             Standard deviation of one reading, V. Where left out, it follows from the scatter of two or more untouched
             frames; with fewer, intervals leave noise out.
+        scale_baseline : "auto", "yes" or "no"
+            Whether all readings are multiplied by the training's untouched ones over those of `baseline_V`, which takes
+            out gains and the sheet's conductance; "auto": where factors of readings explain what differs by more than
+            noise. What is found and done is warned of.
+        held_s : float, optional
+            Time since loading, s, for which the foam has relaxed: F, sigma_max and sigma_ave are those then. Where left
+            out they are those of the training, long-term ones as a rule.
 
         Returns
         -------
@@ -45,7 +54,8 @@ class Model(TrainedModel):
         Raises
         ------
         ValueError
-            For frames of another number of readings, or a noise that is no finite number from 0.
+            For frames of another number of readings, a noise that is no finite number from 0, another word for
+            scale_baseline, or a holding time that the model has no relaxation for.
 
         Examples
         --------
@@ -56,10 +66,12 @@ class Model(TrainedModel):
         reference = self._frames("baseline_V", self.baseline_V if baseline_V is None else baseline_V)
         dead = stuck(frames) | stuck(reference) | silent(reference, self.baseline_V).any(axis=0)
         known = untouched(reference)
-        if words := caution(self.baseline_V, known.volts):
-            warnings.warn(words, stacklevel=2)
         noise = noise_V if noise_V is not None else known.noise_V or 0.0
-        return si_table(self, predict(prepare(self, known.volts, noise, dead), frames))
+        found = compared(self.baseline_V, self.ring, known.volts, noise, scale_baseline)
+        for words in filter(None, (found.words, holding_caution(self, held_s))):
+            warnings.warn(words, stacklevel=2)
+        ready = prepare(self, known.volts * found.gain, noise * found.noise_factor, dead, held_s=held_s)
+        return si_table(self, predict(ready, frames * found.gain))
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed.

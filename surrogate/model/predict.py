@@ -13,6 +13,7 @@ from surrogate.data.frame_rows import Lines
 from surrogate.learners.base import Estimate
 from surrogate.learners.novelty import Novelty, fit_novelty, novelty_score, of_other_sign
 from surrogate.learners.registry import METHODS
+from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.trained import TrainedModel, estimate, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -47,6 +48,7 @@ class Predictor:
     scale: Array  # (outputs,) standard deviations that make a 90 % interval
     novelty: Novelty
     dead: Mask  # (readings,) channels that are dead whatever a frame reads
+    left: float  # stresses of the foam at the time of reading, over those of the training
     # predictors of the readings that are left, by the bytes of a mask of dead channels
     reduced: dict[bytes, Predictor] = field(default_factory=dict)
 
@@ -71,18 +73,20 @@ class Predictions:
 
 
 def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None, *,
-            calibrate: bool = True) -> Predictor:
+            calibrate: bool = True, held_s: float | None = None) -> Predictor:
     """What predicting frames needs, once for a stream of frames.
 
     dead: (readings,) channels known to be dead, besides those that the baseline shows; calibrate: whether intervals are
-    calibrated, which may invert every calibration row. ValueError for a noise that is no finite number from 0.
+    calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`. ValueError for a noise
+    that is no finite number from 0, or a holding time that the model has no relaxation for.
     """
     if not 0 <= noise_V < np.inf:
         raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     scale = interval_scale(model, noise_V) if calibrate else np.ones(len(model.names))
-    return Predictor(model, baseline_V, noise_V, scale, fit_novelty(model.ring, model.calibration.signal_V), lost)
+    return Predictor(model, baseline_V, noise_V, scale, fit_novelty(model.ring, model.calibration.signal_V), lost,
+                     stress_left(model, held_s))
 
 
 def predict(predictor: Predictor, volts: Array) -> Predictions:
@@ -122,7 +126,7 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
         fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V)
-        predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale))
+        predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale), left=predictor.left)
     part = _sound(predictor.reduced[key], volts[:, kept])
     return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
 
@@ -153,7 +157,8 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     flags[reverse] += f"; {OTHER_SIGN}"
     flags[_several(model, below + above)] += f"; {SEVERAL}"
     flags = np.array([flag.removeprefix("; ") for flag in flags], object)
-    return Predictions(value, below, above, flags.tolist(), parts)
+    left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
+    return Predictions(value * left, below * left, above * left, flags.tolist(), parts * predictor.left)
 
 
 def _parts_told(model: TrainedModel) -> int:

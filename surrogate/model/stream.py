@@ -4,13 +4,13 @@ import contextlib
 import csv
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BufferedIOBase
 from typing import TextIO
 
 import numpy as np
 
-from surrogate.data.baseline_frame import caution
+from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_rows import CHUNK, Lines, first_frame, frames_of, header_of, waiting_lines
 from surrogate.model.missing_channels import check_needed, silent
 from surrogate.model.model import Model
@@ -38,19 +38,28 @@ def widen_pipe(descriptor: int) -> None:
 
 def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
            baseline_V: Array | None = None, dead: Mask | None = None,
-           say: Callable[[str], object] = lambda words: None) -> Counts:
+           say: Callable[[str], object] = lambda words: None, *, scaling: str = "auto",
+           held_s: float | None = None) -> Counts:
     """Write one row of predictions for each frame of a stream, flushed as soon as no further one waits.
 
     baseline_V (readings,), V, is the untouched frame, and dead (readings,) its dead channels; without, the first frame
-    is the untouched one and has no row. `say` takes words on that, on an untouched frame of elsewhere, and on the first
-    signals of the other sign. A line that is no frame has a row without values whose flag tells why; the stream goes
-    on. ValueError where the untouched frame is bad or there is none, or a header names anything but readings.
+    is the untouched one and has no row; scaling is that of `baseline_frame.compared`, held_s as in `prepare`. `say`
+    takes words on that, on an untouched frame of elsewhere, and on the first signals of the other sign. A line that is
+    no frame has a row without values whose flag tells why; the stream goes on. ValueError where the untouched frame is
+    bad or there is none, or a header names anything but readings.
     """
     table = csv.writer(sink, lineterminator="\n")
     table.writerow(columns(model))
     sink.flush()
     order: Index | None = None
-    predictor = None if baseline_V is None else prepare(model, baseline_V, noise_V, dead)
+
+    def by(untouched_V: Array) -> tuple[Predictor, Array]:
+        found = compared(model.baseline_V, model.ring, untouched_V, noise_V, scaling)
+        if found.words:
+            say(found.words)
+        return (prepare(model, untouched_V * found.gain, noise_V * found.noise_factor, dead, held_s=held_s), found.gain)
+
+    ready = None if baseline_V is None else by(baseline_V)
     answered, flagged, warned = 0, 0, False
     for lines in waiting_lines(source):
         lines = [line for line in lines if line[1]]
@@ -60,10 +69,10 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
         if not lines or order is None:
             continue
         read = frames_of(lines, order)
-        if predictor is None:
-            predictor, read = _untouched(model, read, noise_V, say), read.after_first()
+        if ready is None:
+            ready, read = by(_untouched(model, read, say)), read.after_first()
         if len(read.line):
-            rows = answers(predictor, read)
+            rows = answers(ready[0], replace(read, volts=read.volts * ready[1]))
             table.writerows(rows)
             sink.flush()
             flags = [row[-1] for row in rows]
@@ -71,7 +80,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
             if not warned and (words := sign_caution(flags)):
                 say(f"line {rows[0][0]} on: {words}")
                 warned = True
-    if predictor is None:
+    if ready is None:
         raise ValueError(f"{SOURCE} held no frame. Give the untouched one first, or --baseline FILE.")
     return Counts(answered, flagged)
 
@@ -84,14 +93,12 @@ def _header(line: tuple[int, str], readings: int) -> Index | None:
         raise ValueError(f"{SOURCE}, line {number}: {error}") from None
 
 
-def _untouched(model: Model, lines: Lines, noise_V: float, say: Callable[[str], object]) -> Predictor:
-    """Predictor by the first line, with words on it."""
+def _untouched(model: Model, lines: Lines, say: Callable[[str], object]) -> Array:
+    """The first line, V, with words on it."""
     volts, where = first_frame(lines, SOURCE), f"{SOURCE}, line {lines.line[0]}"
     check_needed(model, silent(volts[None], model.baseline_V)[0], where)
     say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
-    if words := caution(model.baseline_V, volts):
-        say(words)
-    return prepare(model, volts, noise_V)
+    return volts
 
 
 def answers(predictor: Predictor, lines: Lines) -> list[list[str]]:

@@ -130,5 +130,5 @@ def _provenance(samples: Samples, part: NDArray[np.str_], validation: Samples) -
                 "cards": len(np.unique(rows.card))}
 
     return {"dataset": described(samples) | {"split": {p: int(np.sum(part == p)) for p in PARTS}},
-            "calibration": described(validation),
+            "calibration": described(validation), "relaxation": dict(samples.relaxation),
             "versions": {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy", "torch")}}

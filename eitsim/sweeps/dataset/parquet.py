@@ -43,6 +43,7 @@ COST = ("cpu_s", "mechanics_cpu_s", "electrics_cpu_s", "fields_cpu_s")
 METHODS = ("mechanics_method", "electrics_method")
 FIXED = ("scene", "outcome", *TOUCH, *OUTPUTS, "card_sample", "signal_error", "cpu_s")
 
+RELAXATION = "relaxation"  # key of the manifest: the card's Prony series, and the moduli by which touches are pressed
 _COUNT, _OBJECT = Number(0, 1e15, whole=True), (dict, None)
 _METHOD = Keys(allowed={"exact": bool, "reuse": (bool, None), "rim": bool, "reason": str,
                         "table": Keys({"used": bool, "rim": bool, "note": str})})
@@ -54,6 +55,7 @@ _SHAPE = Keys({"schema": _COUNT, "design": Keys({"scenes": Number(1, 1e15, whole
     "card": (Keys(allowed={"name": str, "sha256": str, "file": (str, None), "synthetic": bool}), None),
     "versions": {str: str}, "method": _METHOD, "rows_per_part": Number(1, 1e9, whole=True), "code": str,
     "posterior": Keys(allowed={"sha256": str}), "left_out": [dict],
+    RELAXATION: Keys({"g": [Number(0, 1)], "tau_s": [Number(0)], "moduli": str}),
     "runs": [Keys({each.name: (Number(), str, None) for each in fields(Run)}, further=False)],
     "clean": Keys(allowed={"folder": str, "sha256": str}), "measured": dict, "measured_by": str})
 # What it must hold in addition for a sweep to go on.

@@ -21,7 +21,7 @@ from eitsim.sweeps.dataset.code_history import by_this_code, check_columns
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import GROWING, Design, same_or_grown
-from matcal.card import card_identity
+from matcal.card import MaterialCard, card_identity
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
 from touchcal.json_file import digest
@@ -81,6 +81,7 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
     manifest = {"design": plain, "card": card_identity(cards.card), "versions": versions(),
                 "method": method, "rows_per_part": rows_per_part, "code": key_of({}), "posterior": dict(cards.source)}
     manifest[parquet.IDENTITY] = digest({key: manifest[key] for key in ("design", "card", "method", "posterior")})
+    manifest |= _relaxation(design, cards.card)
     if (stands := begun(folder, manifest)) is None:
         return manifest, standing(folder, design.scenes, manifest)
     old = {"posterior": {}, **stands}
@@ -108,6 +109,16 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
     if continued != old:
         parquet.write_manifest(folder, continued)
     return continued, before
+
+
+def _relaxation(design: Design, card: MaterialCard) -> dict[str, Any]:
+    """The card's Prony series and the moduli by which touches are pressed; empty without one, or where touches are
+    held."""
+    hold = {"time_s": (), "moduli": "card", **design.tables.get("hold", {})}
+    if card.prony is None or card.hyperfoam is None or hold["time_s"]:
+        return {}
+    moduli = card.hyperfoam.moduli if hold["moduli"] == "card" else hold["moduli"]
+    return {parquet.RELAXATION: {"g": card.prony.g.tolist(), "tau_s": card.prony.tau_s.tolist(), "moduli": moduli}}
 
 
 def _check_same_design(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from surrogate.data.baseline_frame import caution, untouched
+from surrogate.data.baseline_frame import compared, untouched
 from surrogate.data.samples import Samples
+from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.model.missing_channels import check_needed, named, silent, stuck, without
@@ -182,13 +183,13 @@ def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
     assert named(np.arange(9) > 2) == "dead channels: columns 4, 5, 6, 7 and 2 more"
 
 
-def test_an_untouched_frame_of_elsewhere_is_cautioned_with_the_likely_cause(untouched_V: Array) -> None:
+def test_an_untouched_frame_of_elsewhere_is_cautioned_with_the_likely_cause(untouched_V: Array, ring: Ring) -> None:
     rng = np.random.default_rng(0)
-    assert caution(untouched_V, 1.05 * untouched_V) == ""
-    assert "differs by 100%" in caution(untouched_V, 2 * untouched_V)
+    assert compared(untouched_V, ring, 1.0001 * untouched_V).words == ""
+    assert "differs by 1 times its size" in compared(untouched_V, ring, 2 * untouched_V).words
     for other, cause in ((-untouched_V, "leads of the current or of the voltmeter"), (1e3 * untouched_V, "in volts"),
                          (rng.permutation(untouched_V), "another order"), (rng.normal(size=208), "is it untouched")):
-        assert cause in caution(untouched_V, other)
+        assert cause in compared(untouched_V, ring, other).words
 
 
 def test_untouched_frames_without_a_channel_tell_their_noise_by_the_others(untouched_V: Array) -> None:
