@@ -14,14 +14,23 @@ import pytest
 from eitsim.scene.drive import voltage_columns
 from eitsim.sweeps.dataset.parquet import (
     FIXED,
+    RELAXATION,
     decoded,
     encoded,
     read_dataset,
+    read_manifest,
     read_part,
     with_rows,
     write_manifest,
     write_part,
 )
+from eitsim.sweeps.design.card_draws import Cards
+from eitsim.sweeps.design.design import design_from
+from eitsim.sweeps.run.folder import start_or_continue
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
 from touchcal.errors import InputFileError
 
 
@@ -143,3 +152,16 @@ def test_parts_cost_little_beside_their_numbers(tmp_path: Path) -> None:
     write_part(tmp_path, rows)
     (part,) = tmp_path.glob("*.parquet")
     assert part.stat().st_size < 1.4 * 64 * 8 * len(rows[0])
+
+
+@pytest.mark.parametrize(("hold", "told"), [({}, "longterm"), ({"moduli": "instantaneous"}, "instantaneous"),
+                                            ({"time_s": [1.0]}, None)])
+def test_the_manifest_holds_the_foams_relaxation_unless_touches_are_held(tmp_path: Path, hold: dict[str, object],
+                                                                         told: str | None) -> None:
+    card = MaterialCard("foam", Hyperfoam([14420.0], [4.249], [0.0], "longterm"), Prony([0.2, 0.1], [1.0, 30.0]),
+                        Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    design = design_from({"punch": {"x_mm": 0, "y_mm": 0, "diameter_mm": 14, "force_N": 0.27},
+                          **({"hold": hold} if hold else {})}, 1)
+    start_or_continue(tmp_path, design, Cards(card), {}, 10, None, (), False)
+    found = read_manifest(tmp_path).get(RELAXATION)
+    assert found == (None if told is None else {"g": [0.2, 0.1], "tau_s": [1.0, 30.0], "moduli": told})

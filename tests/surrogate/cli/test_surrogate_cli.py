@@ -319,6 +319,29 @@ def test_more_noise_than_any_instrument_reads_is_refused(call: Call, ridge: Path
     assert "--noise-V must be 0 to 1000 V, got 1e+300" in said
 
 
+def test_gains_of_the_instrument_are_taken_out_unless_told_otherwise(call: Call, ridge: Path, synthetic: Synthetic,
+                                                                     untouched_V: Array, tmp_path: Path) -> None:
+    gain = 1 + 0.03 * np.random.default_rng(4).normal(size=208)
+    frames = np.vstack([untouched_V, untouched_V + synthetic(3, 53)[1]])
+    plain, worn = write_frames(tmp_path / "plain.csv", frames), write_frames(tmp_path / "worn.csv", gain * frames)
+    exact, scaled, left = (pd.read_csv(io.StringIO(call("predict", ridge, *asked)[1])) for asked in (
+        (plain,), (worn,), (worn, "--scale-baseline", "no")))
+    assert np.allclose(scaled["F_N"], exact["F_N"], rtol=1e-4)
+    assert not np.allclose(left["F_N"], exact["F_N"], rtol=1e-3)
+    assert "All readings are multiplied by" in call("predict", ridge, worn)[2]
+    assert "would take it out" in call("predict", ridge, worn, "--scale-baseline", "no")[2]
+
+
+def test_choices_of_frames_that_do_not_go_together_are_refused(call: Call, ridge: Path, untouched_V: Array,
+                                                               tmp_path: Path) -> None:
+    frames = write_frames(tmp_path / "f.csv", np.vstack([untouched_V, untouched_V]))
+    for asked, words in ((("--held", "5"), "no Prony series"), (("--held", "5", "--posterior"), "plain predictions"),
+                         (("--scale-baseline", "maybe"), "auto, yes, no")):
+        status, printed, said = call("predict", ridge, frames, *asked)
+        assert (status, printed) == (2, "")
+        assert words in said
+
+
 def test_rows_that_are_missing_are_counted(call: Call, sweep: Path, ridge: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(sweep, tmp_path / "sweep"))
     manifest = json.loads((folder / "design.json").read_text())
