@@ -24,7 +24,7 @@ RAW = HERE.parent / "data_raw"
 GIVEN = {"inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",), "streaming": ("ridge",),
          "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json")}
 # what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
-APART = ("carry_over", "faithful", "gpu", "mutants", "ridge", "surrogates", "transfer")
+APART = ("carry_over", "faithful", "gpu", "mutants", "ridge", "surrogates", "transfer", "untouched_frame")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",
