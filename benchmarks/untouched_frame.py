@@ -1,8 +1,8 @@
 """What scaling by the untouched frame takes out: errors of a model on sensors that differ from the one it learned.
 
-Usage: python benchmarks/untouched_frame.py MODEL CARD [TOUCHES]. Synthetic: touches by the simulator within 42 mm of the
-middle, white noise at 80 dB, 20 untouched frames. Prints for each sensor, without and with scaling, the RMSE of x0, y0
-(mm), d (mm) and F (N), and the share of the 90 % intervals of F that hold.
+Usage: python benchmarks/untouched_frame.py MODEL CARD [TOUCHES]. Synthetic: touches by the simulator within 42 mm of
+the middle, white noise at 80 dB, 20 untouched frames. Prints for each sensor, without and with scaling, the RMSE of x0,
+y0 (mm), d (mm) and F (N), and the share of the 90 % intervals of F that hold.
 """
 
 import sys
@@ -42,7 +42,8 @@ def main(folder: str, card: str, touches: int = 40) -> None:
     truth = np.array([[p.x_m, p.y_m, p.diameter_m, p.force_N] for scene in asked for p in scene.punches])
     noise = 1e-4 * float(np.sqrt(np.mean(model.baseline_V**2)))
     for name, change in sensors().items():
-        found = [eitsim.simulate(replace(scene, **change), card, reuse=True).readings for scene in asked]
+        found = [one for one in (eitsim.simulate(replace(scene, **change), card, reuse=True).readings
+                                 for scene in asked) if one is not None]
         volts = np.array([one.touched_V.ravel() for one in found])
         rest = np.tile(found[0].baseline_V.ravel(), (20, 1))
         gains = {"": 1.0, ", gains 3 % apart": 1 + 0.03 * rng.normal(size=rest.shape[1])}
