@@ -185,4 +185,5 @@ class Result:
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # the part of them that solving left, without what the plan left out
     numerical_error: Mapping[str, float] = field(default_factory=dict)
-    cost: Mapping[str, float] = field(default_factory=dict)  # "cpu_s", "wall_s", "peak_MB"
+    # "cpu_s", "compilation_cpu_s" (once, not in it), "wall_s", "peak_MB"
+    cost: Mapping[str, float] = field(default_factory=dict)
