@@ -166,9 +166,10 @@ def _at_bound(card: MaterialCard) -> Iterator[str]:
     kept = [f"alpha_{k} = {found[f'alpha_{k}']['value']:.3g}" for k in dict.fromkeys((1, card.hyperfoam.alpha.size))
             if found[f"alpha_{k}"]["stderr"] is None and found[f"mu_{k}_Pa"]["stderr"] is not None]
     if kept:
-        tried = card.fit.get("orders", ())
+        order, tried = card.hyperfoam.alpha.size, card.fit.get("orders", ())
+        clear = any(row["order"] == order and not row["confluence"] for row in tried)  # else _misfit names an order
         yield (f"{' and '.join(kept)} ended on the bound of the exponents that are searched: outside the fitted "
-               "strains the law rests on that bound." + (_safer(card.hyperfoam.alpha.size, tried) if tried else ""))
+               "strains the law rests on that bound." + (_safer(order, tried) if clear else ""))
 
 
 def _undetermined(card: MaterialCard) -> Iterator[str]:

@@ -88,3 +88,10 @@ def test_an_exponent_on_its_bound_is_said() -> None:
     (said,) = (said for said in cautions(card) if "ended on the bound" in said)
     assert said.startswith("alpha_2 = 25 ended on the bound of the exponents that are searched")
     assert not any("ended on the bound" in said for said in cautions(card_of()))
+
+
+def test_a_record_with_equal_strains_has_its_share_in_the_band() -> None:
+    strain = np.r_[E, E[:40]]
+    card = card_of(strain=strain)
+    assert card.fit["uniaxial_1"]["n"] == strain.size
+    assert card.fit["uniaxial_1"]["inside_band"] == 1.0
