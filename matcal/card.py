@@ -49,10 +49,12 @@ class MaterialCard:
     hyperfoam: Hyperfoam | None = None
     prony: Prony | None = None
     conductivity: Conductivity | None = None
-    fit: Mapping[str, Any] = field(default_factory=dict)  # experiment -> {rms, relative_rms, r2, n, weight}
-    stability: Mapping[str, Any] = field(default_factory=dict)  # criterion -> mode -> {stable, unstable_strain}
-    posterior: Mapping[str, Any] = field(default_factory=dict)  # {file, n, checks, ...}
-    provenance: Mapping[str, Any] = field(default_factory=dict)  # files with sha256, versions, seed, date, decisions
+    fit: Mapping[str, Any] = field(default_factory=dict, repr=False)  # experiment -> {rms, relative_rms, r2, n, weight}
+    # criterion -> mode -> {stable, unstable_strain}
+    stability: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    posterior: Mapping[str, Any] = field(default_factory=dict, repr=False)  # {file, n, checks, ...}
+    # files with sha256, versions, seed, date, decisions
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     # folder of reduced experiments and posterior, relative to the card; None when the card stands alone
     data: str | None = None
     schema: int = SCHEMA

@@ -1,5 +1,5 @@
 """The README's own commands run as they stand, on a smaller sweep (slow), and the demo, which `.ci/run` runs, has the
-same ones; the chain in Python runs as it stands."""
+same ones; the chain in Python runs as it stands, and the first page's two examples print what it says."""
 
 from __future__ import annotations
 
@@ -8,12 +8,20 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 SCENES = "30"
+
+
+def readme_block(kind: str) -> str:
+    """The first block of a kind, as it stands."""
+    found = re.search(rf"```{kind}\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert found is not None
+    return found[1]
 
 
 def commands(text: str) -> list[list[str]]:
@@ -62,3 +70,16 @@ def test_demo_runs_the_same_commands(command: list[str]) -> None:
         return  # prints what `eitsim run` prints too
     demo = (ROOT / "examples" / "demo.sh").read_text(encoding="utf-8")
     assert skeleton(command) in [skeleton(step[2:]) for step in commands(demo) if step[0] == "step"]
+
+
+def test_the_first_page_prints_what_it_says(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path,
+                                            monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+                                            ) -> None:
+    (tmp_path / "disc_uniaxial.csv").write_text(readme_block("csv"))
+    done = command("matcal", "fit", "disc_uniaxial.csv", "--out", "foam.json", cwd=tmp_path)
+    printed = [line.rstrip() for line in done.stdout.splitlines()]
+    assert [line for line in readme_block("text").splitlines() if line not in printed] == []
+    monkeypatch.chdir(tmp_path)
+    exec(readme_block("python"), {})
+    depth_m, *shape, error = re.findall(r"[\d.]+", capsys.readouterr().out)
+    assert (round(1e3 * float(depth_m), 2), shape, round(float(error), 3)) == (1.91, ["16", "13"], 0.004)

@@ -2,12 +2,15 @@
 
 Compiled loops are kept on disk. Numba compiles a loop again where its own file has changed; here also where the file of
 a compiled function has changed that its module imports, directly or not. Numbers from other files are not followed.
+What compilation takes, once, is no cost of a result: `cpu_s` leaves it out, and a terminal is told when it begins.
 """
 
 import functools
 import hashlib
 import inspect
+import multiprocessing
 import sys
+import time
 from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any, TypeVar
@@ -18,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 Result = TypeVar("Result")
 
 _WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
+COMPILING = "compiling, once after an installation or a change of the code: some 20 CPU seconds"
 
 
 def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.float64]:
@@ -30,6 +34,7 @@ def compiled(function: Callable[..., Result]) -> Callable[..., Result]:
     from numba import njit
 
     _register_where()
+    _compilation()
     try:
         kernel = njit(cache=True)(function)
     except RuntimeError:
@@ -48,6 +53,43 @@ def compilable(*functions: Callable[..., Any]) -> None:
     for function in functions:
         register_jitable(function)
         _WITH_LOOPS.add(function.__module__)
+
+
+def cpu_s() -> float:
+    """CPU seconds of this process without those that compilation took."""
+    return time.process_time() - compilation_s()
+
+
+def compilation_s() -> float:
+    """CPU seconds that compilation took in this process so far."""
+    return _compilation().cpu_s
+
+
+@functools.cache
+def _compilation() -> Any:
+    from numba.core import event
+
+    class Compilation(event.Listener):
+        """CPU seconds between the outermost beginnings and ends of compilation; loops compile those that they call."""
+
+        def __init__(self) -> None:
+            self.cpu_s, self._depth, self._begun = 0.0, 0, 0.0
+
+        def on_start(self, event: Any) -> None:
+            if self._depth == 0:
+                self._begun = time.process_time()
+                if self.cpu_s == 0 and sys.stderr.isatty() and multiprocessing.parent_process() is None:
+                    print(COMPILING, file=sys.stderr)
+            self._depth += 1
+
+        def on_end(self, event: Any) -> None:
+            self._depth -= 1
+            if self._depth == 0:
+                self.cpu_s += time.process_time() - self._begun
+
+    listener = Compilation()
+    event.register("numba:compile", listener)
+    return listener
 
 
 @functools.cache

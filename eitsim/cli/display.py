@@ -1,40 +1,72 @@
 """What the terminal shows of plans, results, models and images: tables for people, the files that were written."""
 
+import os
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from eitsim.scene.results import Plan, Result
+from eitsim.scene.results import Decision, Plan, Result
+from eitsim.simulation.result_json import ERRORS, MECHANICS
 
 
 def show_plan(made: Plan) -> None:
-    table = Table("decision", "reason", "may cost of dV", title="plan")
+    """Every decision of a plan, why, and what it may cost of the signal."""
+    table = Table("may cost", "decision", "reason", box=box.SIMPLE_HEAD, title_justify="left",
+                  title="plan: each choice, and what it may cost of the signal (readings touched less untouched)")
     for d in made.decisions:
-        table.add_row(escape(d.decision), escape(d.reason), f"{d.error_bound:.1e}" if d.error_bound else "-")
+        table.add_row(_cost(d), escape(d.decision), escape(d.reason))
     table.add_section()
-    table.add_row("all of them", "", f"{made.error_bound:.1e}")
-    Console().print(table)
+    table.add_row(_percent(made.error_bound), "all known costs together", "")
+    _console().print(table)
 
 
-def show_result(result: Result, document: dict[str, Any]) -> None:
-    show_plan(result.plan)
-    if result.readings is not None:
+def _cost(d: Decision) -> str:
+    return _percent(d.error_bound) if d.error_bound else "unknown" if d.unbounded else "-"
+
+
+def _percent(share: float) -> str:
+    return f"{share:.2%}" if share >= 5e-5 or not share else "<0.01%"
+
+
+def _plan_in_a_line(made: Plan, scene: Path) -> str:
+    largest = max(made.decisions, key=lambda d: d.error_bound)
+    unknown = dict.fromkeys(d.decision for d in made.decisions if d.unbounded)
+    return (f"plan: what is left out may cost {_percent(made.error_bound)} of the signal, most of it by "
+            f"\"{largest.decision}\". Not in any error, since the cost is unknown: "
+            f"{'; '.join(unknown) or 'nothing'}. `eitsim plan {scene}` lists all with their reasons.")
+
+
+def _console() -> Console:
+    """The terminal as it is, or COLUMNS wide; a pipe takes 120 columns."""
+    console = Console()
+    return console if console.is_terminal or "COLUMNS" in os.environ else Console(width=120)
+
+
+def show_result(result: Result, document: dict[str, Any], scene: Path) -> None:
+    if result.readings is None:
+        show_plan(result.plan)
+    else:
         largest_V = max(abs(value) for value in result.readings.signal_V.flat if value == value)
-        table = Table("quantity", "value", title=f"touch: {result.outcome}")
-        for key in ("force_N", "delta_max_mm", "sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2"):
+        table = Table("quantity", "value", title=f"touch: {result.outcome}", title_justify="left", box=box.SIMPLE_HEAD)
+        for key, (name, _) in MECHANICS.items():
             values = document[key] if isinstance(document[key], list) else [document[key]]
-            table.add_row(key, ", ".join(f"{value:.5g}" for value in values))
-        table.add_row("largest |dV|, mV", f"{largest_V * 1e3:.4g}")
+            table.add_row(f"{name}, {key}", ", ".join(f"{value:.5g}" for value in values))
+        table.add_row("Largest signal, voltage touched less untouched, mV", f"{largest_V * 1e3:.4g}")
         for key, value in result.error_estimate.items():
-            table.add_row(f"error of {key}, of that numerical", f"{value:.2%}, {result.numerical_error[key]:.2%}")
+            numerical = result.numerical_error[key]
+            table.add_row(f"Error of {ERRORS.get(key, key)}", f"{value:.2%}, numerical {numerical:.2%}")
         for key, value in result.interaction.items():
-            table.add_row(f"of it at most by neighbours, {key}", f"{value:.2%}")
+            table.add_row(f"Of it at most by neighbours, {ERRORS.get(key, key)}", f"{value:.2%}")
         _add_ranges(table, document["stability"])
         table.add_row("CPU, s", f"{result.cost['cpu_s']:.2f}")
-        Console().print(table)
+        if result.cost["compilation_cpu_s"]:
+            table.add_row("CPU of compiling, once, s", f"{result.cost['compilation_cpu_s']:.2f}")
+        _console().print(table)
+        print(_plan_in_a_line(result.plan, scene))
         if result.outcome == "ok" and result.message:
             print(f"note: {result.message}")
     if result.moments:
@@ -42,7 +74,7 @@ def show_result(result: Result, document: dict[str, Any]) -> None:
         table = Table(*keys, title="hold, from the end of loading")
         for block in document["times"]:
             table.add_row(*(f"{block[key]:.5g}" for key in keys))
-        Console().print(table)
+        _console().print(table)
 
 
 def show_solved(document: dict[str, Any], out: Path | None) -> None:
@@ -56,7 +88,7 @@ def show_solved(document: dict[str, Any], out: Path | None) -> None:
     for key, value in errors.items():
         table.add_row(f"error of {key} by the triangles", f"{value:.2e}")
     table.add_row("CPU, s", f"{document['cost']['cpu_s']:.2f}")
-    Console().print(table)
+    _console().print(table)
     if out is not None:
         print(f"result: {out}")
 
@@ -66,7 +98,7 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
     table = Table(*keys, title="images: quarter-amplitude area, its centre, largest relative change of conductance")
     for image in document["frames"]:
         table.add_row(*("-" if image[key] is None else f"{image[key]:.4g}" for key in keys))
-    Console().print(table)
+    _console().print(table)
     for image in document["frames"]:
         if "note" in image:
             print(f"line {image['line']}: {image['note']}")
@@ -78,14 +110,14 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
 
 def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
     """Rows that set the least strain against the fitted ones; below them the laws are extrapolated."""
-    table.add_row("least strain of the surface", f"{stability['least_strain']:.3f}")
+    table.add_row("Least strain of the surface", f"{stability['least_strain']:.3f}")
     for part in ("foam", "skin"):
         fitted = stability[f"fitted_{part}_strain"]
         words = "not stated by the card"
         if fitted is not None:
             words = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
             words += ", extrapolated" if stability["least_strain"] < fitted[0] else ""
-        table.add_row(f"{part} law fitted over", words)
+        table.add_row(f"{part.capitalize()} law fitted over strains", words)
     share = stability.get("signal_share_extrapolated")
-    table.add_row("skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc"
+    table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc"
                   + ("" if share is None else f", {share:.0%} of the signal"))

@@ -101,7 +101,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     if as_json:
         print_json(document)
     else:
-        show_result(result, document)
+        show_result(result, document, scene)
     for line in _write_files(parsed, result, document, material, files, out, report):
         if not as_json:
             print(line)

@@ -170,11 +170,12 @@ class Result:
 
     # ok, not_converged, bottomed_out or refused
     outcome: str
-    plan: Plan
-    touches: tuple[Touch, ...] = ()  # one a punch, at the end of a hold; empty where the mechanics did not converge
-    readings: Readings | None = None  # None where there are no touches
+    plan: Plan = field(repr=False)
+    # one a punch, at the end of a hold; empty where the mechanics did not converge
+    touches: tuple[Touch, ...] = field(default=(), repr=False)
+    readings: Readings | None = field(default=None, repr=False)  # None where there are no touches
     # a hold from the end of loading on, increasing in time, the last as in touches and readings; empty without one
-    moments: tuple[Moment, ...] = ()
+    moments: tuple[Moment, ...] = field(default=(), repr=False)
     message: str = ""  # in words, where the outcome is not "ok" or the requested error is missed
     residuals: tuple[float, ...] = ()  # relative residuals of a solver that did not converge; empty otherwise
     # part of the force or depth that such a solver reached; None otherwise, or where it is not known
@@ -185,4 +186,5 @@ class Result:
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # the part of them that solving left, without what the plan left out
     numerical_error: Mapping[str, float] = field(default_factory=dict)
-    cost: Mapping[str, float] = field(default_factory=dict)  # "cpu_s", "wall_s", "peak_MB"
+    # "cpu_s", "compilation_cpu_s" (once, not in it), "wall_s", "peak_MB"
+    cost: Mapping[str, float] = field(default_factory=dict)

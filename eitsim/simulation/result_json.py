@@ -105,6 +105,17 @@ def fitted_ranges(result: Result, scene: Scene, card: MaterialCard) -> dict[str,
                if card.conductivity else {})}
 
 
+# key of a mechanical output -> what it is called, its unit
+MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of the punch face", "mm"),
+             "sigma_max_kPa": ("Peak contact pressure, facet average", "kPa"),
+             "sigma_ave_kPa": ("Mean contact pressure, force over contact area", "kPa"),
+             "A_c_mm2": ("Contact area on the punch face", "mm²"),
+             "wall_contact_mm2": ("Contact area on the wall of the hole", "mm²")}
+# key of an error estimate -> what it is the error of
+ERRORS = {"signal": "signal", "depth": "depth", "sigma_max": "largest pressure", "A_c": "contact area",
+          "strain": "surface strain"}
+
+
 def mechanical(touch: Touch) -> dict[str, float]:
     """The mechanical outputs of one touch, units in their names."""
     return {"force_N": touch.force_N, "delta_max_mm": touch.depth_m * 1e3, "sigma_max_kPa": touch.sigma_max_Pa / 1e3,

@@ -29,8 +29,9 @@ def fit_options(order: str, poisson: str, stable: str | None, stable_range: str 
 def points(card: MaterialCard, mode: str, strain: str | None, time: str | None) -> np.ndarray:
     """Where `matcal predict` evaluates a mode, (n,), by default over what was fitted; ValueError where the wrong flag
     is given, or neither where the card does not say what was fitted."""
-    from matcal.record.predict import fitted_range
+    from matcal.record.predict import check_mode, fitted_range
 
+    check_mode(mode)
     flag, text, other = ("--time", time, strain) if mode == "relaxation" else ("--strain", strain, time)
     ends = fitted_range(card, mode)
     if other is not None:

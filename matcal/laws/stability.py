@@ -29,12 +29,15 @@ SCANNED = {"uniaxial": (-0.95, 1.0), "biaxial": (-0.95, 1.0), "planar": (-0.95, 
            "volumetric": (0.05, 2.0)}
 # points of a scan; an unstable range narrower than the spacing can be missed
 _POINTS = 391
+# moduli over mu_0 up to which states are judged: those of laws nearly without change of volume overflow near J = 0.05
+_STIFFEST = 1e10
 # strain to which the ends of an unstable range are found
 _END = 1e-7
 
 
 def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
-    """Where along each mode a law is not Drucker stable or loses ellipticity, over the strains SCANNED.
+    """Where along each mode a law is not Drucker stable or loses ellipticity, over the strains SCANNED, as far as its
+    moduli are finite there.
 
     Parameters
     ----------
@@ -91,8 +94,12 @@ def unstable_ranges(law: Hyperfoam, criterion: str, mode: str, strain: Array) ->
 
 
 def _scan(law: Hyperfoam, criterion: str, mode: str) -> dict[str, object]:
-    ranges = unstable_ranges(law, criterion, mode, np.linspace(*SCANNED[mode], _POINTS))
-    return {"stable": not ranges, "unstable_strain": ranges, "scanned": list(SCANNED[mode])}
+    strain = np.linspace(*SCANNED[mode], _POINTS)
+    with np.errstate(over="ignore", invalid="ignore"):
+        stiffness = np.abs(kirchhoff_tangent(law, _states(law, mode, strain)[0])).max(axis=(1, 2))
+    strain = strain[stiffness < _STIFFEST * np.abs(law.mu_Pa).sum()]
+    ranges = unstable_ranges(law, criterion, mode, strain)
+    return {"stable": not ranges, "unstable_strain": ranges, "scanned": [float(strain[0]), float(strain[-1])]}
 
 
 def acoustic_form(law: Hyperfoam, x: Array, n: Array, m: Array) -> Array:

@@ -119,6 +119,5 @@ def _linear_band(about: Uncertainty, mode: str, strain: Array) -> tuple[Array, A
     """Ends of the band, Pa, from the covariance of (mu, alpha), and from what one more term would change."""
     from matcal.fitting.uncertainty.intervals import intervals
 
-    found = intervals(about, lambda law: {f"{e:.17g}": float(s) for e, s in
-                                          zip(strain, nominal_stress(law, mode, strain), strict=True)})
+    found = intervals(about, lambda law: {str(k): float(s) for k, s in enumerate(nominal_stress(law, mode, strain))})
     return np.array([row.lo for row in found.values()]), np.array([row.hi for row in found.values()])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,9 +26,9 @@ class Calibration:
     # the material
     card: MaterialCard
     # every law with its curves, residuals, intervals and decisions
-    laws: FittedLaws
+    laws: FittedLaws = field(repr=False)
     # draws of the posterior; None where none was sampled
-    posterior: Posterior | None = None
+    posterior: Posterior | None = field(default=None, repr=False)
     # what was read, which `save` never replaces
     files: tuple[Path, ...] = ()
 

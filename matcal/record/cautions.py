@@ -22,7 +22,7 @@ _INSIDE, _SOFT_PA, _RATIO, _EARLY, _STRETCHED = 0.9, (20.0, 1e6), 1.6, 0.3, 1.0
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _misfit,
+    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _misfit, _at_bound,
              _undetermined, _band, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
@@ -156,6 +156,20 @@ def _misfit(card: MaterialCard) -> Iterator[str]:
     if chosen and chosen["confluence"]:
         yield (f"Single mu and alpha are not measurable ({chosen['confluence']}); mu_0, E_0 and stresses within the "
                "tests are." + _safer(chosen["order"], tried.values()))
+
+
+def _at_bound(card: MaterialCard) -> Iterator[str]:
+    """An outer exponent that has no standard error though its modulus has one: the fit keeps it on its bound."""
+    found = card.fit.get("parameters", {})
+    if card.hyperfoam is None or not found:
+        return
+    kept = [f"alpha_{k} = {found[f'alpha_{k}']['value']:.3g}" for k in dict.fromkeys((1, card.hyperfoam.alpha.size))
+            if found[f"alpha_{k}"]["stderr"] is None and found[f"mu_{k}_Pa"]["stderr"] is not None]
+    if kept:
+        order, tried = card.hyperfoam.alpha.size, card.fit.get("orders", ())
+        clear = any(row["order"] == order and not row["confluence"] for row in tried)  # else _misfit names an order
+        yield (f"{' and '.join(kept)} ended on the bound of the exponents that are searched: outside the fitted "
+               "strains the law rests on that bound." + (_safer(order, tried) if clear else ""))
 
 
 def _undetermined(card: MaterialCard) -> Iterator[str]:

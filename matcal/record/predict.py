@@ -52,8 +52,7 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     >>> matcal.predict(card, "uniaxial", [-0.5])["stress_Pa"].round()
     array([-18000.])
     """
-    if mode not in PREDICTED:
-        raise ValueError(f"mode '{mode}' is unknown; known: {', '.join(PREDICTED)}.")
+    check_mode(mode)
     card, at = as_card(card), np.array(at, dtype=float, ndmin=1)
     if mode == "relaxation":
         require(card, "prony", "a relaxation")
@@ -110,6 +109,12 @@ def check(card: MaterialCard | Path | str) -> dict[str, Any]:
     found = stability(require(card, "hyperfoam", "a stability check"))
     data = card.fit.get("data_stability", [])
     return found | ({"data": data} if data else {})
+
+
+def check_mode(mode: str) -> None:
+    """ValueError for a mode that no card predicts."""
+    if mode not in PREDICTED:
+        raise ValueError(f"mode '{mode}' is unknown; known: {', '.join(PREDICTED)}.")
 
 
 def fitted_range(card: MaterialCard, mode: str) -> tuple[float, float] | None:

@@ -76,8 +76,10 @@ def _slowest(found: Mapping[str, Any]) -> list[str]:
     if "slowest_s" not in found or not any(found.get("g_sd", ())):
         return []
     row = found["slowest_s"]
-    end = "without an upper end" if row["hi"] is None else f"to {row['hi']:.3g} s"
-    return [f"The slowest time has the 95 % profile interval {row['lo']:.3g} s {end}."]
+    if row["hi"] is None:
+        return [f"The slowest time, {row['value']:.3g} s, has no upper end: its 95 % profile interval begins at "
+                f"{row['lo']:.3g} s."]
+    return [f"The slowest time has the 95 % profile interval {row['lo']:.3g} s to {row['hi']:.3g} s."]
 
 
 def skin(card: MaterialCard) -> Printed:
@@ -177,7 +179,7 @@ def stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Printed:
     for mode, first in next(iter(found.values())).items():
         lost = [", ".join(f"{lo:.3g} to {hi:.3g}" for lo, hi in modes[mode]["unstable_strain"]) or "nowhere"
                 for modes in found.values()]
-        rows.append([mode, "{:g} to {:g}".format(*first["scanned"]), *lost])
+        rows.append([mode, "{:.3g} to {:.3g}".format(*first["scanned"]), *lost])
     return Printed("Stability of the law", ["mode", "scanned", *(f"{criterion} lost at" for criterion in found)], rows,
                    "<<" + "w" * len(found), ("Strain is gamma in shear, J in volumetric.",))
 

@@ -22,7 +22,8 @@ def write(report: Callable[[Path], Report], results: Path, out: Path) -> None:
     """Write the PDF of the tables in a folder, `out`; what is not there is said on the page. ValueError where a folder
     is missing; InputFileError where a table lacks a column."""
     if not results.is_dir():
-        raise ValueError(f"{results}: no such folder of results. Run `make bench`, or name the folder with --results.")
+        raise ValueError(f"{results}: no such folder of results. An installed package holds none: the tables are in "
+                         "benchmarks/results of the source folder. Run this there, or name that folder with --results.")
     with house():
         write_pdf(report(results), out)
 

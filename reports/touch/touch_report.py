@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.simulation.result_json import ERRORS, MECHANICS
 from reports.document import provenance
 from reports.document.numerals import counted, interval, number, percent, volts
 from reports.document.page import Report, ReportFigure, Table
@@ -14,15 +15,6 @@ from reports.touch import reading_figures, skin_maps, touch_figures
 from touchcal.document import Keys
 from touchcal.json_file import read_json
 
-# key of a result -> what it is called, its unit
-MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of the punch face", "mm"),
-             "sigma_max_kPa": ("Peak contact pressure, facet average", "kPa"),
-             "sigma_ave_kPa": ("Mean contact pressure, force over contact area", "kPa"),
-             "A_c_mm2": ("Contact area on the punch face", "mm²"),
-             "wall_contact_mm2": ("Contact area on the wall of the hole", "mm²")}
-# key of an error estimate -> what it is the error of
-ERRORS = {"signal": "signal", "depth": "depth", "sigma_max": "largest pressure", "A_c": "contact area",
-          "strain": "surface strain"}
 RUN_AGAIN = "Run `eitsim run` again with --skin."
 NO_MAPS = ("No maps of the skin: the result names no file of them. `eitsim run --skin skin.vtu --out result.json` "
            "writes one.")

@@ -64,6 +64,7 @@ def test_objects_solve_as_the_command_does(command: Callable[..., CompletedProce
                          accuracy=eitsim.Accuracy(0.05))
     assert scene == eitsim.read_scene(tmp_path / "scene.toml")
     touch = eitsim.simulate(scene, CARD)
+    assert len(repr(touch)) < 1000
     assert touch.readings is not None
     assert touch.readings.touched_V.tolist() == written["readings_V"]
     made = json.loads(json.dumps(eitsim.result_document(touch, scene, read_card(tmp_path / "card.json"))))

@@ -175,3 +175,8 @@ def test_saving_spares_a_folder_of_something_else(fitted: matcal.Calibration, tm
     with pytest.raises(ValueError, match=r"notes\.txt"):
         fitted.save(tmp_path / "foam.json")
     assert (tmp_path / "foam.d" / "notes.txt").read_text() == "mine"
+
+
+def test_a_fit_shows_its_laws_in_a_line(fitted: matcal.Calibration) -> None:
+    assert "mu_Pa=" in repr(fitted)
+    assert len(repr(fitted)) < 600

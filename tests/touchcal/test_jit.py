@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from touchcal.jit import compilable, compiled, where
+from touchcal.jit import compilable, compilation_s, compiled, cpu_s, where
 
 LAW = "def stress(x):\n    return {} * x\n"
 INNER = "from touchcal.jit import compiled\n\n@compiled\ndef shifted(x):\n    return x + {}\n"
@@ -73,3 +74,15 @@ def test_compilation_does_without_a_place_for_its_cache() -> None:
     scope: dict = {}
     exec("def twice(x):\n    return 2 * x\n", scope)  # no file, hence no cache
     assert compiled(scope["twice"])(3.0) == pytest.approx(6.0)
+
+
+def test_compilation_is_no_cost_of_what_is_computed() -> None:
+    scope: dict = {"compiled": compiled}
+    exec("inner = compiled(lambda x: x + 1)\n@compiled\ndef outer(x):\n    return inner(2 * x)\n", scope)
+    before, whole, own = compilation_s(), time.process_time(), cpu_s()
+    scope["outer"](3.0)
+    whole, own, compiling = time.process_time() - whole, cpu_s() - own, compilation_s() - before
+    assert own < 0.5 * whole
+    assert compiling + own == pytest.approx(whole, abs=1e-3)
+    scope["outer"](4.0)
+    assert compilation_s() - before == compiling

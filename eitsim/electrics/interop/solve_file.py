@@ -3,7 +3,6 @@
 
 import hashlib
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from eitsim.electrics.interop.eidors import Model, read_eidors
 from eitsim.electrics.mesh.p2_triangles import sides
 from eitsim.scene.drive import Drive, Protocol, protocol, readings
 from touchcal.errors import InputFileError
+from touchcal.jit import cpu_s
 from touchcal.provenance import versions
 from touchcal.toml_file import read_toml
 
@@ -45,7 +45,7 @@ def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_
     The errors are the difference between both elements: close to that of P1, well above that of P2 but for a
     curved rim, whose straight edges neither knows. ValueError for another element or mesh, and as in `cem.impedance`.
     """
-    start = time.process_time()
+    start = cpu_s()
     check_element(element)
     if mesh.element != "P1":
         raise ValueError(f"a mesh of {mesh.element} elements; give one of linear triangles, P1.")
@@ -57,7 +57,7 @@ def solve_model(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance_Ohm_
     flat = {name: np.concatenate([np.ravel(part) for part in parts]) if parts else None for name, parts in read.items()}
     of_readings = None if flat["P1"] is None or flat["P2"] is None else _difference(flat["P1"], flat["P2"])
     return Solved(solved[element], read[element], _difference(solved["P1"], solved["P2"]), of_readings,
-                  len(meshes[element].nodes_m) + mesh.count - 1, time.process_time() - start)
+                  len(meshes[element].nodes_m) + mesh.count - 1, cpu_s() - start)
 
 
 def solve_sheet_model(model: Model | Path | str, *, variable: str | None = None, conductance_S: float | None = None,

@@ -6,7 +6,6 @@ All else is stepped in time by `eitsim.mechanics.axisymmetric.viscoelastic`. The
 half as many on the coarsest mesh, about three times what is left.
 """
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -23,6 +22,7 @@ from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
 from touchcal.errors import NotConverged
+from touchcal.jit import cpu_s
 
 # Steps per decade of time; a loading that takes time has twice as many.
 PER_DECADE = 4
@@ -60,7 +60,7 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
     times = np.append(0.0, np.unique(hold.time_s))
     if hold.keeps_deformation:
         return kept(series, hold, solve_touch(law, body, punch, element_m=element_m, strain=strain))
-    started = time.process_time()
+    started = cpu_s()
     levels = mesh_hierarchy(law, body, punch, element_m, None)
     force = None if punch.force_N is None else punch.force_N / solve_axisymmetric.force_unit(law, body)
     depth = None if punch.depth_m is None or force is not None else punch.depth_m / body.thickness_m
@@ -75,7 +75,7 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
         touch = solve_axisymmetric.with_change(touch, levels[0], states[0], rough, strain)
         # the law alone does not give the section's stresses
         out.append((float(t), replace(touch, section=None)))
-        started = time.process_time()
+        started = cpu_s()
     return out
 
 

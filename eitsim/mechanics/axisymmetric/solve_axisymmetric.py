@@ -16,7 +16,6 @@ better than that. On 104 random profiles see benchmarks/touch_errors.py.
 """
 
 import itertools
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -36,6 +35,7 @@ from eitsim.scene.scene import FRICTIONS, Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
+from touchcal.jit import cpu_s
 
 # Floors of the relative errors of depth and signal at the default element size h_0, and their powers of h/h_0.
 _DEPTH_FLOOR, _SIGNAL_FLOOR, _DEPTH_POWER, _SIGNAL_POWER = 5e-4, 2e-3, 1.0, 1.5
@@ -70,7 +70,7 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
     if punch.depth_m is None or not 0 < punch.depth_m < body.thickness_m:
         raise ValueError(f"the punch's depth_m must lie between 0 and the thickness of {body.thickness_m} m where "
                          f"force_N is None, got {punch.depth_m}.")
-    started, depth = time.process_time(), punch.depth_m / body.thickness_m
+    started, depth = cpu_s(), punch.depth_m / body.thickness_m
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     if shear_limit == 0:
         return touch_of(law, body, levels, at_depth(levels, depth), strain, started)
@@ -85,19 +85,19 @@ def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[floa
     friction the order is the way the punch was loaded, and the equilibria depend on it."""
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the foam), got {list(forces_N)}.")
-    started, unit = time.process_time(), force_unit(law, body)
+    started, unit = cpu_s(), force_unit(law, body)
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     touches, states = [], None
     if shear_limit > 0:
         scaled = [force / unit for force in forces_N]
         for course in friction_increments.under_forces(levels[-2], levels[-1], shear_limit, scaled):
             touches.append(_rubbed(law, body, levels, course, strain, started))
-            started = time.process_time()
+            started = cpu_s()
         return touches
     for force in forces_N:
         states = under_force(levels, force / unit, states[0] if states else None)
         touches.append(touch_of(law, body, levels, states, strain, started))
-        started = time.process_time()
+        started = cpu_s()
     return touches
 
 
@@ -139,7 +139,7 @@ def _rubbed(law: Hyperfoam, body: Body, levels: list[IndentationProblem], course
     touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], strain, started)
     touch = with_change(touch, levels[-2], course.coarse.state, course.rough.state, strain)
     return replace(touch, depth_error=touch.depth_error + course.fine.unsettled, slip_fraction=course.fine.slipping,
-                   cpu_s=time.process_time() - started)
+                   cpu_s=cpu_s() - started)
 
 
 def allowed(unknowns: int) -> float:
@@ -231,7 +231,7 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], state
         strain_error=strain_change(finest, coarser, strain) + soft_strain,
         fraction_non_elliptic=indentation.fraction_non_elliptic(model, state.x),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
-        cpu_s=time.process_time() - started,
+        cpu_s=cpu_s() - started,
         section=Section(model.grid.nodes * unit, model.grid.counter_clockwise,
                         axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law))
 

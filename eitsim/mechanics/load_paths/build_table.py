@@ -1,6 +1,5 @@
 """Solving the load paths of a table, and its deviation from touches solved anew between them."""
 
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,6 +14,7 @@ from eitsim.mechanics.load_paths.table import carried_over, parts_of, state
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
+from touchcal.jit import cpu_s
 
 # map a function over arguments, in this process or in others
 Run = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
@@ -45,8 +45,8 @@ def build(shape: DimensionlessProblem, run: Run = map, depths: Sequence[float] =
 
 def timed(solve: Callable[..., Any], *of: Any) -> tuple[Any, float]:
     """What a function finds, and the CPU time."""
-    started = time.process_time()
-    return solve(*of), time.process_time() - started
+    started = cpu_s()
+    return solve(*of), cpu_s() - started
 
 
 def _base_path(shape: DimensionlessProblem, depths: Sequence[float],

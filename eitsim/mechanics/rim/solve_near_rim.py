@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,6 +33,7 @@ from eitsim.scene.scene import Body, Punch, rim_gap_m
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
+from touchcal.jit import cpu_s
 
 # Elements are halved along the radius from so far inside the punch's edge to so far outside it, thicknesses: there the
 # strain falls off steeply where the foam leaves the fillet, and the rim moves that place.
@@ -155,7 +155,7 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
 
 def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: str, coarse: Resolution,
                fine: Resolution) -> Touch:
-    started = time.process_time()
+    started = cpu_s()
     before = _found(law, body, punch, coarse)
     rough = _change_of(before, body)
     after = _found(law, body, punch, fine, before)
@@ -164,7 +164,7 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: s
     way = _WAY if punch.friction == "stick" else 0.0
     volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
                        math.atan2(punch.y_m, punch.x_m))
-    return replace(out, volume=volume, cpu_s=touch.cpu_s + time.process_time() - started,
+    return replace(out, volume=volume, cpu_s=touch.cpu_s + cpu_s() - started,
                    signal_error=out.signal_error + (way and way * signal_difference(
                        body, punch, touch, no_correction(change.field), change.field, strain)))
 

@@ -8,7 +8,6 @@ follow the other's edge. Solving either frame with the other's field given, as i
 pass, leads there.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -31,6 +30,7 @@ from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
+from touchcal.jit import cpu_s
 
 # Least gap between the edges, thicknesses, at which pairs were solved.
 LEAST_GAP = 0.3
@@ -100,10 +100,10 @@ def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punche
     where no equilibrium is found."""
     if problem := pair_problem(body, punches):
         raise ValueError(f"{problem}.")
-    started = time.process_time()
+    started = cpu_s()
     rough = _settled(_frames(law, body, punches, coarse))
     found = _settled(_frames(law, body, punches, fine), rough)
-    spent, out = (time.process_time() - started) / 2, []
+    spent, out = (cpu_s() - started) / 2, []
     for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
         one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch, strain)
         out.append(replace(one, depth_error=one.depth_error + found.moved, signal_error=one.signal_error + found.moved,

@@ -16,6 +16,8 @@ GOOD_ENOUGH = 0.05
 # relative RMS of every curve within which no specimen is known: a stable lower order is taken before one that is not
 ACCURATE = 0.005
 _PLENTY = 10  # different strains for each parameter below which the correction of BIC for few points is said
+# relative residual that no record resolves
+_DIGITS = 1e-6
 
 
 @dataclass(frozen=True)
@@ -46,11 +48,12 @@ def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
 
 def criterion(cost: float, order: int, count: int, different: int) -> float:
     """Bayesian information criterion n ln(cost) + k ln(n) m/(m - k - 2), k = 2 `order`, for `count` n residuals at
-    `different` m strains. The last factor is the correction for few points; it is 1 for many. Source: McQuarrie, Stat.
-    Probab. Lett. 44 (1999) 79, DOI 10.1016/S0167-7152(98)00294-6."""
+    `different` m strains; residuals below _DIGITS count as that, so that no term follows rounding. The last factor is
+    the correction for few points; it is 1 for many. Source: McQuarrie, Stat. Probab. Lett. 44 (1999) 79,
+    DOI 10.1016/S0167-7152(98)00294-6."""
     parameters = 2 * order
     price = different / max(different - parameters - 2, 1)
-    return float(count * np.log(max(cost, 1e-30)) + parameters * np.log(count) * price)
+    return float(count * np.log(max(cost, _DIGITS**2)) + parameters * np.log(count) * price)
 
 
 def collinearity(mu_Pa: Array, alpha: Array, least: float) -> str:

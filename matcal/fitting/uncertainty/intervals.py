@@ -124,7 +124,10 @@ def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str,
     out = {}
     for name, gradient in _gradients(about.law, quantities).items():
         form = max((abs(other[name] - value[name]) for other in others), default=0.0)
-        sd = float(np.hypot(np.sqrt(gradient @ about.covariance @ gradient), form))
+        # slopes of laws with nu near 0.5 have squares that overflow; a power of two rounds nothing
+        size = 2.0 ** float(np.frexp(np.abs(gradient).max())[1])
+        unit = gradient / size
+        sd = float(np.hypot(size * np.sqrt(unit @ about.covariance @ unit), form))
         out[name] = Interval(value[name], sd, form, value[name] - about.reach * sd, value[name] + about.reach * sd)
     return out
 

@@ -6,6 +6,7 @@ Those that call `process` start Python anew; the others call main() in this one.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -126,3 +127,19 @@ def test_run_refuses_to_write_over_its_scene_or_its_card(folder: Path) -> None:
         assert done.returncode == 2
         assert "would be overwritten" in done.stderr
     assert {name: (folder / name).read_bytes() for name in before} == before
+
+
+def test_a_run_says_what_each_quantity_is_and_the_plan_in_one_line(command: Command, folder: Path) -> None:
+    done = command("eitsim", "run", "scene.toml", cwd=folder)
+    lines = done.stdout.splitlines()
+    for words in ("Depth of the punch face, delta_max_mm", "Contact area on the punch face, A_c_mm2",
+                  "force over contact area, sigma_ave_kPa", "wall of the hole, wall_contact_mm2"):
+        assert any(words in line for line in lines), words
+    (plan,) = (line for line in lines if line.startswith("plan: "))
+    assert re.search(r"may cost \d\.\d\d% of the signal", plan)
+    assert "unknown: laws used beyond their fits; one card" in plan
+    assert len(lines) < 40
+    planned = command("eitsim", "plan", "scene.toml", cwd=folder).stdout
+    (total,) = re.findall(r"(\S+)% +all known costs together", planned)
+    assert f"may cost {total}% of" in plan
+    assert re.search(r"unknown +laws used beyond", planned)

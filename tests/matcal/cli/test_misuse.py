@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from matcal.card import MaterialCard
+from matcal.card import MaterialCard, write_card
 from matcal.cli.main import app
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -165,3 +165,8 @@ def test_what_is_read_is_not_overwritten_and_files_are_kept_apart(tmp_path: Path
         check_apart({"--frames": tmp_path / "." / "card.json"}, [card])
     with pytest.raises(ValueError, match=r"--skin .* would be overwritten: --out .* is written"):
         check_apart({"--out": other, "--skin": other}, [card])
+
+
+def test_an_unknown_mode_is_named_with_the_known_ones(tmp_path: Path) -> None:
+    write_card(MaterialCard("foam", FOAM), tmp_path / "card.json")
+    assert "mode 'tension' is unknown; known: uniaxial," in _called("predict", str(tmp_path / "card.json"), "tension")

@@ -255,3 +255,10 @@ def test_an_exponent_at_its_bound_has_no_standard_error(mode, strain, stress, en
     found = standard_errors(steep)
     assert found["alpha_1"]["stderr"] is None
     assert found["mu_1_Pa"]["stderr"] is not None
+
+
+def test_the_interval_of_a_stress_whose_slopes_overflow_when_squared_is_finite() -> None:
+    law = Hyperfoam([10000.0, 20.0], [2.0, 25.0], [0.49, 0.49])
+    about = Uncertainty({}, np.diag([100.0, 1.0, 1e-4, 1e-4]) ** 2, 50.0, law, (), 2.0, {}, ())
+    found = intervals(about, lambda law: {"stress": float(nominal_stress(law, "volumetric", np.array([0.35]))[0])})
+    assert 1e160 < found["stress"].sd < np.inf

@@ -66,3 +66,13 @@ def test_acoustic_margin_is_that_of_the_finite_difference_tensor(law: Hyperfoam,
 def test_unknown_criterion_lists_the_known() -> None:
     with pytest.raises(ValueError, match="drucker, elliptic"):
         is_stable(TABLE_1, "hill", "shear", 0.1)
+
+
+def test_a_law_that_hardly_changes_volume_is_scanned_as_far_as_its_moduli_are_finite() -> None:
+    """At alpha = 25 and nu = 0.49 moduli overflow at J = 0.05; a sum of positive terms is stable wherever it is judged.
+    """
+    found = stability(Hyperfoam([10000.0, 20.0], [2.0, 25.0], [0.49, 0.49]))
+    for modes in found.values():
+        assert all(row["stable"] for row in modes.values())
+        assert 0.5 < modes["volumetric"]["scanned"][0] < 1 < modes["volumetric"]["scanned"][1]
+        assert modes["uniaxial"]["scanned"][0] < -0.7

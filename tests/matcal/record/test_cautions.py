@@ -77,3 +77,21 @@ def test_stated_scatter_widens_the_draws_about_the_fit() -> None:
     assert mu.mean() == pytest.approx(found.law.mu_Pa[0], rel=0.02)
     assert 0.07 < mu.std() / mu.mean() < 0.15
     assert np.ptp(alpha) == 0
+
+
+def test_an_exponent_on_its_bound_is_said() -> None:
+    strain = np.linspace(-0.6, 0.3, 91)
+    stress = nominal_stress(Hyperfoam([12000.0, 400.0], [2.0, 40.0], [0.0, 0.0]), "uniaxial", strain)
+    found = calibrate([Experiment("uniaxial", strain, stress)], FitOptions(2))
+    assert found.fit is not None
+    card = MaterialCard("foam", found.fit.law, fit=summary(found))
+    (said,) = (said for said in cautions(card) if "ended on the bound" in said)
+    assert said.startswith("alpha_2 = 25 ended on the bound of the exponents that are searched")
+    assert not any("ended on the bound" in said for said in cautions(card_of()))
+
+
+def test_a_record_with_equal_strains_has_its_share_in_the_band() -> None:
+    strain = np.r_[E, E[:40]]
+    card = card_of(strain=strain)
+    assert card.fit["uniaxial_1"]["n"] == strain.size
+    assert card.fit["uniaxial_1"]["inside_band"] == 1.0

@@ -168,3 +168,11 @@ def test_more_specimens_pin_the_mean_foam_better() -> None:
         mu_0 = found.uncertainty.derived["mu_0_Pa"]
         widths.append((mu_0.hi - mu_0.lo) / mu_0.value)
     assert widths[1] < 0.7 * widths[0]
+
+
+def test_no_term_follows_the_rounding_of_an_exact_record() -> None:
+    strain = np.linspace(-0.7, 0, 60)
+    stress = nominal_stress(Hyperfoam([8000.0, 3000.0], [8.0, -1.0], [0.0, 0.0]), "uniaxial", strain)
+    found = calibrate([Experiment("uniaxial", strain, stress)])
+    assert found.fit is not None
+    assert found.fit.law.mu_Pa.size == 2

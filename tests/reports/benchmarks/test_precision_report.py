@@ -158,7 +158,7 @@ def test_errors_name_file_column_and_folder(tmp_path: Path) -> None:
     (tmp_path / "mechanics.csv").write_text("touch,element_um,cpu_s\nflat,240,0.1\n")
     with pytest.raises(InputFileError, match=r"mechanics\.csv.*'depth_error'.*benchmarks/mechanics\.py"):
         write(report, tmp_path, tmp_path / "p.pdf")
-    with pytest.raises(ValueError, match="no such folder of results"):
+    with pytest.raises(ValueError, match=r"An installed package holds none: .*source folder.*--results"):
         write(report, tmp_path / "nowhere", tmp_path / "p.pdf")
 
 
