@@ -123,7 +123,7 @@ def _average(grid: Sequence[Array], weight: Array, unit: float, first: NDArray[n
     size = float(covariance[0, 0])
     covariance = covariance * max(1.0, least**2 * first.size / n / size)
     effective = first.size**2 * float(covariance[0, 0]) / float(covariance.sum())
-    return Errors(covariance, first, max(1.0, effective), n)
+    return Errors(covariance, first, effective, n)
 
 
 def integrated_autocorrelation_time(residual: Array) -> float:
