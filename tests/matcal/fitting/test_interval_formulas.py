@@ -176,9 +176,10 @@ def test_stated_scatter_widens_mu_0_as_a_factor_of_the_whole_curve(white: Fit) -
     bare = linearised(white)
 
     def variance(states: tuple[bool, bool]) -> tuple[float, dict[str, float]]:
-        curves = tuple(replace(c, experiment=replace(c.experiment, deviation=0.1 * np.abs(c.experiment.value)
-                                                     if s else None)) for c, s in zip(white.curves, states, strict=True))
-        told = linearised(replace(white, curves=curves))
+        stated = [0.1 * np.abs(c.experiment.value) if s else None for c, s in zip(white.curves, states, strict=True)]
+        told = linearised(replace(white, curves=tuple(
+            replace(c, experiment=replace(c.experiment, deviation=d))
+            for c, d in zip(white.curves, stated, strict=True))))
         return told.covariance[0, 0] - bare.covariance[0, 0], dict(told.shares)
 
     slopes, _ = _slopes_and_cost(white)

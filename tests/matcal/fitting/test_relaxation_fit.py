@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard
+from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import SeriesRow, fit_prony, preferred
 from matcal.laws.deformation_modes import hereditary_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -175,6 +176,25 @@ def test_few_points_carry_few_terms() -> None:
     assert fit_prony([few], TABLE_1, "auto").prony.g.size <= 2
     with pytest.raises(ValueError, match="3 terms need 9"):
         fit_prony([few], TABLE_1, 3)
+    enough = np.r_[time_s, 150.0]
+    assert fit_prony([history(SERIES, enough, -0.5 * np.minimum(enough, 1), 5.0)], TABLE_1, 3).prony.g.size == 3
+
+
+def test_a_long_record_is_thinned_to_means_that_keep_its_sums() -> None:
+    """Two ramps of 500 samples become 60 means each, holds of 2,000 at most 120; each mean stands for its samples."""
+    time_s = np.arange(5001) * 0.1
+    strain = np.interp(time_s, [0, 50, 250, 300, 500], [0, -0.3, -0.3, -0.6, -0.6])
+    held = ((time_s >= 50) & (time_s < 250) | (time_s >= 300)).astype(float)
+    record = history(SERIES, time_s, strain, 5.0, held=held)
+    few = thinned(record)
+    assert few.held is not None
+    assert few.samples is not None
+    ramps = np.diff(np.flatnonzero(np.diff(np.r_[1.0, few.held, 1.0])))[::2]
+    assert ramps.tolist() == [61, 60]
+    assert few.samples.sum() == time_s.size
+    assert few.samples @ few.value == pytest.approx(record.value.sum(), rel=1e-9)
+    assert few.samples @ few.held == held.sum()
+    assert 2 * 60 < few.held.sum() <= 2 * 120
 
 
 def test_an_unbounded_slow_term_is_the_first_caution_on_the_moduli() -> None:
