@@ -10,7 +10,7 @@ Source: Patterson & Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,8 +92,8 @@ def _sums(correlation: Array, residual: Array, slopes: Array) -> _Sums:
 
 
 def _scaled(sums: _Sums, variance: float) -> _Sums:
-    return _Sums(sums.normal / variance, sums.right / variance, sums.square / variance,
-                 sums.log_det + sums.count * float(np.log(variance)), sums.count)
+    """The sums over slopes at another variance; another curve's probabilities ask for no more."""
+    return replace(sums, normal=sums.normal / variance, right=sums.right / variance)
 
 
 def _weights(own: Sequence[_Sums], unit: float, others: Sequence[_Sums], prior: Array) -> Array:
@@ -123,7 +123,7 @@ def _average(grid: Sequence[Array], weight: Array, unit: float, first: NDArray[n
     size = float(covariance[0, 0])
     covariance = covariance * max(1.0, least**2 * first.size / n / size)
     effective = first.size**2 * float(covariance[0, 0]) / float(covariance.sum())
-    return Errors(covariance, first, max(1.0, effective), n)
+    return Errors(covariance, first, effective, n)
 
 
 def integrated_autocorrelation_time(residual: Array) -> float:

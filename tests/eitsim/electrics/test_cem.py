@@ -269,6 +269,19 @@ def test_no_contrast_and_no_contact_costs_digits(element, contrast, contact):
     assert np.abs(impedance(mesh, conductance, contact) - exact).max() < 1e-13 * np.abs(exact).max()
 
 
+def test_a_poor_contact_is_refused_where_it_hides_the_resistance_between_others():
+    """Up to 1e10 Ohm m under one electrode that between two others keeps four digits; beyond, the double has none."""
+    mesh = plain_mesh(5)
+
+    def between(poor: float) -> float:
+        z = impedance(mesh, np.full(len(mesh.cells), 1e-3), np.where(np.arange(16) == 3, poor, 1.0))
+        return z[0, 0] + z[8, 8] - 2 * z[0, 8]
+
+    assert between(1e10) == pytest.approx(between(1e5), rel=1e-4)
+    with pytest.raises(ValueError, match="all but without contact"):
+        between(1e15)
+
+
 def test_wrong_input_is_refused():
     mesh = plain_mesh()
     with pytest.raises(ValueError, match="contact impedance must be positive"):

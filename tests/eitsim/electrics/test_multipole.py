@@ -7,7 +7,16 @@ import pytest
 from scipy.special import iv, ivp
 
 from eitsim.electrics.cem.boundary_integral import solve_rim
-from eitsim.electrics.cem.ring_scattering import Scatterer, impedance_change, scattering
+from eitsim.electrics.cem.ring_scattering import (
+    FULL,
+    Scatterer,
+    _between,
+    _translation,
+    impedance_change,
+    reaches,
+    ring_share,
+    scattering,
+)
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity, conductivity
@@ -58,3 +67,56 @@ def test_a_concentric_disc_changes_the_impedance_as_in_the_closed_form():
     apart = np.subtract.outer(np.arange(16), np.arange(16)) * np.pi / 8
     expected = np.einsum("m,mij->ij", mode, np.cos(ORDERS[:, None, None] * apart))
     np.testing.assert_allclose(change, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_powers_about_another_centre_are_binomial_sums():
+    """z^n and (zeta/r)^-m, evaluated at points about the new centre: their series agree but for a constant."""
+    centre, reach = 0.3 - 0.4j, 0.25
+    around = 0.5 * reach * np.exp(1j * np.arange(5))
+    m, n = np.arange(1, 60), np.arange(1, 9)
+    inner = (around[:, None] / reach) ** m @ _translation(centre, reach, m, n)
+    outer = (centre + around[:, None]) ** n
+    np.testing.assert_allclose(np.diff(inner, axis=0), np.diff(outer, axis=0), atol=1e-12)
+    source, own = (-0.35 + 0.1j, 0.3, np.arange(1, 9)), (centre, reach, m)
+    inner = (around[:, None] / reach) ** m @ _between(own, source)
+    outer = ((centre + around[:, None] - source[0]) / source[1]) ** -source[2]
+    np.testing.assert_allclose(np.diff(inner, axis=0), np.diff(outer, axis=0), atol=1e-12)
+    assert not _between(own, own).any()
+
+
+def test_scatterers_do_not_know_their_order_and_turn_with_the_ring():
+    electrodes, h = Electrodes(), 120
+    rim, tau = solve_rim(Body(), electrodes, SHEET), -0.4 * 0.6 ** (2 * ORDERS)
+    pair = [Scatterer(0.03 + 0.01j, 0.03, tau), Scatterer(-0.05 - 0.02j, 0.025, 0.5 * tau)]
+
+    def change(scatterers: list[Scatterer]) -> np.ndarray:
+        return impedance_change(rim, Body(), electrodes, SHEET, scatterers, h)
+
+    both = change(pair)
+    size = np.abs(both).max()
+    np.testing.assert_allclose(change(pair[::-1]), both, atol=1e-12 * size)
+    np.testing.assert_allclose(both, both.T, atol=1e-10 * size)
+    turned = [Scatterer(s.centre_m * np.exp(2j * np.pi / 16), s.reach_m, s.scattered) for s in pair]
+    np.testing.assert_allclose(change(turned), np.roll(both, (1, 1), (0, 1)), atol=1e-10 * size)
+    silent = [pair[0], Scatterer(pair[1].centre_m, pair[1].reach_m, 0 * tau)]
+    np.testing.assert_allclose(change(silent), change(pair[:1]), atol=1e-12 * size)
+    assert np.abs(both - change(pair[:1]) - change(pair[1:])).max() > 1e-4 * size
+
+
+def test_the_rings_carry_all_inside_and_nothing_at_their_reach():
+    """1 to FULL of the reach, half midway from there, 0 at the reach, and flat at both ends."""
+    at = np.array([0.0, FULL, (1 + FULL) / 2, 1.0, 1.2]) * 0.04
+    assert ring_share(at, 0.04) == pytest.approx([1, 1, 0.5, 0, 0])
+    near = ring_share(0.04 * np.array([FULL + 1e-3, 1 - 1e-3]), 0.04)
+    assert near == pytest.approx([1, 0], abs=1e-4)
+
+
+def test_circles_stay_in_the_disc_and_part_the_gap_between_contacts():
+    """To the rim 100 - 40 mm; between two contacts of 8 mm, 30 mm apart, each gets 8 + 14/2 mm."""
+    touch, alone, near = rings(0.4), Punch(x_m=0.04), Punch(x_m=0.04, y_m=0.03)
+    assert reaches(Body(), [(alone, touch)]) == pytest.approx([0.06])
+    assert reaches(Body(), [(alone, touch), (near, touch)]) == pytest.approx([0.015, 0.015])
+    with pytest.raises(ValueError, match=r"1\.0 mm beyond the rim"):
+        reaches(Body(), [(Punch(x_m=0.093), touch)])
+    with pytest.raises(ValueError, match=r"touches 1 and 2 overlap by 6\.0 mm"):
+        reaches(Body(), [(alone, touch), (Punch(x_m=0.05), touch)])

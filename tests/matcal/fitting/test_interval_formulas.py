@@ -115,6 +115,31 @@ def test_classical_standard_errors_are_the_least_squares_ones(white: Fit) -> Non
     assert found["alpha_1"]["value"] == white.law.alpha[0]
 
 
+@pytest.mark.parametrize(("exponents", "together"), [((2.0, 4.0), False), ((4.0 + 3.0j, 4.0 - 3.0j), True)])
+def test_standard_errors_of_two_terms_are_the_least_squares_ones(exponents: tuple[complex, complex],
+                                                                 together: bool) -> None:
+    """Exponents at their least distance, as those that would be conjugate, move together; others by themselves."""
+    strain = np.linspace(-0.6, 0.5, 120)
+    stress = sum(np.real(8e3 / a * ((1 + strain) ** (a - 1) - 1 / (1 + strain))) for a in exponents)
+    found = fit(weigh([Experiment("uniaxial", strain, stress + 2 * np.random.default_rng(3).normal(size=120))]), 2,
+                thorough=False)
+    (curve,), law = found.curves, found.law
+    assert (np.diff(law.alpha)[0] < 1.001 * allowed_exponents(found.curves).gap) == together
+
+    def at(move: np.ndarray) -> np.ndarray:
+        moved = Hyperfoam(law.mu_Pa + move[:2], law.alpha + move[2:], law.nu)
+        return nominal_stress(moved, "uniaxial", strain) / curve.scale_Pa
+
+    unit = np.array([law.mu_0_Pa, law.mu_0_Pa, 1.0, 1.0])
+    ways = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]]) if together else np.eye(4)
+    slopes = np.column_stack([(at(1e-5 * w * unit) - at(-1e-5 * w * unit)) / 2e-5 for w in ways])
+    left = at(np.zeros(4)) - curve.experiment.value / curve.scale_Pa
+    variance = left @ left / (120 - len(ways)) * np.linalg.inv(slopes.T @ slopes)
+    sd = unit * np.sqrt(np.diag(ways.T @ variance @ ways))
+    names = ("mu_1_Pa", "mu_2_Pa", "alpha_1", "alpha_2")
+    assert [standard_errors(found)[name]["stderr"] for name in names] == pytest.approx(sd.tolist(), rel=1e-3)
+
+
 def test_intervals_hold_95_percent(white: Fit) -> None:
     """The probability between the ends, of a normal variable with many points left and of Student's with few."""
     told = linearised(white)
@@ -123,10 +148,10 @@ def test_intervals_hold_95_percent(white: Fit) -> None:
         assert (one.value - one.lo) / one.sd == pytest.approx(told.reach, rel=1e-9)
     assert norm.cdf(told.reach) - norm.cdf(-told.reach) == pytest.approx(0.95, abs=0.004)
     strain = np.linspace(-0.5, -0.02, 6)
-    for points, spare in ((6, 4), (3, 1)):
+    for points, order, spare in ((6, 1, 4), (3, 1, 1), (5, 2, 1)):
         some = strain[:points]
         stress = _stress("uniaxial", some) * (1 + 0.01 * np.cos(9 * some))
-        few = linearised(fit(weigh([Experiment("uniaxial", some, stress)]), 1, thorough=False))
+        few = linearised(fit(weigh([Experiment("uniaxial", some, stress)]), order, thorough=False))
         assert t.cdf(few.reach, spare) - t.cdf(-few.reach, spare) == pytest.approx(0.95, abs=1e-9)
 
 
@@ -143,6 +168,30 @@ def test_an_interval_adds_covariance_and_hidden_order() -> None:
         assert found[name].sd == pytest.approx(sd, rel=1e-6)
         assert (found[name].lo, found[name].hi) == pytest.approx((value - 2.5 * sd, value + 2.5 * sd), rel=1e-7)
     assert intervals(replace(about, neighbours=()), derived_quantities)["mu_0_Pa"].sd == pytest.approx(20.0)
+
+
+def test_stated_scatter_widens_mu_0_as_a_factor_of_the_whole_curve(white: Fit) -> None:
+    """A tenth of every stress in one of two curves: ln mu_0 moves by 0.1 times that curve's part of the gain, in
+    quadrature, and what both curves state adds up to 0.1 sqrt(part^2 + rest^2)."""
+    bare = linearised(white)
+
+    def variance(states: tuple[bool, bool]) -> tuple[float, dict[str, float]]:
+        stated = [0.1 * np.abs(c.experiment.value) if s else None for c, s in zip(white.curves, states, strict=True)]
+        told = linearised(replace(white, curves=tuple(
+            replace(c, experiment=replace(c.experiment, deviation=d))
+            for c, d in zip(white.curves, stated, strict=True))))
+        return told.covariance[0, 0] - bare.covariance[0, 0], dict(told.shares)
+
+    slopes, _ = _slopes_and_cost(white)
+    gain = np.linalg.solve(slopes.T @ slopes, slopes.T)[0]
+    value = np.concatenate([c.experiment.value / c.scale_Pa for c in white.curves])
+    parts = [0.1 * gain[rows] @ value[rows] for rows in (slice(0, 100), slice(100, 200))]
+    assert sum(parts) == pytest.approx(0.1 * white.law.mu_0_Pa, rel=1e-3)
+    assert variance((True, False))[0] == pytest.approx(parts[0] ** 2, rel=1e-2)
+    both, shares = variance((True, True))
+    assert both == pytest.approx(parts[0] ** 2 + parts[1] ** 2, rel=1e-2)
+    whole = bare.covariance[0, 0] + bare.derived["mu_0_Pa"].form ** 2 + both
+    assert shares["scatter between specimens"] == pytest.approx(both / whole, rel=1e-6)
 
 
 def test_the_plateau_is_told_where_compression_reaches_it() -> None:
@@ -175,6 +224,17 @@ def test_zero_and_drift_of_the_load_move_the_stress_by_one_standard_deviation() 
     shares = linearised(found).shares
     assert sum(shares.values()) == pytest.approx(1.0)
     assert min(shares.values()) >= 0
+
+
+def test_a_drift_is_named_after_where_it_comes_from() -> None:
+    """Measured in the test itself, assumed from others, or not known at all."""
+    found = _uncertain()
+    (curve,) = found.curves
+    for more, word in (({"drift_N_per_s": 1e-3}, "measured"), ({"drift_N_per_s": 0.0, "drift_assumed": 1.0}, "assumed"),
+                       ({}, "assumed")):
+        facts = {**curve.experiment.facts, **more}
+        told = nuisance(replace(found, curves=(replace(curve, experiment=replace(curve.experiment, facts=facts)),)))
+        assert told.names[2].startswith(f"the {word} load drift")
 
 
 def test_a_load_zero_that_is_off_is_found_under_its_prior_and_taken_off() -> None:

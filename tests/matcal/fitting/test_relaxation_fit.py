@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from matcal.card import MaterialCard
-from matcal.fitting.relaxation.relaxation_fit import SeriesRow, fit_prony, preferred
-from matcal.laws.deformation_modes import hereditary_stress
+from matcal.fitting.relaxation.record_thinning import thinned
+from matcal.fitting.relaxation.relaxation_fit import SeriesRow, _allowed, fit_prony, preferred
+from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from matcal.posterior.prony_posterior import log_series, series_part, start_series
@@ -169,12 +171,62 @@ def test_a_stress_that_does_not_relax_has_no_series() -> None:
     assert "no relaxation was found" in flat.decisions[0]
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_noise_above_the_one_stated_is_no_relaxation(sign: int) -> None:
+    """Twenty times the noise that the file states, and its mirror image: one of them falls by chance."""
+    exact = history(Prony([0.0], [1.0]), TIME, -0.8 * np.minimum(TIME, 1), 0.0)
+    noise = sign * 20 * np.random.default_rng(0).normal(size=TIME.size)
+    assert fit_prony([replace(exact, value=exact.value + noise, noise=1.0)], TABLE_1, "auto").prony.g.tolist() == [0.0]
+
+
 def test_few_points_carry_few_terms() -> None:
     time_s = np.r_[0, 1, 1 + np.geomspace(0.5, 100, 7)]
     few = history(SERIES, time_s, -0.5 * np.minimum(time_s, 1), 5.0)
     assert fit_prony([few], TABLE_1, "auto").prony.g.size <= 2
     with pytest.raises(ValueError, match="3 terms need 9"):
         fit_prony([few], TABLE_1, 3)
+    enough = np.r_[time_s, 150.0]
+    assert fit_prony([history(SERIES, enough, -0.5 * np.minimum(enough, 1), 5.0)], TABLE_1, 3).prony.g.size == 3
+
+
+def test_a_long_record_is_thinned_to_means_that_keep_its_sums() -> None:
+    """Two ramps of 500 samples become 60 means each, holds of 2,000 at most 120; each mean stands for its samples."""
+    time_s = np.arange(5001) * 0.1
+    strain = np.interp(time_s, [0, 50, 250, 300, 500], [0, -0.3, -0.3, -0.6, -0.6])
+    held = ((time_s >= 50) & (time_s < 250) | (time_s >= 300)).astype(float)
+    record = history(SERIES, time_s, strain, 5.0, held=held)
+    few = thinned(record)
+    assert few.held is not None
+    assert few.samples is not None
+    ramps = np.diff(np.flatnonzero(np.diff(np.r_[1.0, few.held, 1.0])))[::2]
+    assert ramps.tolist() == [61, 60]
+    assert few.samples.sum() == time_s.size
+    assert few.samples @ few.value == pytest.approx(record.value.sum(), rel=1e-9)
+    assert few.samples @ few.held == held.sum()
+    assert 2 * 60 < few.held.sum() <= 2 * 120
+    short = replace(record, strain=strain[:400], value=record.value[:400], time_s=time_s[:400], held=held[:400])
+    assert thinned(short) is short
+
+
+def test_a_curve_is_thinned_only_where_it_is_long() -> None:
+    """Ten thousand points become about a thousand means with the same sums; three thousand stay."""
+    strain = np.linspace(0, -0.5, 10_000)
+    whole = Experiment("uniaxial", strain, nominal_stress(TABLE_1, "uniaxial", strain), np.linspace(0, 9, 10_000))
+    few, kept = thinned(whole), replace(whole, strain=strain[:3000], value=whole.value[:3000], time_s=None)
+    assert few.samples is not None
+    assert 900 < few.value.size < 1200
+    assert few.samples @ few.value == pytest.approx(whole.value.sum(), rel=1e-9)
+    assert (few.strain[0], few.samples[0]) == (0.0, 1.0)
+    assert thinned(kept) is kept
+
+
+def test_terms_that_are_tried_have_points_and_room() -> None:
+    """n terms need 2 n + 3 points of the shortest hold, and 2^n within the bounds of their times."""
+    many, few = (SimpleNamespace(held=np.arange(200) < count) for count in (100, 8))
+    for holds, bounds, most in (([many], (1.0, 2.0**3.5), 3), ([many], (0.1, 0.1 * 2.0**2.5), 2),
+                                ([many, few], (1.0, 1e6), 2)):
+        assert _allowed("auto", holds, bounds) == tuple(range(1, most + 1))  # pyright: ignore[reportArgumentType]
+    assert _allowed(4, [few], (1.0, 2.0)) == (4,)  # pyright: ignore[reportArgumentType]
 
 
 def test_an_unbounded_slow_term_is_the_first_caution_on_the_moduli() -> None:

@@ -8,7 +8,7 @@ import pytest
 from matcal.laws.deformation_modes import log_stretches
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam, energy
-from matcal.laws.stability import worst_acoustic_directions
+from matcal.laws.stability import acoustic_form, worst_acoustic_directions
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
 LAWS = [TABLE_1, Hyperfoam(TABLE_1.mu_Pa, TABLE_1.alpha, [0.1, 0.2, 0.1]), Hyperfoam([1e4], [-3.0], [0.2]),
@@ -23,6 +23,19 @@ def test_sign_of_the_acoustic_tensor(law, mode):
     sure = np.abs(least) > 1e-3 * law.mu_0_Pa
     assert sure.sum() > 100
     assert np.array_equal(strongly_elliptic(law, log_stretches(law, mode, strain))[sure], least[sure] > 0)
+
+
+def test_the_acoustic_form_is_the_bend_of_the_energy_along_its_directions():
+    """d2/dt2 of the energy along F + t m n'F is m . J Q(n) m, also with the law's volumetric part."""
+    rng, h = np.random.default_rng(4), 1e-3
+    for law in LAWS[:3]:
+        x, n, m = rng.uniform(-0.6, 0.4, (20, 3)), *rng.standard_normal((2, 20, 3))
+        n, m = (v / np.linalg.norm(v, axis=1)[:, None] for v in (n, m))
+        rest = np.exp(x)[:, :, None] * np.eye(3)
+        step = m[:, :, None] * (n[:, None] @ rest)
+        high, here, low = (energy(law, np.log(np.linalg.svd(rest + t * step, compute_uv=False))) for t in (h, 0, -h))
+        np.testing.assert_allclose(acoustic_form(law, x, n, m), (high - 2 * here + low) / h**2,
+                                   rtol=1e-4, atol=1e-4 * law.mu_0_Pa)
 
 
 def test_table_1_is_elliptic_in_uniaxial_but_not_in_biaxial_compression():

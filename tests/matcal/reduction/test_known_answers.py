@@ -9,6 +9,7 @@ import pytest
 
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.reduce import read_and_reduce
+from matcal.reduction.specimen import Block, Strip, make_specimen, read_tables
 
 SHEAR_MODULUS_Pa, YOUNG_Pa = 2.0e4, 5.0e4
 LOADING_S, REST_S = 40.0, 4.0
@@ -65,6 +66,79 @@ def test_compression_counts_its_section_its_height_and_the_frames_compliance(tmp
     assert got.noise == pytest.approx(1e-3 / area / np.sqrt(samples), rel=0.1)
     assert got.time_s is not None
     assert got.strain == pytest.approx(-0.3 * got.time_s / LOADING_S, abs=2e-4)
+
+
+def test_drift_between_two_rests_is_taken_off_with_the_error_of_two_means(tmp_path: Path) -> None:
+    """0.05 mN/s under 1 mN of noise, 10 s of rest before and 20 s after at 25 Hz: sd = 1 mN hypot(250^-1/2, 500^-1/2)
+    over the 100 s between their middles, and no stress is left of the drift."""
+    time = np.arange(0, 115, 0.04)
+    travel = np.interp(time, [0, 10, 50, 95, 115], [0, 0, 5, 0, 0])
+    spring = 4.0 * np.maximum(travel - 1.0, 0.0)
+    got = _reduced(tmp_path, "uniaxial", travel, spring + 5e-5 * time + _noise(time), time,
+                   "area_mm2 = 100\nheight_mm = 20\ndirection = \"compression\"\n")
+    assert got.facts["drift_sd_N_per_s"] == pytest.approx(1e-3 * np.hypot(250**-0.5, 500**-0.5) / 100, rel=0.05)
+    assert got.facts["drift_N_per_s"] == pytest.approx(5e-5, abs=4 * got.facts["drift_sd_N_per_s"])
+    assert got.facts["load_noise_N"] == pytest.approx(1e-3, rel=0.1)
+    assert _slope(got) == pytest.approx(4.0 * 20 / 100e-6, rel=2e-3)
+    assert got.value.min() == pytest.approx(-16.0 / 100e-6, rel=5e-3)
+
+
+def test_a_preload_makes_the_contact_and_the_rest_the_zero(tmp_path: Path) -> None:
+    """A spring of 2 N/mm met at 1 mm and zeroed 0.3 N off: 0.5 N at 1.25 mm, of which the frame takes 0.1 mm/N;
+    found by means of twenty samples, 0.08 mm long."""
+    time, travel = np.arange(0, 60, 0.04), np.maximum(np.arange(0, 60, 0.04) - 10, 0) * 0.1
+    force = 0.3 + 2.0 * np.maximum(travel - 1.0, 0.0) + _noise(time)
+    got = _reduced(tmp_path, "uniaxial", travel, force, time, "area_mm2 = 100\nheight_mm = 20\npreload_N = 0.5\n"
+                   "compliance_mm_per_N = 0.1\ndirection = \"compression\"\n")
+    assert got.facts["contact_mm"] == pytest.approx(1.25 - 0.05, abs=0.08)
+    assert got.facts["zero_load_N"] == pytest.approx(0.3, abs=4e-4)
+    assert got.facts["zero_sd_N"] == pytest.approx(1e-3 / np.sqrt(250), rel=0.1)
+    assert got.facts["contact_sd_mm"] == 0
+    assert _slope(got) == pytest.approx(2.0 / (1 - 0.2) * 20 / 100e-6, rel=5e-3)
+
+
+def test_a_hold_gives_its_times_its_strain_and_how_far_it_relaxed(tmp_path: Path) -> None:
+    """Ramp of 2 s to a strain of 0.2, 100 s held, the load falling from 8 N to 6 N with a time of 5 s."""
+    time = np.arange(0, 107, 0.04)
+    strain = 0.2 * np.clip((time - 5) / 2, 0, 1)
+    force = 40.0 * strain * np.where(time > 7, 0.75 + 0.25 * np.exp(-(time - 7) / 5), 1.0)
+    got = _reduced(tmp_path, "relaxation", 20 * strain, force + _noise(time), time,
+                   "area_mm2 = 100\nheight_mm = 20\ndirection = \"compression\"\n")
+    assert got.facts["ramp_s"] == pytest.approx(2.0, abs=0.1)
+    assert got.facts["hold_s"] == pytest.approx(100.0, abs=0.2)
+    assert got.facts["hold_strain"] == pytest.approx(-0.2, abs=1e-3)
+    assert got.facts["hold_strain_change"] == pytest.approx(0.0, abs=2e-3)
+    assert got.facts["hold_relaxed"] == pytest.approx(0.25, abs=0.01)
+    assert got.time_s is not None
+    assert got.value[got.time_s > 60] == pytest.approx(-0.06e6, rel=2e-3)
+    assert (got.strain[0], got.value[0], got.time_s[0]) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("kind", "table", "area_mm2", "length_mm", "share"), [
+    ("shear", "faces = 4\nlength_mm = 25\nwidth_mm = 20\nthickness_mm = 10\n", 2000, 10, 1),
+    ("planar", "length_mm = 20\nwidth_mm = 100\nthickness_mm = 5\n", 500, 20, 1),
+    ("uniaxial", "width_mm = 10\ndepth_mm = 20\nheight_mm = 30\n", 200, 30, 1),
+    ("volumetric", "method = \"confined\"\ndiameter_mm = 10\nheight_mm = 20\nlateral_ratio = 0.4\n",
+     25 * np.pi, 20, 0.6),
+    ("volumetric", "method = \"hydrostatic\"\npiston_diameter_mm = 10\nvolume_mm3 = 2000\n",
+     25 * np.pi, 2000 / (25 * np.pi), 1)])
+def test_specimens_have_the_areas_and_lengths_of_their_shape(kind: str, table: str, area_mm2: float, length_mm: float,
+                                                             share: float, tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(f"[{kind}]\n{table}", encoding="utf-8")
+    block = make_specimen(kind, read_tables(tmp_path / "s.toml")[kind], tmp_path / "s.toml")
+    assert isinstance(block, Block)
+    assert (block.area_m2 * 1e6, block.length_m * 1e3) == (pytest.approx(area_mm2), pytest.approx(length_mm))
+    assert block.mean_share == pytest.approx(share)
+    assert (block.preload_N, block.compliance_m_per_N) == (0, 0)
+
+
+def test_the_ring_of_a_strip_is_its_coating_all_around(tmp_path: Path) -> None:
+    """2 (20 + 5) mm x 30 um."""
+    (tmp_path / "s.toml").write_text("[conductivity]\nlength_mm = 75\nwidth_mm = 20\nthickness_mm = 5\n"
+                                     "coating_um = 30\nvoltage_V = 0.5\n", encoding="utf-8")
+    strip = make_specimen("conductivity", read_tables(tmp_path / "s.toml")["conductivity"], tmp_path / "s.toml")
+    assert isinstance(strip, Strip)
+    assert (strip.length_m, strip.ring_area_m2, strip.voltage_V) == (0.075, pytest.approx(1.5e-6), 0.5)
 
 
 def _noise(time: np.ndarray) -> np.ndarray:

@@ -135,6 +135,18 @@ def test_long_records_are_judged_by_means_of_blocks() -> None:
     assert _errors(5, 0.0, n=450, least=20.0).covariance[0, 0] == pytest.approx(400 * 200 / 450)
 
 
+def test_a_record_whose_points_are_written_twice_or_thrice_says_the_same() -> None:
+    """Two hundred points, each repeated as often as a block of 450 points is long: the blocks are these points."""
+    rng, prior = np.random.default_rng(8), 1e-8 * np.eye(2)
+    residual, slopes = rng.normal(size=200), np.column_stack([np.ones(200), np.linspace(-1, 1, 200) ** 3])
+    often = np.diff(np.linspace(0, 450, 201).astype(int))
+    (once,) = correlated_errors([residual], [slopes], prior, [0.0])
+    (more,) = correlated_errors([np.repeat(residual, often)], [np.repeat(slopes, often, axis=0)], prior, [0.0])
+    assert set(often) == {2, 3}
+    assert more.covariance == pytest.approx(once.covariance, rel=1e-9)
+    assert more.effective_sample_size == pytest.approx(once.effective_sample_size, rel=1e-9)
+
+
 def test_autocorrelation_time_of_an_autoregressive_record() -> None:
     """(1 + rho)/(1 - rho) for correlation rho^k; 1 for an alternating record."""
     rng, record = np.random.default_rng(6), np.zeros(40000)

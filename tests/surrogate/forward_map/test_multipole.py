@@ -53,3 +53,40 @@ def test_swapping_source_and_reader_changes_nothing(ring: Ring) -> None:
 @pytest.mark.parametrize(("reach", "modes"), [(0.01, 12), (0.65, 26), (0.99, 120)])
 def test_modes_follow_the_reach(reach: float, modes: int) -> None:
     assert multipole_series.modes_needed(reach) == modes
+
+
+def test_fields_of_electrodes_are_the_derivatives_of_their_power_series(ring: Ring) -> None:
+    """f(z) = sum (q_m/m) (z exp(-i angle))^m, derived as a polynomial."""
+    rng = np.random.default_rng(0)
+    q, z = 1 + 0.3 * rng.normal(size=15), 0.6 * (rng.normal(size=4) + 1j * rng.normal(size=4))
+    found = multipole_series.electrode_fields(ring, q, z, 4)
+    for e, angle in enumerate(ring.angle_rad):
+        f = np.polynomial.Polynomial(np.r_[0, q / np.arange(1, 16) * np.exp(-1j * angle * np.arange(1, 16))])
+        for n in range(1, 5):
+            np.testing.assert_allclose(found[n - 1, :, e], f.deriv(n)(z), rtol=1e-11)
+
+
+def test_slopes_of_the_basis_are_differences(ring: Ring) -> None:
+    q, z, h = 1 + 0.1 * np.random.default_rng(1).normal(size=20), np.array([0.3 - 0.5j, 0.1 + 0.2j]), 1e-6
+
+    def at(moved: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
+        fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
+        return list(multipole_series.basis_and_slopes(ring, fields))
+
+    here, by_x, by_y = at(z)
+    np.testing.assert_allclose(here, multipole_series.basis(*multipole_series.patterns(ring, q, z)), rtol=1e-12)
+    for slope, way in ((by_x, h), (by_y, 1j * h)):
+        np.testing.assert_allclose(slope, (at(z + way)[0] - at(z - way)[0]) / (2 * h), atol=1e-6 * np.abs(slope).max())
+
+
+def test_strengths_are_the_least_squares_ones(ring: Ring) -> None:
+    """(A'A)^-1 A'y, its diagonal times y'y as variance up to a common factor, and y less the fit."""
+    rng, z = np.random.default_rng(2), np.array([0.3 - 0.5j, 0.1 + 0.2j])
+    design = multipole_series.basis(*multipole_series.patterns(ring, np.ones(20), z))
+    signal = rng.normal(size=design.shape[:2])
+    found = multipole_series.strengths(ring, np.ones(20), z, signal)
+    for k, (a, y) in enumerate(zip(design, signal, strict=True)):
+        inverse = np.linalg.inv(a.T @ a)
+        np.testing.assert_allclose(found.value[k], inverse @ a.T @ y, rtol=1e-8)
+        np.testing.assert_allclose(found.variance[k], np.diag(inverse) * (y @ y), rtol=1e-8)
+        np.testing.assert_allclose(found.residual[k], y - a @ inverse @ a.T @ y, atol=1e-12)
