@@ -126,3 +126,9 @@ def test_run_refuses_to_write_over_its_scene_or_its_card(folder: Path) -> None:
         assert done.returncode == 2
         assert "would be overwritten" in done.stderr
     assert {name: (folder / name).read_bytes() for name in before} == before
+
+
+def test_a_plan_says_that_the_signal_need_not_grow_with_the_force(command: Command, folder: Path) -> None:
+    done = command("eitsim", "plan", "scene.toml", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "two forces give one amplitude" in done.stdout

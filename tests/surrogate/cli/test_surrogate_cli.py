@@ -116,6 +116,14 @@ def test_evaluate_prints_a_table(call: Call, ridge: Path, few: Path) -> None:
     assert "+-90 %" in out
 
 
+def test_evaluate_prints_the_signal_over_force(call: Call, forward: Path, few: Path) -> None:
+    status, out, _ = call("evaluate", forward, few)
+    assert status == 0
+    assert "signal over force" in out
+    stored = json.loads((forward / "evaluation.json").read_text())["amplitude"]
+    assert f"{1e3 * max(stored['diameters'][0]['rms_V']):.3g}" in out
+
+
 def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, ridge: Path, few: Path, sweep: Path,
                                                                  tmp_path: Path) -> None:
     model = Path(shutil.copytree(ridge, tmp_path / "model"))
