@@ -14,7 +14,7 @@ NAME = "amplitude"
 
 
 def plate(found: Mapping[str, Any]) -> ReportFigure:
-    """RMS of the signal over force of `surrogate.model.amplitude`."""
+    """RMS of the signal over force of `surrogate.forward_map.amplitude`."""
     figure, force, tables = style.sheet(70, 120), np.array(found["force_N"]), []
     axes = figure.subplots()
     for one in found["diameters"]:

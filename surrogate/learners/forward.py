@@ -13,6 +13,7 @@ from surrogate.data import material_states, outputs
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map, rim_correction
+from surrogate.forward_map.amplitude import amplitude
 from surrogate.forward_map.forward_map import INTERIOR, ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
@@ -56,6 +57,10 @@ class TouchInversion(Learner):
         """Modes of the series, relative error of a reading in the interior, and states of the material."""
         return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
                 "material_states": self.forward.materials}
+
+    def amplitude(self) -> dict[str, Any]:
+        """The signal over force for each diameter."""
+        return amplitude(self.forward)
 
     def discrete(self, names: tuple[str, ...]) -> Mask:
         """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""

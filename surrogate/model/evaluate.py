@@ -16,7 +16,6 @@ from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, t
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Estimate
 from surrogate.learners.registry import METHODS, listed
-from surrogate.model.amplitude import amplitude
 from surrogate.model.model import Model
 from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import describe_rows, few
@@ -118,8 +117,8 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
               "interval_caution": interval_caution(model, samples),
               "trained_range": dict(zip(model.names, ends, strict=True)),
               "material": material_told(model, samples), "force_sd": force_sd,
-              "amplitude": amplitude(model), "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"],
-              "outputs": _scores(model, table),
+              "amplitude": model.learner.amplitude(), "outputs": _scores(model, table),
+              "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"],
               "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
 

@@ -4,24 +4,19 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.forward_map.forward_map import linearise, strength_discrepancy
+from surrogate.forward_map.forward_map import ForwardMap, linearise, strength_discrepancy
 from surrogate.forward_map.load_coordinates import to_unknown
-from surrogate.learners.forward import TouchInversion
-from surrogate.model.trained import TrainedModel
 
 FORCES, DIAMETERS = 120, 5  # forces of each diameter, and diameters where no punches are known
 
 
-def amplitude(model: TrainedModel) -> dict[str, Any] | None:
+def amplitude(forward: ForwardMap) -> dict[str, Any]:
     """RMS of the signal over the trained forces, of known punches or of diameters in equal steps, at the trained
     radius nearest to the centre, as JSON: radius_mm, force_N, and for each of `diameters` d_mm and rms_V, with peak_N
     and two_answers_N (lowest and highest force whose amplitude another force has too), null where it only grows.
 
-    A fall after the peak within the map's own error is none. None for a method without a map from touch to signal.
+    A fall after the peak within the map's own error is none.
     """
-    if not isinstance(model.learner, TouchInversion):
-        return None
-    forward = model.learner.forward
     (radius, d_lo, f_lo), (_, d_hi, f_hi) = forward.bounds
     force, found = np.linspace(f_lo, f_hi, FORCES), []
     for d in forward.known_mm if len(forward.known_mm) else np.unique(np.linspace(d_lo, d_hi, DIAMETERS)):

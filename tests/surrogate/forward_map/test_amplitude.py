@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from surrogate.data.samples import Samples, take
-from surrogate.learners.registry import METHODS
-from surrogate.model.amplitude import amplitude
 from surrogate.model.train import train
 
 
@@ -25,7 +23,7 @@ def peaked(samples: Samples) -> Samples:
 
 
 def test_the_top_of_the_signal_and_forces_of_one_amplitude_are_found_for_each_diameter(inner: Samples) -> None:
-    found = amplitude(train(peaked(inner), "forward", ("x0", "F"), 1))
+    found = train(peaked(inner), "forward", ("x0", "F"), 1).learner.amplitude()
     assert found is not None
     assert [one["d_mm"] for one in found["diameters"]] == pytest.approx([10, 12, 14, 16, 18], abs=0.3)
     for one in found["diameters"]:
@@ -37,12 +35,11 @@ def test_the_top_of_the_signal_and_forces_of_one_amplitude_are_found_for_each_di
 
 
 def test_a_signal_that_only_grows_has_no_top(inner: Samples) -> None:
-    found = amplitude(train(inner, "forward", ("x0", "F"), 1))
+    found = train(inner, "forward", ("x0", "F"), 1).learner.amplitude()
     assert found is not None
     assert [one["peak_N"] for one in found["diameters"]] == [None] * 5
     assert all(np.all(np.diff(one["rms_V"]) > 0) for one in found["diameters"])
 
 
 def test_methods_without_a_map_tell_no_amplitude(inner: Samples) -> None:
-    assert "ridge" in METHODS
-    assert amplitude(train(inner, "ridge", ("x0", "F"), 1)) is None
+    assert train(inner, "ridge", ("x0", "F"), 1).learner.amplitude() is None
