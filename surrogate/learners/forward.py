@@ -20,6 +20,7 @@ from surrogate.forward_map.inversion.diameter_force_posterior import RADII, draw
 from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.learners.base import Estimate, Learner, Parts, Training
+from surrogate.statistics.metrics import rms
 from touchcal.arrays import Array, Mask
 
 BATCH = 64  # frames solved together, to bound the memory
@@ -43,7 +44,7 @@ class TouchInversion(Learner):
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
         response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
-        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states), response,
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rms(rows.signal_error)), response,
                    np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
@@ -54,9 +55,10 @@ class TouchInversion(Learner):
         return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
 
     def record(self, training: Training) -> dict[str, Any]:
-        """Modes of the series, relative error of a reading in the interior, and states of the material."""
+        """Modes of the series, relative errors of a reading in the interior and of the simulator's signals, and states
+        of the material."""
         return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
-                "material_states": self.forward.materials}
+                "simulator_error": self.forward.simulator, "material_states": self.forward.materials}
 
     def amplitude(self) -> dict[str, Any]:
         """The signal over force for each diameter."""
