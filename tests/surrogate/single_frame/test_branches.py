@@ -62,8 +62,9 @@ def test_a_posterior_has_the_forces_on_both_sides_of_the_largest_signal(
 
     touch, signal = synthetic(120, 0, reach_mm=39.0)
     learned = forward_map.fit(ring, touch, peaked(touch, signal))
-    truth = to_unknown(np.array([[-33.0, 15.0, 10.3, 1.6]]), learned.p0)
+    truth = to_unknown(np.array([[-33.0, 15.0, 10.0, 1.6]]), learned.p0)
     level, noise = forward_map.linearise(learned, truth).signal_V[0], 1e-5
     found = posterior_of(learned, level + noise * np.random.default_rng(1).normal(size=len(level)), noise)
-    assert np.mean(found.draws[:, 3] < 0.6) > 0.05
-    assert np.quantile(found.draws[:, 3], 0.95) > 1.6
+    assert 0.2 < np.mean(found.draws[:, 3] < 0.6) < 0.5
+    assert np.quantile(found.draws[:, 3], 0.95) > 1.9
+    assert found.effective > 1000
