@@ -26,6 +26,10 @@ app = application("Touch a foam disc with a conductive skin: contact mechanics, 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 CardOption = Annotated[Path | None, typer.Option("--card", help="Material card; else the scene's own `card` key.")]
 
+GROWTH = ("note: the signal need not grow with the force; under a small punch it may be largest at some force and fall "
+          "again, so that two forces give one amplitude. `surrogate evaluate` of a model of a sweep over forces shows "
+          "where.")
+
 
 @app.command()
 def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False) -> None:
@@ -43,6 +47,7 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
         print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
     else:
         show_plan(made)
+        print(GROWTH)
     if made.refusal:
         raise ValueError(f"{scene}: {made.refusal}")
 

@@ -11,7 +11,14 @@ from reports.document.numerals import counted, interval, number, percent, r_squa
 from reports.document.page import Report, write_pdf
 from reports.document.style import house
 from reports.document.verdict import GOOD, NOT_USABLE, SHORTFALL, UNEXPLAINED, USABLE, Verdict, graded, worst
-from reports.surrogate import bound_figures, noise_figures, parity_figures, surrogate_tables, training_figures
+from reports.surrogate import (
+    amplitude_figures,
+    bound_figures,
+    noise_figures,
+    parity_figures,
+    surrogate_tables,
+    training_figures,
+)
 from reports.surrogate.parity_figures import TITLES, label, unit, unseen
 from surrogate.bounds import bound_files
 from surrogate.learners.registry import METHODS
@@ -44,6 +51,8 @@ def report(model_dir: Path) -> Report:
               for name, parts in scores.items()]
     if trained := histories(model_dir, [output["name"] for output in model.get("outputs", [])]):
         plates.append(training_figures.history(trained, model["dataset"]["split"]["train"]))
+    if amplitude := evaluation.get("amplitude"):
+        plates.append(amplitude_figures.plate(amplitude))
     tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
     absent = {}
     if (found := bound_files.read_map(model_dir)) is not None:

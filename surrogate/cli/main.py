@@ -176,6 +176,8 @@ def _print_scores(result: Mapping[str, Any]) -> None:
     if result["material"]:
         print(f"material: {result['material']}")
     print(f"intervals: {result['intervals']}")
+    if result["amplitude"]:
+        _print_amplitude(result["amplitude"])
     units = {name: next(iter(parts.values()))["unit"] for name, parts in result["outputs"].items()}
     spans = ", ".join(f"{name} {low:.4g} to {high:.4g} {units[name]}"
                       for name, (low, high) in result["trained_range"].items())
@@ -201,6 +203,20 @@ def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
             least = [f"{of[name]:.4g}" if name in of else "-" for of in limits.values()]
             table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", r2, _held(s),
                           f"{s['half_width_90']:.4g}", str(s["n"]), *least)
+    Console().print(table)
+
+
+def _print_amplitude(amplitude: Mapping[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("d, mm", "largest RMS, mV", "at F, N", "RMS at most F, mV", "F of two answers, N",
+                  title=f"signal over force, {amplitude['radius_mm']:.3g} mm from the centre")
+    for one in amplitude["diameters"]:
+        ends = one["two_answers_N"]
+        table.add_row(f"{one['d_mm']:.4g}", f"{1e3 * max(one['rms_V']):.3g}",
+                      "highest" if one["peak_N"] is None else f"{one['peak_N']:.2f}", f"{1e3 * one['rms_V'][-1]:.3g}",
+                      "-" if ends is None else f"{ends[0]:.2f} to {ends[1]:.2f}")
     Console().print(table)
 
 

@@ -41,6 +41,7 @@ class ForwardMap:
     bounds: Array
     known_mm: Array  # diameters of the known punches that training rows share, mm; none where these vary
     rows: int  # training rows
+    simulator: float  # relative error of the size of the signals that it was learned from
 
     @property
     def materials(self) -> int:
@@ -69,9 +70,9 @@ class Linearised:
     discrepancy: Array
 
 
-def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None) -> ForwardMap:
+def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None, simulator: float = 0.0) -> ForwardMap:
     """Learn the map from touches (n, 4) in mm and N, their signals (n, readings) in V, and standard normal states of
-    their materials (n, k).
+    their materials (n, k); simulator: relative error of these signals, which is counted along the signal itself.
 
     ValueError where there are too few rows or the touches do not share one sign of conductance change.
     """
@@ -87,7 +88,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     inputs = _inputs(ring, unknown[inner], material[inner])
     field, sign, processes, floor = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, sign, processes, rim_correction.zero_correction(ring), p0, floor, unknown.mean(0),
-                        np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch))
+                        np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch), simulator)
     return _with_rim(series, z, unknown, signal_V, material)
 
 
@@ -221,12 +222,12 @@ def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
 def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders) standard deviations of log p_1 and of p_n / p_1 at touches (n, 4) given as (x, y, log d, g).
 
-    The scatter of log p_1 about its process (noise) is discrepancy; that of the ratios is mostly what least squares on
-    one row leaves undetermined, which the floor stands for already.
+    The scatter of log p_1 about its process (noise) is discrepancy, and so is the simulator's error; that of the ratios
+    is mostly what least squares on one row leaves undetermined, which the floor stands for already.
     """
     inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
     variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])
-    variance[:, 0] += forward.strengths[0].noise[0]
+    variance[:, 0] += forward.strengths[0].noise[0] + forward.simulator**2
     return np.sqrt(variance)
 
 

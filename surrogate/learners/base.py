@@ -100,6 +100,11 @@ class Learner(Protocol):
         """How the training went, as JSON."""
         return {}
 
+    def amplitude(self) -> dict[str, Any] | None:
+        """The signal over force for each diameter, as `surrogate.forward_map.amplitude` gives it; None for methods
+        without a map from touch to signal."""
+        return None
+
     def discrete(self, names: tuple[str, ...]) -> Mask:
         """(outputs,) whether an output takes one of a few values."""
         return np.zeros(len(names), bool)

@@ -13,12 +13,14 @@ from surrogate.data import material_states, outputs
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map, rim_correction
+from surrogate.forward_map.amplitude import amplitude
 from surrogate.forward_map.forward_map import INTERIOR, ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
 from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.learners.base import Estimate, Learner, Parts, Training
+from surrogate.statistics.metrics import rms
 from touchcal.arrays import Array, Mask
 
 BATCH = 64  # frames solved together, to bound the memory
@@ -42,7 +44,7 @@ class TouchInversion(Learner):
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
         response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
-        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states), response,
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rms(rows.signal_error)), response,
                    np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
@@ -53,9 +55,14 @@ class TouchInversion(Learner):
         return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
 
     def record(self, training: Training) -> dict[str, Any]:
-        """Modes of the series, relative error of a reading in the interior, and states of the material."""
+        """Modes of the series, relative errors of a reading in the interior and of the simulator's signals, and states
+        of the material."""
         return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
-                "material_states": self.forward.materials}
+                "simulator_error": self.forward.simulator, "material_states": self.forward.materials}
+
+    def amplitude(self) -> dict[str, Any]:
+        """The signal over force for each diameter."""
+        return amplitude(self.forward)
 
     def discrete(self, names: tuple[str, ...]) -> Mask:
         """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""

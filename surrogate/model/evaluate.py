@@ -117,7 +117,8 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
               "interval_caution": interval_caution(model, samples),
               "trained_range": dict(zip(model.names, ends, strict=True)),
               "material": material_told(model, samples), "force_sd": force_sd,
-              "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
+              "amplitude": model.learner.amplitude(), "outputs": _scores(model, table),
+              "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"],
               "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
 

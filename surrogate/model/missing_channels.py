@@ -61,7 +61,8 @@ def without(model: TrainedModel, dead: Mask) -> TrainedModel:
         raise ValueError(f"{named(dead)}: {problem}.")
     kept = ~dead
     rows = spread_evenly(len(model.calibration.target), CALIBRATION_ROWS)
-    calibration = Calibration(model.calibration.signal_V[rows][:, kept], model.calibration.target[rows])
+    calibration = Calibration(model.calibration.signal_V[rows][:, kept], model.calibration.target[rows],
+                              model.calibration.signal_error[rows])
     whole = model.ring
     ring = replace(whole, source=whole.source[kept], sink=whole.sink[kept], read=whole.read[kept],
                    ground=whole.ground[kept])

@@ -21,7 +21,7 @@ Whitened = Callable[[Array], tuple[Array, Array]]
 DIAMETERS, LOADS, STEPS, PASSES, COUNTED = 9, 4, 25, 4, 15.0
 # Place of log d among the unknowns.
 LOG_D = 2
-_FREE = np.array([0, 1, 3])
+FREE = np.array([0, 1, 3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,26 @@ def find(whitened: Whitened, centre: Array, log_d: tuple[float, float], load: Ca
 def _at(whitened: Whitened, centre: Array, log_d: Array, load: Callable[[Array], tuple[Array, Array]],
         within: Callable[[Array], Array]) -> tuple[Ridge, Array]:
     """The ridge at these diameters and at that of the centre, held between them, and the least cost of each."""
-    share = np.append((np.arange(LOADS) + 0.5) / LOADS, np.nan)
     every = np.unique(np.append(log_d, np.clip(centre[LOG_D], log_d[0], log_d[-1])))
-    held = np.repeat(every, len(share))
+    touch, cost = solutions(whitened, centre, every, load, within)
+    by_d = cost.reshape(len(every), -1)
+    first = by_d.argmin(axis=1) + by_d.shape[1] * np.arange(len(every))
+    kept = np.unique(np.concatenate([first, np.flatnonzero(cost < cost.min() + COUNTED)]))
+    kept = kept[cost[kept] < cost.min() + 2 * COUNTED]
+    free = whitened(touch[kept])[1][..., FREE]
+    spread = inverse(free.transpose(0, 2, 1) @ free + 1e-12 * np.eye(3))
+    best = PchipInterpolator(every, touch[first][:, FREE])
+    return Ridge(every, best, touch[kept], spread, float(np.diff(every).max()) / 2), by_d.min(axis=1)
+
+
+def solutions(whitened: Whitened, centre: Array, log_d: Array, load: Callable[[Array], tuple[Array, Array]],
+              within: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Touches (m, 4) that each start ends at, LOADS of them and that of the centre for every diameter in turn, and half
+    their squared residuals (m,)."""
+    share = np.append((np.arange(LOADS) + 0.5) / LOADS, np.nan)
+    held = np.repeat(log_d, len(share))
     low, high = load(held)
-    start = np.where(np.isnan(np.tile(share, len(every))), centre[3], low + np.tile(share, len(every)) * (high - low))
+    start = np.where(np.isnan(np.tile(share, len(log_d))), centre[3], low + np.tile(share, len(log_d)) * (high - low))
     start = np.column_stack([np.tile(centre[:2], (len(held), 1)), start])
 
     def whole(part: Array, which: Index) -> Array:
@@ -68,17 +83,10 @@ def _at(whitened: Whitened, centre: Array, log_d: Array, load: Callable[[Array],
 
     def residuals(part: Array, which: Index) -> tuple[Array, Array]:
         left, slope = whitened(within(whole(part, which)))
-        return left, slope[..., _FREE]
+        return left, slope[..., FREE]
 
     end = minimise(residuals, start, STEPS)
-    cost = end.cost.reshape(len(every), -1)
-    first = cost.argmin(axis=1) + len(share) * np.arange(len(every))
-    kept = np.unique(np.concatenate([first, np.flatnonzero(end.cost < end.cost.min() + COUNTED)]))
-    kept = kept[end.cost[kept] < end.cost.min() + 2 * COUNTED]
-    counted = within(whole(end.state[kept], kept))
-    spread = inverse(end.normal[kept] + 1e-12 * np.eye(3))
-    best = PchipInterpolator(every, within(whole(end.state[first], first))[:, _FREE])
-    return Ridge(every, best, counted, spread, float(np.diff(every).max()) / 2), cost.min(axis=1)
+    return within(whole(end.state, np.arange(len(held)))), end.cost
 
 
 def straightened(ridge: Ridge, unknown: Array) -> Array:
@@ -94,7 +102,7 @@ def bent(ridge: Ridge, straight: Array) -> Array:
 def _moved(ridge: Ridge, touches: Array, sign: int) -> Array:
     out = touches.copy()
     at = np.clip(touches[:, LOG_D], ridge.log_d[0], ridge.log_d[-1])
-    out[:, _FREE] += sign * ridge.best(at)
+    out[:, FREE] += sign * ridge.best(at)
     return out
 
 
@@ -104,6 +112,6 @@ def points_about(ridge: Ridge, count: int, reach: float, rng: np.random.Generato
     root = np.linalg.cholesky(ridge.spread)
     steps = reach * np.einsum("kpq,kmq->kmp", root, rng.normal(size=(len(root), each, 3)))
     points = np.repeat(straightened(ridge, ridge.counted)[:, None], each, axis=1)
-    points[..., _FREE] += steps
+    points[..., FREE] += steps
     points[..., LOG_D] += ridge.reach * rng.uniform(-2, 2, size=(len(root), each))
     return points.reshape(-1, 4)

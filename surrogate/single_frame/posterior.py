@@ -2,7 +2,8 @@
 
 The likelihood is the learned map's, its own error counted, the material the one that it was trained on; or that of the
 map as `surrogate.single_frame.simulated_posterior` corrects it. Unlike the inversion it takes any diameter for equally
-likely, known punches or not. Chains run on a polynomial of the residuals; the map itself weighs their draws.
+likely, known punches or not. Chains run on a polynomial of the residuals; the map itself weighs their draws. Where a
+diameter has several loads, between which no chain passes, `branches` draws instead.
 """
 
 import time
@@ -17,7 +18,8 @@ from surrogate.bounds.fisher_information import Prior
 from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown
-from surrogate.single_frame import diameter_profile, likelihood_emulator
+from surrogate.single_frame import branches, diameter_profile, likelihood_emulator
+from surrogate.single_frame.branches import Branches
 from surrogate.single_frame.diameter_profile import Ridge
 from surrogate.single_frame.likelihood_emulator import Emulator
 from surrogate.single_frame.simulator_likelihood import Unknowns
@@ -47,9 +49,10 @@ class Posterior:
     """Draws of one touch."""
 
     draws: Array  # (KEPT, 4) x, y, d in mm, F in N
-    # rhat, ess, autocorrelation_steps, steps, acceptance, converged, as matcal's chains give them
+    # rhat, ess, autocorrelation_steps, steps, acceptance, converged, as matcal's chains give them; NaN but for ess and
+    # converged where there are no chains
     checks: dict[str, float | bool]
-    effective: float  # draws of their own that the weighed ones of the emulator's chains are worth
+    effective: float  # draws of their own that the weighed ones are worth
     cpu_s: float  # CPU time, s
     misfit: float  # squared residual, a degree of freedom, at the most probable draw
 
@@ -125,7 +128,9 @@ def sampled(forward: ForwardMap, signal_V: Array, whiten: Array, touch: Array, s
     """Draws about a touch (4,), where `whiten` (readings, readings) makes residuals standard normal."""
     begun = time.process_time()
     frame = _Frame(forward, signal_V, prior_of(forward), whiten, correction)
-    ridge = _ridge(frame, to_unknown(touch[None], forward.p0)[0])
+    ridge, found = _ridge(frame, to_unknown(touch[None], forward.p0)[0])
+    if found.several:
+        return _over_branches(frame, found, seed, begun)
     points = _points(frame, ridge, np.random.default_rng([seed, 5]))
 
     def derived(straight: Array) -> dict[str, Array]:
@@ -180,7 +185,17 @@ def weighed_draws(residual: Callable[[Array], Array], log_prior: Callable[[Array
     return Draws(kept, chains.checks, effective, float(chi2.min()))
 
 
-def _ridge(frame: _Frame, centre: Array) -> Ridge:
+def _over_branches(frame: _Frame, found: Branches, seed: int, begun: float) -> Posterior:
+    """Importance draws, where a diameter has several loads; chains tell nothing then."""
+    rng = np.random.default_rng([seed, 5])
+    drawn = branches.draws(found, frame.residual, lambda u: log_prior(frame.forward, frame.prior, u), rng)
+    kept = drawn.touch[rng.choice(len(drawn.weight), KEPT, p=drawn.weight)]
+    checks = dict.fromkeys(("rhat", "autocorrelation_steps", "steps", "acceptance"), np.nan)
+    return Posterior(to_touch(kept, frame.forward.p0), checks | {"ess": drawn.effective, "converged": True},
+                     drawn.effective, time.process_time() - begun, drawn.chi_squared / (len(frame.signal_V) - 4))
+
+
+def _ridge(frame: _Frame, centre: Array) -> tuple[Ridge, Branches]:
     forward, prior = frame.forward, frame.prior
 
     def load(log_d: Array) -> tuple[Array, Array]:
@@ -193,7 +208,8 @@ def _ridge(frame: _Frame, centre: Array) -> Ridge:
         out[:, 3] = np.clip(out[:, 3], *load(out[:, 2]))
         return out
 
-    return diameter_profile.find(frame.whitened, centre, (np.log(prior.d_mm[0]), np.log(prior.d_mm[1])), load, within)
+    ridge = diameter_profile.find(frame.whitened, centre, (np.log(prior.d_mm[0]), np.log(prior.d_mm[1])), load, within)
+    return ridge, branches.find(frame.whitened, ridge, load, within)
 
 
 def _scale(points: Array, residual: Array) -> Array:

@@ -143,3 +143,9 @@ def test_a_run_says_what_each_quantity_is_and_the_plan_in_one_line(command: Comm
     (total,) = re.findall(r"(\S+)% +all known costs together", planned)
     assert f"may cost {total}% of" in plan
     assert re.search(r"unknown +laws used beyond", planned)
+
+
+def test_a_plan_says_that_the_signal_need_not_grow_with_the_force(command: Command, folder: Path) -> None:
+    done = command("eitsim", "plan", "scene.toml", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "two forces give one amplitude" in done.stdout

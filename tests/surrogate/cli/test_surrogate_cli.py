@@ -77,7 +77,7 @@ def write_frames(path: Path, frames: Array, header: list[str] | None = None) -> 
 
 def test_training_leaves_a_model_its_scores_and_its_predictions(forward: Path) -> None:
     model, scores = (json.loads((forward / name).read_text()) for name in ("model.json", "evaluation.json"))
-    assert (model["schema"], model["method"], model["seed"]) == (8, "forward", 1)
+    assert (model["schema"], model["method"], model["seed"]) == (9, "forward", 1)
     assert model["dataset"]["split"] == {"train": 140, "val": 30, "test": 30}
     assert len(model["dataset"]["sha256"]) == 64
     assert {"touchcal", "numpy", "torch"} <= set(model["versions"])
@@ -114,6 +114,14 @@ def test_evaluate_prints_a_table(call: Call, ridge: Path, few: Path) -> None:
     assert "30 rows calibrate the 90 % intervals" in out
     assert "caution: 30 calibrating rows are few" in out
     assert "+-90 %" in out
+
+
+def test_evaluate_prints_the_signal_over_force(call: Call, forward: Path, few: Path) -> None:
+    status, out, _ = call("evaluate", forward, few)
+    assert status == 0
+    assert "signal over force" in out
+    stored = json.loads((forward / "evaluation.json").read_text())["amplitude"]
+    assert f"{1e3 * max(stored['diameters'][0]['rms_V']):.3g}" in out
 
 
 def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, ridge: Path, few: Path, sweep: Path,

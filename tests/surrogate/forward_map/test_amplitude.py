@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from surrogate.data.samples import Samples, take
+from surrogate.model.train import train
+
+
+@pytest.fixture(scope="module")
+def inner(samples: Samples) -> Samples:
+    """Touches away from the rim, which take the least time to learn."""
+    return take(samples, np.hypot(*samples.target[:, :2].T) < 40)
+
+
+def peaked(samples: Samples) -> Samples:
+    """Touches whose signals are scaled so that their norm grows and falls again with F, with its top at 0.06 N/mm d."""
+    d, force = samples.target[:, 2:4].T
+    load, size = force / (0.06 * d), np.linalg.norm(samples.signal_V, axis=1)
+    return replace(samples, signal_V=samples.signal_V * (1e-3 * load * np.exp(1 - load) / size)[:, None])
+
+
+def test_the_top_of_the_signal_and_forces_of_one_amplitude_are_found_for_each_diameter(inner: Samples) -> None:
+    found = train(peaked(inner), "forward", ("x0", "F"), 1).learner.amplitude()
+    assert found is not None
+    assert [one["d_mm"] for one in found["diameters"]] == pytest.approx([10, 12, 14, 16, 18], abs=0.3)
+    for one in found["diameters"]:
+        assert one["peak_N"] == pytest.approx(0.06 * one["d_mm"], abs=0.06)
+        low, high = one["two_answers_N"]
+        rms = np.interp([low, high], found["force_N"], one["rms_V"])
+        assert rms[0] == pytest.approx(rms[1], rel=0.05)
+        assert low == found["force_N"][0] or high == found["force_N"][-1]
+
+
+def test_a_signal_that_only_grows_has_no_top(inner: Samples) -> None:
+    found = train(inner, "forward", ("x0", "F"), 1).learner.amplitude()
+    assert found is not None
+    assert [one["peak_N"] for one in found["diameters"]] == [None] * 5
+    assert all(np.all(np.diff(one["rms_V"]) > 0) for one in found["diameters"])
+
+
+def test_methods_without_a_map_tell_no_amplitude(inner: Samples) -> None:
+    assert train(inner, "ridge", ("x0", "F"), 1).learner.amplitude() is None

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from surrogate.data.samples import Samples, take
+from surrogate.model.model import Model
+from surrogate.model.predict import predict, prepare
+from surrogate.model.train import train
+
+ERROR = 0.01
+
+
+def learned(samples: Samples, error: float, method: str) -> Model:
+    """A model of touches away from the rim, whose simulator states this error of its signals."""
+    inner = take(samples, np.hypot(*samples.target[:, :2].T) < 45)
+    return train(replace(inner, signal_error=np.full(len(inner), error)), method, ("x0", "F"), 1)
+
+
+def held(model: Model, samples: Samples) -> tuple[float, float]:
+    """The part of forces in their 90 % intervals where signals are off by ERROR, and the median half width, N."""
+    inner = take(samples, np.hypot(*samples.target[:, :2].T) < 45)
+    off = ERROR * np.random.default_rng(5).normal(size=(len(inner), 1))
+    found = predict(prepare(model, model.baseline_V), model.baseline_V + inner.signal_V * (1 + off))
+    error = found.value[:, 1] - inner.target[:, 3]
+    return (float(np.mean((error <= found.below[:, 1]) & (-error <= found.above[:, 1]))),
+            float(np.median(found.half_width[:, 1])))
+
+
+def test_the_simulators_own_error_is_in_the_intervals(samples: Samples) -> None:
+    """Without it forces that a simulator one per cent off stands for lie outside their intervals."""
+    assert held(learned(samples, 0.0, "forward"), samples)[0] < 0.6
+    assert held(learned(samples, ERROR, "forward"), samples)[0] >= 0.85
+
+
+def test_methods_without_a_covariance_count_it_by_their_calibration(samples: Samples) -> None:
+    assert held(learned(samples, ERROR, "ridge"), samples)[1] > held(learned(samples, 0.0, "ridge"), samples)[1]
+
+
+def test_the_error_is_that_of_the_training_rows(samples: Samples) -> None:
+    assert np.all(samples.signal_error == 0)
+    assert learned(samples, ERROR, "forward").record["training"]["simulator_error"] == pytest.approx(ERROR)
