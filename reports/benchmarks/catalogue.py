@@ -49,6 +49,7 @@ class Bench:
     value: Callable[[Mapping[str, Any]], float] | None = None
     drawn: Callable[[Mapping[str, Any]], bool] = lambda _: True
     writer: str = ""  # the benchmark that writes the file, where its stem is not the file's
+    use: str = ""  # what its line of the verdict is about; "" for none
 
     @property
     def benchmark(self) -> str:
@@ -108,48 +109,49 @@ def _over_spread(row: Mapping[str, Any]) -> float:
 BENCHES = (
     Bench("fit", "calibration.csv", "fit of three terms to two curves", lambda _: "synthetic compression and shear",
           _start, lambda row: row["setting"], lambda row: row["setting"].partition(",")[0], "distance_from_best",
-          "Distance from the best fit (–)", note="What noise in the data leaves of the truth, 0.4 % in mu_0, stands "
+          "Distance from the best fit (–)", note="What noise in the data leaves of the truth, 0.4 % in μ₀, stands "
           "next to it. From some starts lmfit ends in another minimum, at any tolerance; Table 1 is a fit of such a "
-          "foam, and thus a start that a new foam lacks."),
+          "foam, and thus a start that a new foam lacks.", use="Fit of a foam law"),
     Bench("sampler", "sampler.csv", "posterior of that fit", lambda _: "exponents, moduli and noise",
           lambda row: row["method"], _draws, _one, "mean_error_over_sd", "Error of a mean over sd (–)",
           requested=(1e-1, 3e-2, 1e-2), note="Monte Carlo error of the worst quantity over its posterior's sd, from "
           "effective draws. Where R-hat, which the table tells, is not close to 1, chains have not mixed: their "
-          "effective draws are too many and their errors too small."),
+          "effective draws are too many and their errors too small.", use="Posterior of a foam law"),
     Bench("electrics", "electrics.csv", "208 readings of one touch", lambda row: row["touch"],
           lambda row: row["method"], lambda row: row["setting"], _one, "dv_error", "Relative error of ΔV (–)",
           "cpu_ms", 1e3, "kept_ms", note="What is drawn leaves out what is done once: the order of a fixed mesh and "
           "its untouched skin, and for updates condensed to the touched part its mesh and all outside it, where they "
-          "take the skin as untouched."),
+          "take the skin as untouched.", use="Readings of a touch"),
     Bench("peers_electrics", "peers_electrics.csv", "impedance of 16 electrodes for a new conductance",
           lambda _: "the same mesh and elements", lambda row: row["method"].replace(", ", " with "),
           lambda row: f"{row['triangles']} triangles", _one, "unknowns", "Unknowns (–)", is_error=False,
           note="All solve the same linear triangles, so that their discretisation error is the same; pyEIT's point "
-          "electrodes are another model."),
+          "electrodes are another model.", use="Speed next to other programs"),
     Bench("peers_signal", "peers_signal.csv", "208 readings of one touch by peers", lambda row: row["touch"],
           lambda row: row["method"].replace("pyEIT, ", "pyEIT with "), lambda row: row["setting"], _one, "dv_error",
           "Relative error of ΔV (–)", note="A smooth fall of an isotropic conductance, which all take. eitsim and "
           "EIDORS solve the same linear triangles, and thus have one error; pyEIT's point electrodes are another "
           "model, whose error is in its own. What follows the touch makes its mesh anew, the others keep theirs."),
     Bench("mechanics", "mechanics.csv", "depth of one touch by size of element", lambda row: row["touch"],
-          lambda _: "eitsim", _element, _one, "depth_error", "Relative error of the depth (–)"),
+          lambda _: "eitsim", _element, _one, "depth_error", "Relative error of the depth (–)", use="Depth of a touch"),
     Bench("peers_mechanics", "peers_mechanics.csv", "depth of one touch by peers", lambda row: row["touch"],
           _with_kind, _element_and_rest, lambda row: row["setting"], "depth_error", "Relative error of the depth (–)"),
     Bench("scenes", "scenes.csv", "whole scenes of a 14 mm punch, from the plan to 208 readings", _place,
           lambda row: row["method"], _asked, _one, "dv_error", "Relative error of ΔV (–)",
           note="Against finer solutions, whose own error estimate is in the file (reference_error). No other program "
           "of the comparison solves touch and readings together: its peers stand in the diagrams of the mechanics and "
-          "of the readings."),
+          "of the readings.", use="Whole scenes"),
     Bench("sweep", "sweeps_ways.csv", "rows of the paper's sweep", lambda row: row["place"],
           lambda row: row["way"], lambda row: f"{row['rows']} rows", _one, "dv_error",
-          "Relative error of ΔV, median row (–)", once="tables_cpu_s_per_row", writer="sweeps", note="Against the same "
-          "scenes with nothing left out; what is done once are the tables, shared by all rows of the set."),
+          "Median error of ΔV (–)", once="tables_cpu_s_per_row", writer="sweeps", note="Against the same "
+          "scenes with nothing left out; what is done once are the tables, shared by all rows of the set.",
+          use="Rows of a sweep"),
     Bench("surrogates", "surrogates_time.csv", "what surrogates read of unseen touches, by training",
           lambda row: f"{row['output']}", lambda row: row["method"], _steps, _one, "rmse_over_spread",
           "RMSE over spread (–)", cost="fit_cpu_s", value=_over_spread, requested=(3e-1, 1e-1, 3e-2),
           drawn=lambda row: row["output"] in ("x0", "y0", "d", "F"), writer="surrogates",
           note="Noise-free rows of the paper's sweep, and the training's CPU time; trainbr and network are the paper's "
-          "kind."),
+          "kind.", use="Learned place, size and force"),
 )
 
 

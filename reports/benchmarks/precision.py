@@ -1,18 +1,21 @@
 """The report of error against run time, from the tables that the benchmarks wrote."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from reports.benchmarks.catalogue import BENCHES, Bench, Point, by_problem, cheapest, points
-from reports.benchmarks.precision_figures import diagram, finding, seconds
-from reports.benchmarks.stored_tables import State, cautions, condition_table, state
+from reports.benchmarks.precision_figures import diagram, seconds
+from reports.benchmarks.stored_tables import State, cautions, condition_table, present_code, state
 from reports.document import provenance
-from reports.document.numerals import counted, percent
+from reports.document.numerals import counted, number, percent
 from reports.document.page import Report, Table
+from reports.document.verdict import NOT_USABLE, Verdict, graded
 
 Found = dict[Bench, list[Point]]
+OWN = "eitsim"  # how the names of our own methods begin
+SLOWER = (1.0, 2.0)  # run time over that of the fastest other program that is good, and that is usable
 
 
 def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
@@ -44,9 +47,40 @@ def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
     sources = [provenance.source(results / bench.file) for bench in drawn]
     footer = provenance.footer(sources, "seeds fixed in benchmarks/")
     subtitle = f"{len(drawn)} of {counted(len(benches), 'benchmark')}"
-    findings = [finding(bench, found) for bench, found in drawn.items()] or ["No benchmark has been run."]
-    return Report("precision", "Error against run time", subtitle, footer, findings, plates, tables, absent,
-                  {"order": [bench.name for bench in benches]}, cautions([*states.values()]))
+    verdict = [*_verdict(drawn), *present_code("These times, with the code that is here", [*states.values()])]
+    return Report("precision", "Error against run time", subtitle, footer, (), plates, tables, absent,
+                  {"order": [bench.name for bench in benches]}, cautions([*states.values()]), verdict=verdict)
+
+
+def _verdict(drawn: Mapping[Bench, Sequence[Point]]) -> Iterator[Verdict]:
+    """A line for each benchmark that has a use: the errors it reaches at what cost, or how fast it is."""
+    if not drawn:
+        yield Verdict("Any statement on error or run time", NOT_USABLE, "no benchmark has been run")
+    for bench, found in drawn.items():
+        if bench.use:
+            yield _reached(bench, found) if bench.is_error else _speed(bench, found)
+
+
+def _reached(bench: Bench, found: Sequence[Point]) -> Verdict:
+    """Good where some method solves every problem within the second requested error, usable within the first."""
+    problems, (usable, good, *_) = by_problem(found), bench.requested
+    costs = [best.cost_s + best.once_s for own in problems.values() if (best := cheapest(own, good)) is not None]
+    least = max(min(point.measure for point in own) for own in problems.values())
+    why = f"error within {percent(good, 1)} in {len(costs)} of {counted(len(problems), 'problem')}"
+    why += f", in {seconds(*costs)} of CPU" if costs else ""
+    return Verdict(bench.use, graded(least, (good, usable)), why + ("" if least <= good else
+                                                                    f"; {percent(least)} in the worst"))
+
+
+def _speed(bench: Bench, found: Sequence[Point]) -> Verdict:
+    """Good where no other program is faster on the largest system."""
+    largest = [point for point in found if point.measure == max(p.measure for p in found)]
+    own = min((p.cost_s for p in largest if p.method.startswith(OWN)), default=None)
+    others = {p.method: p.cost_s for p in largest if not p.method.startswith(OWN)}
+    if own is None or not others:
+        return Verdict(bench.use, NOT_USABLE, f"{OWN} and another program were not both measured")
+    times = ", ".join(f"{number(cost / own, 2)} times as fast as {name}" for name, cost in others.items())
+    return Verdict(bench.use, graded(own / min(others.values()), SLOWER), f"{OWN} is {times}, on the same mesh")
 
 
 def _cheapest(drawn: Found) -> dict[str, Table]:
@@ -74,6 +108,6 @@ def _cheapest_of(drawn: Found, errors: Sequence[float]) -> Table:
 def _words(point: Point | None) -> str:
     if point is None:
         return "none"
-    once = f", {seconds(point.once_s)} of it once" if point.once_s > 0 else ""
+    once = f", {seconds(point.once_s)} of it set-up" if point.once_s > 0 else ""
     name = f"{point.method}, {point.setting}" if point.setting else point.method
     return f"{name}: {seconds(point.cost_s + point.once_s)}{once}"

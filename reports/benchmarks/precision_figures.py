@@ -15,10 +15,10 @@ from reports.document import style
 from reports.document.numerals import counted, number, percent, prefixed
 from reports.document.page import ReportFigure
 
-ROW_MM, LINE_MM = 49.0, 4.2  # height of a row of panels and of a line of the legend, mm
-# letters of the longest method, on a sheet as wide as the text, above which the legend has two columns, not three
+ROW_MM, LINE_MM = 42.0, 4.2  # height of a row of panels and of a line of the legend, mm
+# letters of the longest method above which the legend of a sheet as wide as the text has two columns, not three
 LONG = 30
-SINGLE_MM = 116.0  # width of the sheet of a single panel, mm
+SINGLE_MM = 80.0  # width of the sheet of a single panel, mm
 # problems above which panels stand in three columns, and the span of an axis below which it has plain numbers
 FEW, NARROW = 4, 50.0
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
@@ -29,14 +29,15 @@ def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Re
     problems, methods = by_problem(found), list(dict.fromkeys(p.method for p in found))
     columns = min(2 if len(problems) <= FEW else 3, len(problems))
     down, width = math.ceil(len(problems) / columns), style.TEXT_WIDTH_MM if columns > 1 else SINGLE_MM
-    across = 2 if max(map(len, methods)) > LONG * width / style.TEXT_WIDTH_MM else 3
+    across = 1 if columns == 1 else 2 if max(map(len, methods)) > LONG else 3
     figure = style.sheet(ROW_MM * down + LINE_MM * math.ceil(len(methods) / across) + 6, width)
     panels = figure.subplots(down, columns, sharex=True, sharey=True, squeeze=False)
     for i, (axes, (problem, own)) in enumerate(zip(panels.flat, problems.items(), strict=False)):
         panel(axes, bench, own, methods)
         last = i + columns >= len(problems)
         axes.tick_params(labelbottom=last)
-        style.label(axes, "CPU time (s)" if last else "", "" if i % columns else bench.label, problem)
+        words = ("CPU time (s)", bench.label) if bench.is_error else (bench.label, "CPU time (s)")
+        style.label(axes, words[0] if last else "", "" if i % columns else words[1], problem)
     for axes in panels.flat[len(problems):]:
         axes.set_visible(False)
     shared = panels[0, 0]
@@ -57,6 +58,7 @@ def _look(i: int) -> dict[str, Any]:
 
 def panel(axes: Axes, bench: Bench, found: Sequence[Point], methods: Sequence[str]) -> None:
     """One problem: lines join the settings of a method in the order of their cost; looks follow the order of `methods`.
+    An error stands above its cost, a cost above the size.
     """
     ordered = sorted(found, key=lambda p: p.cost_s)
     cost, measure = np.array([[p.cost_s, p.measure] for p in ordered]).T
@@ -64,7 +66,8 @@ def panel(axes: Axes, bench: Bench, found: Sequence[Point], methods: Sequence[st
         axes.step(cost, np.minimum.accumulate(measure), where="post", color=style.FAINT, lw=3.5, zorder=0)
     for method, line in dict.fromkeys((p.method, p.line) for p in found):
         own = [p for p in ordered if (p.method, p.line) == (method, line)]
-        axes.plot([p.cost_s for p in own], [p.measure for p in own], label=method, **_look(methods.index(method)))
+        drawn = [(p.cost_s, p.measure) if bench.is_error else (p.measure, p.cost_s) for p in own]
+        axes.plot(*zip(*drawn, strict=True), label=method, **_look(methods.index(method)))
     axes.set_xscale("log")
     axes.set_yscale("log")
 
@@ -77,7 +80,7 @@ def finding(bench: Bench, found: Sequence[Point]) -> str:
     if min(p.measure for p in found) > spoken:
         return f"{_titled(bench)}: no method comes within {percent(spoken, 1)}; {_least(found)}."
     words = f"{_titled(bench)}: within {percent(spoken, 1)} the cheapest is {_best(found, spoken, again=False)}"
-    return words + (f"; where what is done once is there, {_best(found, spoken, again=True)}." if bench.once else ".")
+    return words + (f"; with the set-up already done, {_best(found, spoken, again=True)}." if bench.once else ".")
 
 
 def seconds(*values: float) -> str:

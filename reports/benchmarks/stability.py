@@ -4,10 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from reports.benchmarks import stability_laws, stability_numerics, stability_readings, stability_scenes
-from reports.benchmarks.stored_tables import Rows, cautions, condition_table, frame, read_rows, state
+from reports.benchmarks.stability_verdict import verdict
+from reports.benchmarks.stored_tables import Rows, cautions, condition_table, frame, present_code, read_rows, state
 from reports.document import provenance
 from reports.document.numerals import counted
 from reports.document.page import Report, ReportFigure, Table
+from reports.document.verdict import NOT_USABLE, Verdict
 from touchcal.errors import InputFileError
 
 # stem of a stored table -> benchmark that writes it
@@ -46,17 +48,15 @@ def report(results: Path) -> Report:
     if stored:
         tables["conditions"] = condition_table(read)
     sources = [provenance.source(results / f"{stem}.csv") for stem in stored]
+    states = [of_table for *_, of_table in read]
+    lines = [*verdict(stored), *present_code("These maps, with the code that is here", states)]
     return Report("stability", "Stiff and extreme cases", f"{len(stored)} of {counted(len(WRITERS), 'stored table')}",
-                  provenance.footer(sources, "seeds fixed in benchmarks/"), _findings(plates), plates, tables, absent,
-                  cautions=cautions([of_table for *_, of_table in read]))
+                  provenance.footer(sources, "seeds fixed in benchmarks/"), (), plates, tables, absent,
+                  cautions=cautions(states), verdict=lines or [
+                      Verdict("Any statement on extreme cases", NOT_USABLE, "no benchmark has been run")])
 
 
 def _plates(stem: str, rows: Rows) -> list[ReportFigure]:
     if stem == "surrogate_noise":
         return stability_readings.readings(rows, stem)
     return [_PLATES[stem](rows, stem)] if stem in _PLATES else []
-
-
-def _findings(plates: list[ReportFigure]) -> list[str]:
-    """The first sentence of every plate's caption."""
-    return [plate.caption.split(". ")[0].rstrip(".") + "." for plate in plates] or ["No benchmark has been run."]

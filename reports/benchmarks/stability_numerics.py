@@ -19,7 +19,8 @@ Digits = dict[tuple[float, float], float]  # cell of (row, column) -> digits los
 
 def relaxation(rows: Rows, file: str) -> ReportFigure:
     """Digits that the hereditary integral loses, by ratio of two relaxation times and step over the shorter one."""
-    found: Digits = {(row["step_over_tau_1"], row["ratio"]): _digits(row["error"]) for row in where(rows, what=HISTORY)}
+    own = where(rows, what=HISTORY)
+    found: Digits = {(row["step_over_tau_1"], row["ratio"]): digits_of(row["error"]) for row in own}
     figure = style.sheet(62, 120)
     axes = figure.subplots()
     cells(axes, *_grid(found))
@@ -40,7 +41,7 @@ def _creep(rows: Rows) -> str:
             f"apart: {len(good)} of {counted(len(own), 'touch', 'touches')} ok{most}.")
 
 
-def _digits(error: float) -> float:
+def digits_of(error: float) -> float:
     """Decimal digits by which an error exceeds rounding; infinite where there is none to tell."""
     epsilon = sys.float_info.epsilon
     return math.log10(max(error, epsilon) / epsilon) if math.isfinite(error) else math.inf

@@ -20,7 +20,7 @@ def readings(rows: Rows, file: str) -> list[ReportFigure]:
 
 def _plate(method: str, own: Rows, file: str) -> ReportFigure:
     cases, outputs = distinct(own, "case"), distinct(own, "output")
-    found = {(row["case"], row["output"]): _cell(row["rmse_ratio"], row["coverage_90"]) for row in own}
+    found = {(row["case"], row["output"]): cell(row["rmse_ratio"], row["coverage_90"]) for row in own}
     drawn = [[found[case, output] for output in outputs] for case in cases]
     figure = style.sheet(14 + 5.6 * len(cases))
     axes = figure.subplots()
@@ -40,6 +40,6 @@ def _name(own: Rows, case: str) -> str:
     return f"noise {case}" if where(own, case=case)[0]["kind"] == "noise" else case
 
 
-def _cell(ratio: float, held: float) -> Cell:
+def cell(ratio: float, held: float) -> Cell:
     state = LOST if not ratio < MUCH_WORSE or not held >= HELD else CAUTION if ratio >= WORSE else KEPT
     return Cell(state, f"{number(ratio, 2)}, {100 * held:.0f} %")

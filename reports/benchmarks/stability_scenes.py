@@ -47,11 +47,11 @@ def _panel(axes: Axes, own: Rows) -> str:
     return unit
 
 
-def _lost(rows: Rows) -> list[dict]:
+def lost_scenes(rows: Rows) -> list[dict]:
     return [dict(row) for row in rows if row["outcome"] not in ANSWERED]
 
 
-def _beyond(rows: Rows) -> list[float]:
+def not_elliptic(rows: Rows) -> list[float]:
     """Shares of points without ellipticity, of the scenes that have such points."""
     return [row["fraction_non_elliptic"] for row in rows if row["fraction_non_elliptic"] > 0]
 
@@ -59,22 +59,22 @@ def _beyond(rows: Rows) -> list[float]:
 def _cell(own: Rows) -> Cell | None:
     if not own:
         return None
-    if lost := len(_lost(own)):
+    if lost := len(lost_scenes(own)):
         return Cell(LOST, f"{lost} of {len(own)}")
-    return Cell(CAUTION if _beyond(own) else KEPT, str(len(own)))
+    return Cell(CAUTION if not_elliptic(own) else KEPT, str(len(own)))
 
 
 def _caption(rows: Rows) -> str:
-    shares = _beyond(rows)
+    shares = not_elliptic(rows)
     most = f", at most {number(100 * max(shares), 2)} % of the points" if shares else ""
-    return (f"Random scenes anywhere on the disc, frictionless and sticking: {len(_lost(rows))} of "
+    return (f"Random scenes anywhere on the disc, frictionless and sticking: {len(lost_scenes(rows))} of "
             f"{counted(len(rows), 'scene')} lost; {len(shares)} converged with points that lost ellipticity{most}. "
             "Numbers count scenes; forces are the upper ends of a row.")
 
 
 def lost_table(rows: Rows) -> Table | None:
     """The lost scenes themselves; None where there is none."""
-    lost = _lost(rows)
+    lost = lost_scenes(rows)
     if not lost:
         return None
     shown = [[row["card"], number(row["d_mm"]), number(row["F_N"]), number(math.hypot(row["x_mm"], row["y_mm"])),

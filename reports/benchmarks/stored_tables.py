@@ -11,6 +11,7 @@ import pandas as pd
 from reports.document.numerals import counted
 from reports.document.page import Report, Table, write_pdf
 from reports.document.style import house
+from reports.document.verdict import GOOD, USABLE, Verdict
 from touchcal.code_version import ROOT, script_hash
 
 Rows = Sequence[Mapping[str, Any]]  # each maps a column to a number or to words
@@ -61,6 +62,13 @@ def cautions(states: Sequence[State]) -> list[str]:
             UNKNOWN: "Not known to be current, since their rows do not tell what code they measured"}
     return [f"{words}: {', '.join(found)}." for kind, words in said.items()
             if (found := [one.file for one in states if one.kind == kind])]
+
+
+def present_code(what: str, states: Sequence[State]) -> list[Verdict]:
+    """The line of the verdict that says how many tables the code that is here measured; none without tables."""
+    current = sum(one.kind == CURRENT for one in states)
+    grade = GOOD if current == len(states) else USABLE
+    return [Verdict(what, grade, f"{current} of {counted(len(states), 'table')} measured by it")] if states else []
 
 
 def _column(table: pd.DataFrame, name: str) -> pd.Series:

@@ -9,11 +9,12 @@ from typing import Any
 import pandas as pd
 
 from eitsim.sweeps.dataset.parquet import MANIFEST, read_manifest
+from matcal.card import read_card
 from reports.document import provenance
 from reports.document.numerals import counted, number
 from reports.document.page import CONTENTS, Report, ReportFigure, Table, read_contents, write_pdf
 from reports.document.style import house
-from reports.paper import learning, material, simulation
+from reports.paper import learning, material, ratios, simulation
 from reports.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
 from reports.paper.stages import LOG, content, made, read_record, state
 from reports.paper.stages_plan import CARD, FULL, SEED, SWEEP, Run, stale, write_scenes
@@ -24,8 +25,8 @@ PNG_DPI = 200
 ORDER = ("1", "3", "4", "5", "T1", "6", "7", "8", "9", "10", "11", "C", *(str(k) for k in range(12, 20)))
 NAMES = {"T1": "Table 1", "C": "Open choices"}
 ELSEWHERE = "Figure 2 is a photograph of the test set-up and has no counterpart here."
-# whose difference stands on the first page: the material, the electrics, and every network
-SUMMARISED = ("T1", "8", "9", *(str(k) for k in range(13, 20)))
+# whose difference stands in words on the first page, next to the ratios of all
+SUMMARISED = ("T1", "8", "9")
 # figures 1 and 3 to 19
 FIGURES = 18
 RECORDED = ("cpu_s", "wall_s", "machine", "date", "key", "code", "results")
@@ -73,6 +74,9 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
     full = None if run.setting == FULL else full_numbers()
     old = stale(run)
     tables: dict[str, Table] = {"stages": _stage_words(run, old)}
+    known = ratios.ratios(parts)
+    if known:
+        tables["ratios"] = ratios.table(known, full)
     for section in parts:
         if (table := comparison(section, full)) is not None:
             tables[f"numbers_{section.figure}"] = table
@@ -85,7 +89,11 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
     cautions = [f"Stale: {', '.join(name for name in old if old[name] == why)}: {why}"
                 for why in dict.fromkeys(old.values())]
     return Report("paper", "The paper, walked through", _subtitle(run), _footer(run), _findings(parts, old), plates,
-                  tables, absent, prose, cautions)
+                  tables, absent, prose, cautions, verdict=[*ratios.verdict(known, _synthetic(run))])
+
+
+def _synthetic(run: Run) -> bool:
+    return run.card.is_file() and bool(read_card(run.card).provenance.get("synthetic"))
 
 
 def _words(section: Section, old: Mapping[str, str]) -> dict[str, str]:

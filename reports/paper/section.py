@@ -53,10 +53,15 @@ def published() -> pd.DataFrame:
 
 def paper_value(figure: str, quantity: str) -> float:
     """A value that the paper states; KeyError where it states none."""
-    rows = _stated_rows(figure, quantity)
-    if rows.empty:
+    if (value := stated_value(figure, quantity)) is None:
         raise KeyError(f"{PUBLISHED.name} holds no '{quantity}' of figure {figure}")
-    return float(rows["value"].iloc[0])
+    return value
+
+
+def stated_value(figure: str, quantity: str) -> float | None:
+    """A value that the paper states; None where it states none."""
+    rows = _stated_rows(figure, quantity)
+    return None if rows.empty else float(rows["value"].iloc[0])
 
 
 def _stated_rows(figure: str, quantity: str) -> pd.DataFrame:

@@ -20,7 +20,7 @@ from reports.document import provenance
 from reports.document.numerals import counted, number, percent
 from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
-from reports.document.verdict import ERROR, EXTRAPOLATED, LOST, USABLE, Verdict, graded, real, worst
+from reports.document.verdict import ERROR, EXTRAPOLATED, LOST, NOT_USABLE, USABLE, Verdict, graded, real, worst
 from reports.sweep import account_tables, sweep_figures
 from reports.sweep.sweep_figures import Columns
 from reports.touch import touch_report
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 MOST, LETTERS = 4, 240
 NO_SCENE = "Not there: no scene of the set has the outcome “ok”."
 # of a scene, next to what every row holds
-ACCURACY = ("signal_error", "depth_error", "skin_fraction_extrapolated", "cpu_s")
+ACCURACY = ("signal_error", "depth_error", "cpu_s")
 _COLUMNS = (*ACCURACY, "message", "touches")  # what is read next to dataset.FIXED; signals are read separately
 
 
@@ -65,7 +65,7 @@ def report(folder: Path) -> Report:
     if card := data.manifest.get("card"):
         subtitle += f" with card {provenance.card_words(card)}"
     return Report("sweep", "Data set of touches", subtitle, _footer(folder, data), _findings(data, account, ok), plates,
-                  tables, absent, _prose(data, account), cautions, verdict=_verdict(data, ok, bool(cautions)))
+                  tables, absent, _prose(data, account), cautions, verdict=_verdict(data, account, ok, bool(cautions)))
 
 
 def _columns(data: Dataset, rows: np.ndarray) -> Columns:
@@ -99,7 +99,7 @@ def _findings(data: Dataset, account: Accounted, ok: Columns) -> list[str]:
     return found
 
 
-def _verdict(data: Dataset, ok: Columns, stale: bool) -> list[Verdict]:
+def _verdict(data: Dataset, account: Accounted, ok: Columns, stale: bool) -> list[Verdict]:
     """What the rows are good for, their signals, and the signals of a real skin."""
     asked, present, solved = data.design["scenes"], len(data.table), ok["scene"].size
     why = f"{solved} of {counted(asked, 'scene')} ended ok" + ("; made by other code than is here" if stale else "")
@@ -109,10 +109,13 @@ def _verdict(data: Dataset, ok: Columns, stale: bool) -> list[Verdict]:
         error = float(np.nanquantile(ok["signal_error"], 0.95))
         found.append(Verdict("Signals by the card's law", graded(error, ERROR), f"95 % of them to {percent(error)}, "
                              "estimated"))
-    if solved and "skin_fraction_extrapolated" in ok:
-        share = float(np.mean(ok["skin_fraction_extrapolated"] > 0))
-        found.append(Verdict("Signals of a real skin", graded(share, EXTRAPOLATED), f"in {percent(share)} of the "
-                             "scenes the skin in contact is strained outside what was measured"))
+    if account.extrapolated:
+        median, largest = account.extrapolated
+        found.append(Verdict("Signals of a real skin", graded(median, EXTRAPOLATED), f"{percent(median)} of the signal "
+                             f"comes from extrapolated conductivity in the median scene, at most {percent(largest)}"))
+    elif solved:
+        found.append(Verdict("Signals of a real skin", NOT_USABLE, "how much of them is extrapolated "
+                             "is not in the rows; sweep again"))
     return found + real("A real sensor", (data.manifest.get("card") or {}).get("synthetic", False))
 
 

@@ -87,7 +87,8 @@ def make_rows(count: int, refused: int) -> list[dict[str, Any]]:
         row: dict[str, Any] = {"scene": i, "card_sample": -1, "outcome": "ok", "message": "", "x_mm": x, "y_mm": y,
                                "d_mm": 14.0, "F_N": force}
         numbers = {"sigma_max_kPa": 20 * force, "sigma_ave_kPa": force / 0.154, "A_c_mm2": 154.0 - 3 * rng.random(),
-                   "delta_max_mm": 3.6 * force, "signal_error": 0.003 * force, "cpu_s": 0.7 + 0.3 * rng.random()}
+                   "delta_max_mm": 3.6 * force, "signal_error": 0.003 * force, "cpu_s": 0.7 + 0.3 * rng.random(),
+                   "signal_share_extrapolated": 0.8 + 0.1 * force}
         if i >= count - refused:
             row |= {"outcome": "refused", "message": "too near the rim"} | dict.fromkeys(numbers, np.nan)
         else:

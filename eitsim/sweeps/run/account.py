@@ -18,7 +18,8 @@ from touchcal.errors import InputFileError
 from touchcal.number_words import counted
 
 _WANTED = "accuracy_signal"
-_COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, *parquet.COST, *parquet.METHODS]
+_COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, parquet.EXTRAPOLATED, *parquet.COST,
+            *parquet.METHODS]
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class Accounted:
     # calls that came to an end, the first one first; empty of sets that were made before these were kept
     runs: tuple[Run, ...]
     left_out: tuple[Omission, ...]  # the costliest first, with the last run
+    # median and largest share of a signal that comes from extrapolated conductivity; None where no row tells it
+    extrapolated: tuple[float, float] | None = None
 
     @property
     def cpu_s(self) -> float:
@@ -80,7 +83,7 @@ def account_of(folder: Path) -> Accounted:
     if not parts:
         raise InputFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
     counts, stages = OutcomeCounts(), pd.DataFrame()
-    found, above = [], 0
+    found, shares, above = [], [], 0
     asked = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
     asked = float(asked) if isinstance(asked, int | float) else None
     for path in parts:
@@ -90,6 +93,7 @@ def account_of(folder: Path) -> Accounted:
         errors = ok["signal_error"].to_numpy(dtype=float)
         above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if asked is None else asked)).sum())
         found.append(errors)
+        shares.append(ok[parquet.EXTRAPOLATED].dropna().to_numpy(dtype=float))
     runs = tuple(runs_of(manifest))
     every, spread = np.concatenate(found), None
     if every.size:
@@ -98,7 +102,8 @@ def account_of(folder: Path) -> Accounted:
     return Accounted(counts.rows, manifest["design"]["scenes"], dict(counts.outcomes), spread,
                      (*_of_tables(runs), *_of_rows(stages), *_of_parts(runs)), _bytes(parts) / counts.rows,
                      _bytes(path.with_suffix(SUFFIX) for path in parts) / counts.rows, runs,
-                     tuple(omissions_of(manifest)))
+                     tuple(omissions_of(manifest)),
+                     (float(np.median(told)), float(told.max())) if (told := np.concatenate(shares)).size else None)
 
 
 def _bytes(files: Iterable[Path]) -> int:
@@ -151,6 +156,9 @@ def document(account: Accounted) -> dict[str, Any]:
 def lines(account: Accounted) -> list[str]:
     """An account as it is printed."""
     out = [] if account.errors is None else _error_lines(account.errors, account.left_out)
+    if account.extrapolated:
+        median, largest = map(_percent, account.extrapolated)
+        out.append(f"{median} of the signal comes from extrapolated conductivity in the median row, at most {largest}")
     whole = account.cpu_s or 1.0
     out.append(f"{'stage':42}{'count':>9}{'CPU s':>11}{'share':>9}")
     out += [f"{stage.name:42}{stage.count:9d}{stage.cpu_s:11.3g}{100 * stage.cpu_s / whole:7.1f} %"

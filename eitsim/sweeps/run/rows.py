@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from eitsim.electrics.forward.gridded_fields import values
+from eitsim.electrics.sheet.sheet_conductance import extrapolated_share
 from eitsim.mechanics.load_paths.law_family import Family
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.drive import protocol, voltage_columns
@@ -52,6 +53,8 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | F
         return keys | {"outcome": "refused", "message": str(error)}
     result = solve_scene(scene, material, exact=exact, table=table)
     row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
+    if result.readings is not None:
+        row[parquet.EXTRAPOLATED] = extrapolated_share(result.touches, scene.skin, material.skin)
     if design.fields is not None and result.readings is not None:
         begun = cpu_s()
         row["fields"] = values(design.fields, scene, result.touches, material.skin)
@@ -64,8 +67,8 @@ def blank_row(design: Design, cards: Cards) -> dict[str, Any]:
     """A row without numbers, so that every part has the same columns and types."""
     first = representative_scene(design)
     readings = math.prod(protocol(first.drive, first.electrodes.count).shape)
-    names = ("signal_error", "depth_error", *parquet.COST, "skin_fraction_extrapolated", "fraction_non_elliptic",
-             *columns(cards), *voltage_columns(readings), *voltage_columns(readings, "dv"))
+    names = ("signal_error", "depth_error", *parquet.COST, "skin_fraction_extrapolated", parquet.EXTRAPOLATED,
+             "fraction_non_elliptic", *columns(cards), *voltage_columns(readings), *voltage_columns(readings, "dv"))
     words = dict.fromkeys(("outcome", "message", *parquet.METHODS), "")
     return {"scene": -1, **words, "card_sample": -1} | blank_keys(design) | dict.fromkeys(names, np.nan)
 

@@ -123,6 +123,16 @@ def test_errors_are_those_of_the_rows(swept: tuple[Path, list[Account]]) -> None
     assert errors.wanted is None
 
 
+def test_every_row_tells_what_share_of_its_signal_is_extrapolated(swept: tuple[Path, list[Account]]) -> None:
+    folder, _ = swept
+    account, shares = account_of(folder), parquet.read_dataset(folder).table[parquet.EXTRAPOLATED].to_numpy()
+    assert ((shares > 0.5) & (shares < 1)).all()  # the law of the skin is fitted in tension, touches compress
+    assert len(set(shares)) == shares.size
+    assert account.extrapolated == (np.median(shares), shares.max())
+    assert (f"{100 * np.median(shares):.3g} % of the signal comes from extrapolated conductivity in the median row, at "
+            f"most {100 * shares.max():.3g} %") in lines(account)
+
+
 @pytest.mark.parametrize(("signal", "share"), [(0.003, 2 / 3), ([0.001, 0.03], 1 / 3)])
 def test_errors_are_held_against_the_wanted_ones(tmp_path: Path, signal: Any, share: float) -> None:
     parquet.write_manifest(tmp_path, {"design": {"scenes": 3, "tables": {"accuracy": {"signal": signal}}}})

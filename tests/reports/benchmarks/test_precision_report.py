@@ -15,6 +15,7 @@ from reports.benchmarks.catalogue import BENCHES, Bench, cheapest, points
 from reports.benchmarks.precision import report
 from reports.benchmarks.precision_figures import seconds
 from reports.benchmarks.stored_tables import write
+from reports.document.verdict import GOOD, NOT_USABLE, USABLE
 from touchcal.code_version import ROOT, script_hash
 from touchcal.errors import InputFileError
 
@@ -24,7 +25,7 @@ Reader = Callable[[Path], Any]
 ELECTRICS = [("near", "quick", "coarse", 2e-2, 1.5, 0.0), ("near", "slow", "fine", 4e-4, 8.0, 0.0),
              ("near", "kept", "fine", 5e-4, 2.25, 7.0), ("far", "slow", "fine", 5e-5, 9.0, 0.0),
              ("once", "set-up", "", None, 40.0, None)]
-SIZES = [(100, 60, "ours", 0.01), (100, 60, "a peer", 0.05), (1000, 600, "ours", 0.125), (1000, 600, "a peer", 2.5)]
+SIZES = [(100, 60, "eitsim", 0.01), (100, 60, "a peer", 0.05), (1000, 600, "eitsim", 0.125), (1000, 600, "a peer", 2.5)]
 
 
 def write_electrics(folder: Path) -> None:
@@ -72,13 +73,14 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
     for unit in ("CPU time (s)", "Relative error of", "V (–)", "Unknowns (–)", "Relative error of the depth (–)"):
         assert unit in text
     for words in ("10 of 10 benchmarks", "the cheapest is “slow” in 2 of 2 problems (8.00 to 9.00 ms)",
-                  "where what is done once is there, “kept” in 1 of 2 problems (2.25 ms), “slow” in 1 of 2 problems",
-                  "1 of 5 rows of the file hold no error", "with 600 unknowns, ours 125 ms, a peer 2.50 s (20.0 times)",
+                  "with the set-up already done, “kept” in 1 of 2 problems (2.25 ms), “slow” in 1 of 2 problems",
+                  "1 of 5 rows of the file hold no error",
+                  "with 600 unknowns, eitsim 125 ms, a peer 2.50 s (20.0 times)",
                   "no method comes within 0.1 %; the least error, 2.0 %, is that of “eitsim” in 400 ms",
                   "the cheapest is “eitsim, from rest, order 2” (150 ms)", "1 of 3 rows of the file",
                   "0.01 % is reached in 2 of 8 problems", "3 % is reached in 0 of 1 problem",
                   "400 effective draws, R-hat 1.20: 5.00 s",
-                  "asked for 0.01 of the signal: 300 ms", "from the tables, 40 rows: 320 ms, 300 ms of it once",
+                  "asked for 0.01 of the signal: 300 ms", "from the tables, 40 rows: 320 ms, 300 ms of it set-up",
                   "RMSE over spread", "variable projection, 1 starts, tolerance 0.01: 20.0 ms", "A peer, QUAD"):
         assert words in text, words
     for bench in BENCHES:
@@ -87,6 +89,28 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
     assert "not recorded" in text
     assert "Before you use these numbers" in text
     assert "electrics.csv is unknown: its rows do not tell their code" in text
+
+
+def test_the_verdict_tells_errors_costs_peers_and_the_code(tmp_path: Path, read_pdf: Reader) -> None:
+    write_all(tmp_path)
+    verdict = {line.what: (line.grade, line.why) for line in report(tmp_path).verdict}
+    assert verdict["Readings of a touch"] == (
+        GOOD, "error within 0.1 % in 2 of 2 problems, in 8.00 to 9.00\u00a0ms of CPU")
+    assert verdict["Depth of a touch"] == (NOT_USABLE, "error within 0.1 % in 0 of 1 problem; 2.0 % in the worst")
+    assert verdict["Rows of a sweep"][0] == GOOD
+    assert verdict["Whole scenes"] == (USABLE, "error within 0.1 % in 0 of 1 problem; 0.50 % in the worst")
+    assert verdict["Speed next to other programs"] == (GOOD, "eitsim is 20 times as fast as a peer, on the same mesh")
+    assert verdict["These times, with the code that is here"] == (USABLE, "0 of 10 tables measured by it")
+    write(report, tmp_path, tmp_path / "p.pdf")
+    first = read_pdf(tmp_path / "p.pdf").pages[0]
+    assert first.index("Readings of a touch") < first.index("Before you use these numbers")
+
+
+@pytest.mark.parametrize(("own", "grade"), [(2.4, GOOD), (4.9, USABLE), (5.1, NOT_USABLE)])
+def test_a_slower_program_is_not_called_fast(tmp_path: Path, own: float, grade: str) -> None:
+    pd.DataFrame([(1000, 600, "eitsim", own), (1000, 600, "a peer", 2.5)],
+                 columns=["triangles", "unknowns", "method", "cpu_s"]).to_csv(tmp_path / "peers_electrics.csv")
+    assert report(tmp_path).verdict[0].grade == grade
 
 
 @pytest.mark.parametrize(("changed", "words"), [
@@ -135,7 +159,8 @@ def test_what_was_not_run_is_said(tmp_path: Path, read_pdf: Reader) -> None:
 
 def test_without_any_benchmark_nothing_is_drawn(tmp_path: Path, read_pdf: Reader) -> None:
     write(report, tmp_path, tmp_path / "p.pdf")
-    assert "No benchmark has been run." in read_pdf(tmp_path / "p.pdf").whole
+    assert "Any statement on error or run time not usable no benchmark has been run" in read_pdf(
+        tmp_path / "p.pdf").whole
     assert not list((tmp_path / "p_files").glob("*.svg"))
 
 

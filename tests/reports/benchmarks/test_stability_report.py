@@ -12,9 +12,10 @@ import pytest
 
 from reports.benchmarks.stability import WRITERS, report
 from reports.benchmarks.stability_numerics import _cell as digits_cell
-from reports.benchmarks.stability_readings import _cell as reading_cell
+from reports.benchmarks.stability_readings import cell as reading_cell
 from reports.benchmarks.state_map import CAUTION, KEPT, LOST
 from reports.benchmarks.stored_tables import write
+from reports.document.verdict import GOOD, NOT_USABLE, USABLE
 from touchcal.errors import InputFileError
 
 Reader = Callable[[Path], Any]
@@ -62,6 +63,26 @@ def test_the_report_holds_every_state_of_its_tables(tmp_path: Path, read_pdf: Re
     for name in WRITERS:
         assert hashlib.sha256((tmp_path / f"{name}.csv").read_bytes()).hexdigest() in text
     assert "Third" not in text
+
+
+def test_the_verdict_grades_laws_touches_rounding_and_noise(tmp_path: Path) -> None:
+    write_tables(tmp_path, *TABLES)
+    verdict = {line.what: (line.grade, line.why) for line in report(tmp_path).verdict}
+    assert verdict["These laws at every strain"] == (
+        USABLE, "0 of 1 lose strong ellipticity somewhere, 1 of 1 lose Drucker's condition somewhere")
+    assert verdict["Touches anywhere on the disc"] == (
+        NOT_USABLE, "1 of 3 random scenes lost, 1 ended with points not elliptic")
+    assert verdict["Stress while a foam is held"] == (
+        NOT_USABLE, "at most 10.0 of 16 digits are lost, over time ratios to 1.0 × 10⁶")
+    assert verdict["Readings of any conductance"] == (
+        GOOD, "at most 0.5 of 16 digits are lost, over contrasts to 1.0 × 10⁹")
+    assert verdict["“ridge” under noise and shift"] == (
+        NOT_USABLE, "1 of 3 outputs lost; all outputs hold at none of the levels of noise")
+    assert verdict["These maps, with the code that is here"] == (USABLE, "0 of 7 tables measured by it")
+
+
+def test_without_any_table_nothing_is_usable(tmp_path: Path) -> None:
+    assert [line.grade for line in report(tmp_path).verdict] == [NOT_USABLE]
 
 
 def test_what_was_not_measured_is_said(tmp_path: Path) -> None:

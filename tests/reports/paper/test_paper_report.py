@@ -17,7 +17,8 @@ from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
 from reports.__main__ import app
-from reports.paper import paper_report
+from reports.document.verdict import GOOD, NOT_USABLE
+from reports.paper import paper_report, ratios
 from reports.paper.learning import OUTPUTS
 from reports.paper.meshes import course
 from reports.paper.network import hidden_units
@@ -103,7 +104,8 @@ def test_what_is_there_is_drawn_and_what_is_not_is_said(run: Run, tmp_path: Path
                   f"{lost:.1f} % are lost in 2 s", "Not there: the card was not fitted.",
                   "Not there: the networks were not trained.", "Stale: convergence. See the first page.",
                   "Stale: hold_force, hold_depth, convergence: command, inputs",
-                  "Stale: hold_force, hold_depth. See", "quantity unit paper this run"):
+                  "Stale: hold_force, hold_depth. See", "quantity unit paper this run",
+                  "figure quantity method unit paper this run ratio ratio, full run", "Meshes, holds and readings"):
         assert words in text, words
     assert sorted(path.name for path in (tmp_path / "paper_files").glob("*.svg")) == ["figure_8.svg", "figure_9.svg"]
     numbers = pd.read_csv(tmp_path / "numbers.csv", dtype={"figure": str})
@@ -167,16 +169,45 @@ def test_full_numbers_of_other_code_are_told(run: Run) -> None:
 
 
 def test_a_comparison_sets_paper_run_and_full_run_side_by_side() -> None:
-    section = Section("10", "", "", "", "", (), numbers=(Number("drive current", "mA", 4.0),))
+    part = section("10", Number("drive current", "mA", 4.0))
     full = pd.DataFrame({"figure": ["10"], "quantity": ["drive current"], "unit": ["mA"], "method": [""],
                          "value": [4.5]})
-    table = comparison(section, full)
+    table = comparison(part, full)
     assert table is not None
     assert list(table.head) == ["quantity", "unit", "paper", "this run", "full run"]
     assert list(table.rows) == [["drive current", "mA", "5", "4", "4.50"]]
-    wrong = Section("10", "", "", "", "", (), numbers=(Number("drive current", "A", 4.0),))
     with pytest.raises(ValueError, match=r"drive current.* is in mA, found in A"):
-        comparison(wrong, None)
+        comparison(section("10", Number("drive current", "A", 4.0)), None)
+
+
+def section(figure: str, *numbers: Number) -> Section:
+    return Section(figure, "", "", "", "", (), numbers=numbers)
+
+
+def test_the_worst_of_every_figure_stands_on_the_first_page() -> None:
+    parts = [section("5", Number("modulus left 2 s after a step", "–", 0.8)),
+             section("T1", Number("μ₁", "kPa", -8.1)),
+             section("13", Number("RMSE of x₀, test rows", "mm", 7.5, "networks"),
+                     Number("RMSE of y₀, test rows", "mm", 0.55, "networks"),
+                     Number("RMSE of x₀, test rows", "mm", 0.05, "forward map")),
+             section("17", Number("MSE, test rows", "kPa²", 1e6, "networks"),
+                     Number("RMSE, test rows", "kPa", 5.69, "networks"), Number("R², test rows", "–", 0.1, "networks"))]
+    found = ratios.ratios(parts)
+    full = pd.DataFrame({"figure": ["17"], "quantity": ["RMSE, test rows"], "unit": ["kPa"], "method": ["networks"],
+                         "value": [1.307]})
+    table = ratios.table(found, full)
+    assert [row[0] for row in table.rows] == ["5", "T1", "13", "13", "17"]
+    assert table.rows[2][1:] == ["RMSE of x₀, test rows", "networks", "mm", "0.579", "7.50", "13", "–"]
+    assert table.rows[4][1:] == ["RMSE, test rows", "networks", "kPa", "0.653", "5.69", "8.7", "2.0"]
+    assert "The worst is μ₁ (T1), of the other sign" in table.caption
+    lines = {line.what: (line.grade, line.why) for line in ratios.verdict(found, synthetic=True)}
+    assert lines["Curves of the material"][0] == GOOD
+    assert lines["Single terms of Table 1"][0] == NOT_USABLE
+    assert lines["The paper's networks"] == (
+        NOT_USABLE, "at worst, RMSE of x₀, test rows by the networks (figure 13) is 13 times the paper's")
+    assert lines["The forward map"][0] == GOOD
+    assert lines["A real sensor"][0] == NOT_USABLE
+    assert [line.grade for line in ratios.verdict([], synthetic=False)] == [NOT_USABLE]
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5])

@@ -13,6 +13,8 @@ import pandas as pd
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.sweep_record import RUNS, Run
 from eitsim.sweeps.run.omissions import LEFT_OUT, Omission
+from reports.document.numerals import percent
+from reports.document.verdict import NOT_USABLE
 from reports.sweep import sweep_report
 from reports.sweep.sweep_report import report
 
@@ -50,6 +52,20 @@ def test_runs_and_omissions_are_told(write_set: Callable[..., Path]) -> None:
     assert any("above the 1.0 % requested" in found for found in made.findings)
     assert made.prose["left_out"] == ["The skin is a sheet: at most 0.16 % of the signal.",
                                       "At a cost that is unknown and in no error: no friction."]
+
+
+def test_the_verdict_tells_the_share_of_the_signal_that_is_extrapolated(write_set: Callable[..., Path]) -> None:
+    folder = write_set(20)
+    lines = {line.what: (line.grade, line.why) for line in report(folder).verdict}
+    shares = parquet.read_dataset(folder).table["signal_share_extrapolated"].to_numpy(dtype=float)
+    assert lines["Signals of a real skin"] == (NOT_USABLE, (
+        f"{percent(np.median(shares))} of the signal comes from extrapolated conductivity in the median scene, at most "
+        f"{percent(shares.max())}"))
+    for part in parquet.parts(folder):  # as earlier versions wrote them
+        parquet.write_table(part, pd.read_parquet(part).drop(columns="signal_share_extrapolated"))
+    lines = {line.what: (line.grade, line.why) for line in report(folder).verdict}
+    assert lines["Signals of a real skin"][0] == NOT_USABLE
+    assert "not in the rows" in lines["Signals of a real skin"][1]
 
 
 def test_older_sets_have_their_whole_cost_in_one_stage(write_set: Callable[..., Path]) -> None:
