@@ -295,7 +295,8 @@ def with_value(document: dict[str, Any], key: str, value: Any) -> dict[str, Any]
     ("scene.toml", SCENE, "punch.half_angle_deg", 0.001, r"half_angle_deg in \[punch\] must be from 1 to 89 deg"),
     ("scene.toml", SCENE, "accuracy.signal", 1e-300, r"signal in \[accuracy\] must be from 1e-09 to 10"),
     ("scene.toml", SCENE, "card", ["card.json"], "card must be the name of a file"),
-    ("scene.toml", SCENE, "drive", {"measurements": "/dev/zero"}, "no such file of rows"),
+    ("scene.toml", SCENE, "drive", {"measurements": "nosuch.csv"}, "no such file of rows"),
+    ("scene.toml", SCENE, "drive", {"measurements": "/dev/zero"}, "this is a pipe or a device"),
     ("scene.toml", SCENE, "punch", [{}] * 1000, "punch holds 1000 touches; at most 100"),
     ("draws.toml", LISTED, "punch.place.count", 10**12, r"count of place .* from 1 to 100,000"),
     ("draws.toml", GRID, "punch.place.spacing_mm", 0.1, "spacing_mm of place .* must be at least"),
@@ -341,6 +342,7 @@ def test_text_that_is_no_document_is_refused_by_its_file(name: str, content: byt
     with pytest.raises(InputFileError, match=named) as caught:
         KINDS[name][0](folder / name)
     assert name in str(caught.value)
+    assert "sys." not in str(caught.value)  # advice for programmers
 
 
 @pytest.mark.parametrize("name", KINDS)
