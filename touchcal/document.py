@@ -128,6 +128,11 @@ def check_plain(path: Path, document: Any) -> None:
             left += [(f"{where}[{k}]", each, depth + 1) for k, each in enumerate(value)]
 
 
+def reason(error: ValueError) -> str:
+    """What a parser says of a text, without the advice that it has for programmers."""
+    return str(error).split("; use sys.")[0].rstrip(".")
+
+
 def too_deep(path: Path) -> InputFileError:
     """What a document says whose tables lie too deep in one another to be read."""
     return InputFileError(path, f"tables or lists lie in one another more than {_DEEPEST} deep, which no such file "

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from touchcal.document import check, check_plain, read_text, too_deep
+from touchcal.document import check, check_plain, read_text, reason, too_deep
 from touchcal.errors import InputFileError
 from touchcal.whole_file import written
 
@@ -32,7 +32,7 @@ def read_json(path: Path, name: str, fix: str, shape: Any = dict) -> dict[str, A
     except json.JSONDecodeError as error:
         raise InputFileError(path, f"not JSON: {error.msg}. {fix}", line=error.lineno) from None
     except ValueError as error:
-        raise InputFileError(path, f"not JSON: {str(error).rstrip('.')}. {fix}") from None
+        raise InputFileError(path, f"not JSON: {reason(error)}. {fix}") from None
     check_plain(path, value)
     try:
         check(value, shape)

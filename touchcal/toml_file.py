@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from touchcal.document import check_plain, read_text, too_deep
+from touchcal.document import check_plain, read_text, reason, too_deep
 from touchcal.errors import InputFileError
 
 
@@ -17,6 +17,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     except RecursionError:
         raise too_deep(path) from None
     except ValueError as error:
-        raise InputFileError(path, f"not TOML: {str(error).rstrip('.')}.") from None
+        raise InputFileError(path, f"not TOML: {reason(error)}.") from None
     check_plain(path, tables)
     return tables

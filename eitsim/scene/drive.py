@@ -205,7 +205,7 @@ def with_matrices(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def matrix_rows(path: Path) -> list[Any]:
     """Rows of numbers, one column an electrode; where the first column is named "pattern", a list of rows for each
     pattern, numbered from 0."""
-    if not path.is_file():
+    if not path.exists():
         raise InputFileError(path, "no such file of rows, which currents or measurements in [drive] names. Check the "
                                    "name, which is relative to the scene file.")
     table = read_numbers(path)

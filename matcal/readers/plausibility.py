@@ -15,6 +15,8 @@ _LARGEST_STRAIN, _IMPOSSIBLE_STRAIN = 3.0, 20.0
 _LARGEST = {"time": 1e10, "displacement": 10.0, "force": 1e8, "stress": 1e12, "deviation": 1e12, "pressure": 1e12,
             "current": 1e6, "potential": 1e9, "resistance": 1e20, "conductivity": 1e12, "volume_ratio": 100.0,
             "cycle": 1e12, "block": 1e12, "lateral": 20.0, "lateral_stretch": 20.0}
+# quantity -> magnitude in SI that any test of a soft foam exceeds somewhere
+_SMALLEST = {"displacement": 1e-12, "force": 1e-12, "stress": 1e-9, "strain": 1e-12}
 # fewer rows do not show equal steps; a column within this share of its range of equal steps has them, one above the
 # next has not
 _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
@@ -28,11 +30,13 @@ def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[
     _ratios(values, names, units, said)
     for quantity, column in values.items():
         reach = float(np.max(np.abs(column)))
-        if reach > _LARGEST.get(quantity, np.inf):
-            value = f"{reach:.3g} {QUANTITIES[quantity]}".strip()
-            raise InputFileError(grid.path, f"column '{shown(names[quantity])}' reaches {value}, which no {quantity} "
-                                            f"does. Check its unit and that columns are not exchanged: {flag}",
-                                 line=line)
+        value = f"{reach:.3g} {QUANTITIES[quantity]}".strip()
+        said_of = (f"reaches {value}, which no {quantity} does" if reach > _LARGEST.get(quantity, np.inf) else
+                   f"nowhere exceeds {value}, too little for any {quantity}" if 0 < reach < _SMALLEST.get(quantity, 0.0)
+                   else "")
+        if said_of:
+            raise InputFileError(grid.path, f"column '{shown(names[quantity])}' {said_of}. Check its unit and that "
+                                            f"columns are not exchanged: {flag}", line=line)
     for quantity in {"strain", "stretch"} & set(values):
         _check_strain(grid, line, values[quantity], quantity, names, units, said, flag, percent, chosen)
     if not chosen:
@@ -59,7 +63,7 @@ def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: di
         problem = f"reaches {reach:g}" if unit else f"reaches {reach:g} and has no unit"
         share = reach <= 100 * _IMPOSSIBLE_STRAIN and unit != "%"
         fix = " ".join([f"if it is in per cent, give {percent}"] * share
-                       + [f"if columns are exchanged, give {flag}"] * (not share or not chosen))
+                       + [f"{'If' if share else 'if'} columns are exchanged, give {flag}"] * (not share or not chosen))
         raise InputFileError(grid.path, f"column '{name}' {problem}, which no {quantity} does. Write its unit, % or -, "
                                         f"below its name, or, {fix}", line=line)
     if not unit and reach > _LARGEST_STRAIN and not chosen:

@@ -143,7 +143,8 @@ def write_table(columns: Columns, path: Path) -> None:
     """Write columns (n,) of numbers, truths or words as a Parquet file."""
     from pyarrow import Table, parquet
 
-    parquet.write_table(Table.from_arrays([_arrow(values) for values in columns.values()], [*columns]), path)
+    parquet.write_table(Table.from_arrays([_arrow(values) for values in columns.values()], [*columns]), path,
+                        write_page_checksum=True)
 
 
 def _arrow(values: NDArray[Any]) -> Array:

@@ -68,7 +68,7 @@ def read_record(path: Path) -> Record:
     files = tuple(sorted(p for p in folder.iterdir() if p.is_file()))
     tables = {p.stem: p for p in files if p.suffix == ".parquet"}
     tests = {stem: _read_test(table) for stem, table in tables.items() if _is_test(stem)}
-    others = {stem: pd.read_parquet(table) for stem, table in tables.items() if not _is_test(stem)}
+    others = {stem: _table(table) for stem, table in tables.items() if not _is_test(stem)}
     missing = "" if tests else f"The folder {card.data} holds no reduced test, so no data are drawn."
     return Record(path, card, tests, files, missing, others)
 
@@ -84,9 +84,18 @@ def _is_test(stem: str) -> bool:
     return kind in KINDS and number.isdigit()
 
 
+def _table(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_parquet(path, page_checksum_verification=True)
+    except (OSError, ValueError) as error:
+        why = str(error).splitlines()[0]
+        raise InputFileError(path, f"no table that `matcal fit` wrote, or a damaged one ({why}). Fit the card again."
+                             ) from None
+
+
 def _read_test(path: Path) -> Test:
     kind = path.stem.rsplit("_", 1)[0]
-    table, value = pd.read_parquet(path), VALUE.get(kind, "stress_Pa")
+    table, value = _table(path), VALUE.get(kind, "stress_Pa")
     for name in ("strain", value):
         if name not in table:
             raise InputFileError(path, f"the column {name} is missing. Fit the card again.")

@@ -22,8 +22,6 @@ from reports.surrogate import (
 from reports.surrogate.parity_figures import TITLES, label, unit, unseen
 from surrogate.bounds import bound_files
 from surrogate.learners.registry import METHODS
-from touchcal.errors import InputFileError
-from touchcal.json_file import read_json
 
 DESCRIPTION, EVALUATION, PREDICTIONS = "model.json", "evaluation.json", "predictions.parquet"
 NO_NOISE = "No noise was added for these scores: the stored evaluation holds no noise level."
@@ -38,10 +36,9 @@ def write(model_dir: Path, out: Path) -> None:
 
 def report(model_dir: Path) -> Report:
     """Everything that the template `surrogates.typ` shows of a model."""
-    from surrogate.model.store import histories
+    from surrogate.model.store import histories, read_evaluation
 
-    model, evaluation = (_json(model_dir, name) for name in (DESCRIPTION, EVALUATION))
-    predictions = pd.read_parquet(_present(model_dir, PREDICTIONS))
+    model, evaluation, predictions = read_evaluation(model_dir)
     sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]
     scores = evaluation["outputs"]
     limits, prose = _limits(model_dir, evaluation)
@@ -80,17 +77,6 @@ def _limits(model_dir: Path, evaluation: Mapping[str, Any]) -> tuple[pd.DataFram
     why = "is not there" if found is None else "is of another data set"
     return None, {"limits": f"The least error that any reading can reach is not known: {bound_files.LIMITS} {why}; "
                             f"`surrogate limit CARD --data DIR --out MODEL_DIR/{bound_files.LIMITS}` writes it."}
-
-
-def _present(folder: Path, name: str) -> Path:
-    if not (folder / name).is_file():
-        raise InputFileError(folder, f"it holds no {name}. A model is the folder that `surrogate train --out` writes; "
-                                     "train it again.")
-    return folder / name
-
-
-def _json(folder: Path, name: str) -> dict[str, Any]:
-    return read_json(_present(folder, name), "a file of `surrogate train`", "Train the model again.")
 
 
 def _verdict(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[Verdict]:

@@ -11,9 +11,11 @@ import pandas as pd
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
-from surrogate.model.trained import Calibration, Range, Rows, TrainedModel
+from surrogate.model.holding_time import holding_caution
+from surrogate.model.trained import Calibration, Range, Rows, TrainedModel, estimate
 from touchcal.array_store import Arrays, flat, read_npz, rebuilt
 from touchcal.arrays import Array
+from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
 from touchcal.json_file import digest, read_json, write_json
 from touchcal.whole_file import written
@@ -22,10 +24,15 @@ SCHEMA = 9
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 # What ties both files: the key of model.json with the hash of arrays.npz, and the array with the hash of the other keys
-# of model.json. Models that were trained earlier have neither.
+# of model.json.
 HASH = "arrays_sha256"
 DESCRIBED = "description_sha256"
+_HASHES = "sha256"  # key of evaluation.json: hashes of what was scored, of the predictions, and of its other keys
 _RETRAIN = "A model is the folder that `surrogate train --out` writes; train it again."
+_COUNT = Number(0, 1e15, whole=True)
+_ROWS = Keys(allowed={"rows": _COUNT, "cards": _COUNT, "measurement": dict, "split": {str: _COUNT}})
+_SHAPE = Keys({HASH: str, "outputs": [Keys({"name": str})], "seed": Number(0, whole=True), "fit_s": Number(0),
+               "dataset": _ROWS, "training": dict}, {"calibration": _ROWS, "relaxation": dict, "versions": {str: str}})
 M = TypeVar("M", bound=TrainedModel)
 
 
@@ -67,7 +74,24 @@ def save_evaluation(folder: Path, scores: Mapping[str, Any], predictions: pd.Dat
     """Write scores and the predictions behind them into a model's folder, for reports."""
     with written(folder / PREDICTIONS) as file:
         predictions.to_parquet(file, index=False)
-    write_json(scores, folder / EVALUATION)
+    write_json({**scores, _HASHES: _scored_hashes(folder, scores)}, folder / EVALUATION)
+
+
+def read_evaluation(folder: Path) -> tuple[dict[str, Any], dict[str, Any], pd.DataFrame]:
+    """Description, scores and predictions in a model's folder; InputFileError where one is missing or was changed."""
+    for name in (DESCRIPTION, EVALUATION, PREDICTIONS):
+        if not (folder / name).is_file():
+            raise InputFileError(folder, f"it holds no {name}. {_RETRAIN}")
+    scores = read_json(folder / EVALUATION, "scores of a model", _RETRAIN, Keys({_HASHES: {str: str}}))
+    stated = scores.pop(_HASHES)
+    for name, found in _scored_hashes(folder, scores).items():
+        if stated.get(name) != found:
+            raise InputFileError(folder / name, f"it was changed after the model was scored. {_RETRAIN}")
+    return read_json(folder / DESCRIPTION, "a model", _RETRAIN), scores, pd.read_parquet(folder / PREDICTIONS)
+
+
+def _scored_hashes(folder: Path, scores: Mapping[str, Any]) -> dict[str, str]:
+    return {name: _file_hash(folder / name) for name in (DESCRIPTION, PREDICTIONS)} | {EVALUATION: digest(scores)}
 
 
 def histories(folder: Path, names: Sequence[str]) -> dict[str, Array]:
@@ -88,28 +112,53 @@ def read(kind: type[M], folder: Path) -> M:
         raise InputFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one "
                                    f"that this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
     try:
-        stated, arrays = text.pop(HASH, None), read_npz(folder / ARRAYS)
-        found = digest(text)
-        described = str(arrays.pop(DESCRIBED, found))
-        model = _assemble(kind, text, arrays)
-        if described != found:
+        check(text, _SHAPE)
+    except ValueError as error:
+        raise InputFileError(path, f"not a model: {error} {_RETRAIN}") from None
+    try:
+        stated, arrays = text.pop(HASH), read_npz(folder / ARRAYS)
+        if stated != _file_hash(folder / ARRAYS):
+            raise ValueError(f"{ARRAYS} was changed, or is of another model")
+        if str(arrays.pop(DESCRIBED)) != digest(text):
             raise ValueError(f"{DESCRIPTION} was changed")
-        if stated not in (None, _file_hash(folder / ARRAYS)):
-            raise ValueError(f"{ARRAYS} was changed")
+        model = _assemble(kind, text, arrays)
+        _try_out(model)
         return model
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, RuntimeError, TypeError,
+            ValueError) as error:
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
                                      f"({error}). Train the model again.") from None
 
 
 def _assemble(kind: type[M], text: dict[str, Any], arrays: Arrays) -> M:
     own = ("schema", "method", "outputs", "seed", "fit_s")
-    names = tuple(outputs.of(output["name"]).name for output in text["outputs"])
-    ring = rebuilt(Ring, "ring", arrays)
-    if arrays["baseline_V"].shape != ring.read.shape or arrays["baseline_V"].dtype.kind != "f":
-        raise ValueError("baseline_V is not of the ring's readings")
-    return kind(text["method"], ring, names,
+    names = tuple(output["name"] for output in text["outputs"])
+    if not names or names != outputs.chosen(names):
+        raise ValueError(f"its outputs {', '.join(names)} are not some of {', '.join(outputs.NAMES)}, in that order")
+    return kind(text["method"], rebuilt(Ring, "ring", arrays), names,
                  rebuilt(METHODS[text["method"]].learner(), "learner", arrays),
                  rebuilt(Calibration, "calibration", arrays), rebuilt(Rows, "rows", arrays),
                  rebuilt(Range, "trained", arrays), arrays["baseline_V"], text["seed"], text["fit_s"],
                  {key: value for key, value in text.items() if key not in own})
+
+
+def _try_out(model: TrainedModel) -> None:
+    """An error of any kind where the parts of a model do not fit each other: their shapes are checked, and one of its
+    calibrating rows is read."""
+    ring, rows, span = model.ring, model.calibration, model.trained
+    readings, each, count = ring.read.shape, (len(model.names),), len(rows.target)
+    for name, part, shape in (("baseline_V", model.baseline_V, readings),
+                              ("signals", rows.signal_V, (max(count, 1), *readings)),
+                              ("targets", rows.target, (max(count, 1), *each)),
+                              ("lowest", span.lowest, each), ("highest", span.highest, each),
+                              ("weakest", np.array(span.weakest_V), ()), ("misfit", np.array(span.misfit), ())):
+        if part.shape != shape or part.dtype.kind != "f" or not np.isfinite(part).all():
+            raise ValueError(f"{name} holds {part.dtype} {part.shape} and not finite numbers {shape}")
+    for ends in (ring.source, ring.sink, ring.read, ring.ground):
+        if ends.shape != readings or ends.dtype.kind != "i" or not np.isin(ends, np.arange(len(ring.angle_rad))).all():
+            raise ValueError("its readings are not of its electrodes")
+    with np.errstate(all="ignore"):
+        found = estimate(model, rows.signal_V[:1])
+    if {part.shape for part in (found.value, found.sd, found.below, found.above)} != {(1, *each)}:
+        raise ValueError("its learner has other outputs")
+    holding_caution(model, None)

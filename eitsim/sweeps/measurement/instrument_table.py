@@ -16,7 +16,9 @@ _WHOLE = {"seed": (0, None), "bits": (2, BITS), "frames": (1, 10_000), "baseline
 _SIZES = ("noise_V", "gain", "offset_V", "drift", "drift_channel", "drift_V", "drift_channel_V", "contact_impedance",
           "lsb_V")
 _MOST_CONTACT = 0.2
-_LEAST_V = 1e-15  # rounding of a reading of some volts
+# Rounding of a reading of some volts, and the most that an instrument reads, V; largest of relative changes.
+_LEAST_V, _MOST_V, _MOST_CHANGE = 1e-15, 1e3, 10.0
+_MOST_DB = 400.0
 
 
 def read_measurement(path: Path | str) -> Measurement:
@@ -66,18 +68,21 @@ def _check_value(key: str, value: Any) -> None:
             raise _wrong(key, f"is counted to first order, which misses a tenth (lines) or a fifth (patches) of its "
                               f"effect at {_MOST_CONTACT}; got {value:g}, give that or less. What differs between "
                               "electrodes and stays belongs to [electrodes]")
-        if key == "lsb_V" and 0 < value < _LEAST_V:
-            raise _wrong(key, f"must be 0, for none, or {_LEAST_V:g} V or more, which numbers resolve, got {value:g}")
+        if key.endswith("_V") and value and not _LEAST_V <= value <= _MOST_V:
+            raise _wrong(key, f"must be 0, for none, or from {_LEAST_V:g} V, which numbers resolve, to {_MOST_V:g} V, "
+                              f"got {value:g}")
+        if not key.endswith("_V") and value > _MOST_CHANGE:
+            raise _wrong(key, f"must be at most {_MOST_CHANGE:g}, ten times the reading, got {value:g}")
     elif key == "full_scale_V":
-        if not _is_number(value) or value < _LEAST_V:
-            raise _wrong(key, f"must be a positive number, {_LEAST_V:g} V or more, got {value!r}")
+        if not _is_number(value) or not _LEAST_V <= value <= _MOST_V:
+            raise _wrong(key, f"must be a number from {_LEAST_V:g} to {_MOST_V:g} V, got {value!r}")
     elif key == "snr_db":
-        if not _is_number(value):
-            raise _wrong(key, f"must be a number, got {value!r}")
+        if not _is_number(value) or abs(value) > _MOST_DB:
+            raise _wrong(key, f"must be a number from {-_MOST_DB:g} to {_MOST_DB:g}, got {value!r}")
     elif key == "relative_to":
-        if value not in REFERENCES and not (_is_number(value) and value > 0):
-            raise _wrong(key, f"must be {' or '.join(map(repr, REFERENCES))} (of the untouched readings) or a positive "
-                              f"voltage in V, got {value!r}")
+        if value not in REFERENCES and not (_is_number(value) and _LEAST_V <= value <= _MOST_V):
+            raise _wrong(key, f"must be {' or '.join(map(repr, REFERENCES))} (of the untouched readings) or a voltage "
+                              f"from {_LEAST_V:g} to {_MOST_V:g} V, got {value!r}")
     elif key == "clean_baseline":
         if not isinstance(value, bool):
             raise _wrong(key, f"must be true or false, got {value!r}")

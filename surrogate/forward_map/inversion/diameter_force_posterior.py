@@ -25,6 +25,7 @@ FITS = 25.0  # squared distance in standard deviations from which a punch of the
 DRAWS = 1000  # punches in equal steps of probability that stand for the posterior of a frame
 # Squares of the radii of the table over that of the interior; between them strengths are taken as parabolas.
 RADII = np.array([0.0, 0.5, 1.0])
+UNKNOWN = 1e3  # variance of a logarithm or a ratio of strengths from which nothing is known of it
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def posterior(forward: ForwardMap, table: Table, located: Located) -> Posterior:
     radial = _radial(forward, located.place_mm)
     of_card = by_material(forward, forward.mean[None])[0]
     strengths = np.tensordot(radial, table.strengths, 1)
-    covariance = (located.covariance + of_card @ of_card.T)[:, None, None] + (
+    covariance = (_cut(located.covariance) + of_card @ of_card.T)[:, None, None] + (
         np.maximum(np.tensordot(radial, table.variance, 1)[:, :, :-1], 0.0)[..., None] * np.eye(strengths.shape[-1]))
     precision = np.linalg.inv(covariance)
     miss, step = strengths[:, :, :-1] - located.strengths[:, None, None], np.diff(strengths, axis=2)
@@ -116,6 +117,19 @@ def posterior(forward: ForwardMap, table: Table, located: Located) -> Posterior:
     log_weight -= np.log(np.sum(np.exp(log_weight), axis=(1, 2), keepdims=True))
     nearest = np.min(cost + (best - np.clip(best, 0, 1)) ** 2 * curvature, axis=(1, 2))
     return Posterior(table, radial, log_weight, *_truncated(best, width, mass), nearest)
+
+
+def _cut(covariance: Array) -> Array:
+    """Covariances (n, k, k) of located strengths, cut to UNKNOWN along axes of more, of which the noise leaves nothing
+    known: their inverses would be singular."""
+    wide = np.trace(covariance, axis1=1, axis2=2) > UNKNOWN
+    if not wide.any():
+        return covariance
+    variance, axes = np.linalg.eigh(covariance[wide])
+    least = np.finfo(float).eps * variance[:, -1:]
+    cut = covariance.copy()
+    cut[wide] = (axes * np.clip(variance, least, UNKNOWN)[:, None]) @ axes.transpose(0, 2, 1)
+    return cut
 
 
 def _radial(forward: ForwardMap, place_mm: Array) -> Array:

@@ -51,6 +51,7 @@ FORCE, LOAD = 3, 3  # column of F in a touch, and that of g among the unknowns
 WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
 # Least diameter and force that a regression may leave before it is held to the training touches, mm and N.
 TINY = 1e-6
+_ROUNDING_V = 1e-15  # of a reading of some volts
 
 
 @dataclass(frozen=True)
@@ -231,8 +232,8 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: f
 
 
 def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
-    """(n, 4, 4) covariance of the scaled touches were the map exact; 0 without noise."""
-    if noise_V == 0:
+    """(n, 4, 4) covariance of the scaled touches were the map exact; 0 without noise that exceeds rounding."""
+    if noise_V < _ROUNDING_V:
         return np.zeros((len(unknown), 4, 4))
     slope = linearise(forward, unknown).jacobian * forward.sd / noise_V
     return inverse(slope.transpose(0, 2, 1) @ slope + np.eye(4))

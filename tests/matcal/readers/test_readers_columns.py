@@ -153,6 +153,15 @@ def test_hints_leave_out_columns_of_another_name_and_say_per_cent(tmp_path: Path
     path = _write(tmp_path, "strain,stress (kPa)\n" + _rows(-10 * E, -P))
     with pytest.raises(InputFileError, match=r"in per cent, give --columns \"uniaxial.csv=strain=1:%,stress=2\""):
         read(path)
+    path = _write(tmp_path, "strain,stress (kPa)\n" + _rows(-1000 * E, -P))
+    with pytest.raises(InputFileError, match=r"in per cent, give .* If columns are exchanged, give"):
+        read(path)
+
+
+def test_values_too_small_for_any_test_are_refused(tmp_path: Path) -> None:
+    path = _write(tmp_path, "strain,stress (Pa)\n" + _rows(-E, -1e-300 * P))
+    with pytest.raises(InputFileError, match=r"column 'stress' nowhere exceeds \S+ Pa, too little for any stress"):
+        read(path)
 
 
 def test_underscores_before_names_and_rows_with_a_number_too_many(tmp_path: Path) -> None:

@@ -266,6 +266,9 @@ def test_errors_name_the_file(tmp_path: Path, card_path: Path) -> None:
     table.to_parquet(card_path.parent / "card.d" / "shear_1.parquet")
     with pytest.raises(InputFileError, match=r"shear_1\.parquet.*stress_Pa"):
         write(card_path, tmp_path / "c.pdf")
+    (card_path.parent / "card.d" / "shear_1.parquet").write_bytes(b"")
+    with pytest.raises(InputFileError, match=r"shear_1\.parquet.* or a damaged one .*Fit the card again"):
+        write(card_path, tmp_path / "c.pdf")
     card_path.write_text("{}")
     with pytest.raises(InputFileError, match="not a card"):
         write(card_path, tmp_path / "c.pdf")

@@ -16,6 +16,7 @@ from reports.document import style
 from reports.document.numerals import percent
 from reports.surrogate import parity_figures, surrogate_tables
 from reports.surrogate.surrogate_report import report, write
+from surrogate.model.store import save_evaluation
 from surrogate.statistics.metrics import score
 from touchcal.errors import InputFileError
 
@@ -47,13 +48,13 @@ def write_model(folder: Path, **changes: Any) -> pd.DataFrame:
             scores.setdefault(name, {})[part] = asdict(score(target, value, *[np.array([half] * 3)] * 2, unit))
     dataset = {"sha256": "cd" * 32, "rows": 40}
     net = {"gamma": 25.5, "parameters": 101, "epochs": 77, "stop": "the gradient vanished", "collapsed": False}
-    model = {"schema": 1, "method": "trainbr", "seed": 4, "fit_s": 12.34, "versions": {"torch": "2.13.0"},
-             "dataset": dataset | {"split": {"train": 28, "val": 6, "test": 6}}, "training": {"x0": net, "A_c": net}}
+    model = {"schema": 1, "method": "trainbr", "outputs": [{"name": name} for name in UNITS], "seed": 4,
+             "fit_s": 12.34, "versions": {"torch": "2.13.0"}, "training": {"x0": net, "A_c": net},
+             "dataset": dataset | {"split": {"train": 28, "val": 6, "test": 6}}}
     evaluation = {"method": "trainbr", "dataset": dataset, "fit_s": 12.34, "predict_ms": 0.567, "outputs": scores,
                   "noise": []} | changes
     (folder / "model.json").write_text(json.dumps(model))
-    (folder / "evaluation.json").write_text(json.dumps(evaluation))
-    table.to_parquet(folder / "predictions.parquet", index=False)
+    save_evaluation(folder, evaluation, table)
     return table
 
 
@@ -124,8 +125,10 @@ def test_the_signal_over_force_is_drawn_with_its_tops(tmp_path: Path, read_pdf: 
 def test_scores_of_another_data_set_and_constant_targets_are_said(tmp_path: Path, read_pdf: Reader) -> None:
     constant = {"mse": 1.5, "rmse": 1.22, "r2": None, "mae": 1.0, "n": 40, "coverage_90": 0.9, "unit": "mm"}
     write_model(tmp_path / "model", dataset={"sha256": "00" * 32, "rows": 40}, outputs={"x0": {"all": constant}})
+    scores = json.loads((tmp_path / "model" / "evaluation.json").read_text())
+    del scores["sha256"]
     table = pd.read_parquet(tmp_path / "model" / "predictions.parquet").assign(part="all")
-    table.to_parquet(tmp_path / "model" / "predictions.parquet", index=False)
+    save_evaluation(tmp_path / "model", scores, table)
     write(tmp_path / "model", tmp_path / "s.pdf")
     text = read_pdf(tmp_path / "s.pdf").whole
     assert "another data set" in text
@@ -183,15 +186,24 @@ def test_the_training_of_networks_is_drawn(tmp_path: Path, read_pdf: Reader) -> 
     history = np.column_stack([28 / step**2, step, 30 - step, 0.1 * step, step**2])
     arrays = {f"learner.networks.trainings.{i}.history": history for i in (0, 1)}
     np.savez(tmp_path / "model" / "arrays.npz", allow_pickle=False, **arrays)
-    description = json.loads((tmp_path / "model" / "model.json").read_text())
-    description["outputs"] = [{"name": name, "unit": unit} for name, unit in UNITS.items()]
-    (tmp_path / "model" / "model.json").write_text(json.dumps(description))
     write(tmp_path / "model", tmp_path / "s.pdf")
     text = read_pdf(tmp_path / "s.pdf").whole
     assert "over up to 20 steps" in text
     assert "ends at 0.0500 to 0.0500 of half the span, with 10.0 to 10.0 effective parameters" in text
     drawn = pd.read_csv(tmp_path / "s_files" / "history.csv")
     assert np.allclose(drawn["rms_error"][:20], 1 / step)
+
+
+@pytest.mark.parametrize(("name", "old", "new"), [
+    ("model.json", b'"seed": 4', b'"seed": 5'), ("evaluation.json", b'"predict_ms": 0.567', b'"predict_ms": 0.5'),
+    ("evaluation.json", b"sha256", b"sha"), ("predictions.parquet", b"PAR1", b""),
+    ("predictions.parquet", b"A_c", b"x_c")])
+def test_scores_that_were_changed_are_refused_by_their_file(tmp_path: Path, name: str, old: bytes, new: bytes) -> None:
+    write_model(tmp_path / "model")
+    path = tmp_path / "model" / name
+    path.write_bytes(path.read_bytes().replace(old, new, 1))
+    with pytest.raises(InputFileError, match=f"{name}: .*train it again"):
+        report(tmp_path / "model")
 
 
 @pytest.mark.parametrize("name", ["model.json", "evaluation.json", "predictions.parquet"])

@@ -114,3 +114,11 @@ def test_what_it_cannot_learn_is_refused(ring: Ring, synthetic: Synthetic) -> No
         forward_map.fit(ring, touch[:10], signal[:10])
     with pytest.raises(ValueError, match="one sign"):
         forward_map.fit(ring, touch, signal * np.where(np.arange(40) < 15, -1, 1)[:, None])
+
+
+@pytest.mark.parametrize("noise_V", [1e-300, 1.0, 1000.0])
+def test_noise_without_a_meaning_costs_no_answer(learned: ForwardMap, synthetic: Synthetic, noise_V: float) -> None:
+    """Least of all an error or a warning of singular equations."""
+    found = invert(learned, synthetic(3, 5)[1], noise_V)
+    assert np.isfinite(found.touch).all()
+    assert np.isfinite(found.covariance).all()

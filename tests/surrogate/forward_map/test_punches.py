@@ -63,6 +63,17 @@ def test_the_posterior_equals_brute_force(learned: ForwardMap, d_mm: float, forc
     assert np.allclose([mean[0, 1] - below, mean[0, 1] + above], ends, atol=0.08 * expected_sd[1])
 
 
+def test_strengths_of_which_nothing_is_known_leave_the_prior(learned: ForwardMap) -> None:
+    """As the noise of some volts leaves them: a covariance that is singular to rounding."""
+    axis = np.array([[1.1e10, 1e15, -1.8e12]])
+    located = replace(measured(learned, 14.0, 1.0, np.ones(3)), covariance=(axis.T @ axis)[None])
+    found = diameter_force_posterior.posterior(learned, diameter_force_posterior.make_table(learned), located)
+    mean, covariance = diameter_force_posterior.moments(diameter_force_posterior.drawn(found, found.table.touch[None]))
+    low, high = learned.bounds[:, 1:]
+    assert np.allclose(mean[0], (low + high) / 2, rtol=0.05)
+    assert np.allclose(np.sqrt(np.diagonal(covariance[0])), (high - low) / np.sqrt(12), rtol=0.1)
+
+
 def test_known_punches_keep_every_branch(learned: ForwardMap) -> None:
     """The signal of a 10 mm punch grows with F and falls again: both answers stay in the interval, and no diameter in
     between known ones is taken."""

@@ -218,7 +218,7 @@ def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "method": "forward"}))
     with pytest.raises(InputFileError, match="do not belong"):
         surrogate.load(tmp_path / "model")
-    for spoilt, said in (("[1, 2]", "must be an object"), (json.dumps({**text, "outputs": [{"name": "x9"}]}), "x9")):
+    for spoilt, said in (("[1, 2]", "must be an object"), (json.dumps({**text, "seed": "x"}), "seed must be a whole")):
         (tmp_path / "model" / "model.json").write_text(spoilt)
         with pytest.raises(InputFileError, match=said):
             surrogate.load(tmp_path / "model")
@@ -233,9 +233,10 @@ def test_both_files_of_a_model_are_tied(models: dict[str, Model], tmp_path: Path
     models["ridge"].save(folder)
     text, content = json.loads((folder / "model.json").read_text()), (folder / "arrays.npz").read_bytes()
     swapped = text | {"outputs": text["outputs"][::-1]}
-    for changed in (swapped, {key: value for key, value in swapped.items() if key != "arrays_sha256"}):
+    unhashed = {key: value for key, value in swapped.items() if key != "arrays_sha256"}
+    for changed, said in ((swapped, r"model\.json was changed"), (unhashed, "the key 'arrays_sha256' is missing")):
         (folder / "model.json").write_text(json.dumps(changed))
-        with pytest.raises(InputFileError, match=r"model\.json was changed"):
+        with pytest.raises(InputFileError, match=said):
             surrogate.load(folder)
     (folder / "model.json").write_text(json.dumps(text))
     assert surrogate.load(folder).names == NAMES
@@ -243,14 +244,6 @@ def test_both_files_of_a_model_are_tied(models: dict[str, Model], tmp_path: Path
         arrays = {name: file[name] for name in file.files}
     np.savez(folder / "arrays.npz", **arrays | {"baseline_V": 2 * arrays["baseline_V"]})
     with pytest.raises(InputFileError, match=r"arrays\.npz was changed"):
-        surrogate.load(folder)
-    del arrays["description_sha256"]
-    np.savez(folder / "arrays.npz", **arrays)
-    del text["arrays_sha256"]
-    (folder / "model.json").write_text(json.dumps(text))
-    assert surrogate.load(folder).names == NAMES  # one of before the hashes
-    np.savez(folder / "arrays.npz", **arrays | {"baseline_V": arrays["baseline_V"].astype(str)})
-    with pytest.raises(InputFileError, match="baseline_V is not of"):
         surrogate.load(folder)
     (folder / "arrays.npz").write_bytes(content[:-9])
     with pytest.raises(InputFileError, match=r"arrays\.npz"):
