@@ -26,9 +26,9 @@ def finely_solved(scene: Scene, card: MaterialCard, *, rim: bool = False) -> tup
     law = material.law
     near, element_m = rim or near_rim(scene, punch), default_element_m(scene.body, punch)
     size = element_m / (2 if near and not rim else 4)
-    touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain, element_m=size)
+    touch = solve_touch(law, scene.body, punch, element_m=size)
     if near:
-        touch = corrected(touch, law, scene.body, punch, strain=scene.skin.strain, coarse=FULL_DISC, fine=FINEST)
+        touch = corrected(touch, law, scene.body, punch, coarse=FULL_DISC, fine=FINEST)
     readings = solve(scene.body, scene.skin, scene.electrodes, scene.drive, ((punch, touch),),
                      material.skin, signal=FINELY, method="mesh")
     return touch, readings

@@ -24,7 +24,7 @@ def row(diameter_mm: float, force_N: float, friction: str, coefficient: float) -
     touch = solve_touch(TABLE_1, Body(), punch)
     return {"d_mm": diameter_mm, "F_N": force_N, "friction": friction, "coefficient": coefficient,
             "depth_mm": f"{touch.depth_m * 1e3:.5f}", "depth_error": f"{touch.depth_error:.1e}",
-            "signal_error": f"{touch.signal_error:.1e}", "slip_fraction": touch.slip_fraction,
+            "signal_error": f"{touch.signal_errors[0]:.1e}", "slip_fraction": touch.slip_fraction,
             "fraction_non_elliptic": f"{touch.fraction_non_elliptic:.1e}", "cpu_s": f"{touch.cpu_s:.2f}"}
 
 

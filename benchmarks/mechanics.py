@@ -84,7 +84,7 @@ def rows(diameter_m: float, force_N: float) -> list[dict[str, object]]:
                     "depth_mm": touch.depth_m * 1e3, "depth_error": abs(touch.depth_m / reference.depth_m - 1),
                     "depth_estimate": touch.depth_error, "strain_error_L2": strain_error(touch, reference),
                     "sigma_max_error": abs(touch.sigma_max_Pa / reference.sigma_max_Pa - 1),
-                    "signal_error": float(missed), "signal_estimate": touch.signal_error,
+                    "signal_error": float(missed), "signal_estimate": touch.signal_errors[0],
                     "iterations": touch.iterations, "cpu_s": seconds, "peak_MB": memory})
     return out
 

@@ -39,7 +39,7 @@ from eitsim.mechanics.rim.interaction import edge_gap_m, expected, gap_for, inte
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.mechanics.rim.two_punches import LEAST_GAP, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
-from eitsim.scene.results import RimField, Touch
+from eitsim.scene.results import RimField, Touch, of_strain
 from eitsim.scene.scene import Body, Drive, Electrodes, Hold, Punch, Skin
 from eitsim.simulation.plan import rim_effect
 from eitsim.simulation.reuse import decision, table_for
@@ -89,8 +89,8 @@ def random_punch(rng: np.random.Generator, gap_m: float | None = None) -> Punch:
 
 
 def strain_error(touch: Touch) -> float:
-    assert touch.strain_error is not None
-    return touch.strain_error
+    assert touch.strain_errors is not None
+    return of_strain(touch.strain_errors, "normal")
 
 
 def rim_left_out(rng: np.random.Generator) -> Pair:
@@ -111,7 +111,7 @@ def finer_mesh_left_out(rng: np.random.Generator) -> Pair:
     left_out, first = timed(lambda: solve_touch(TABLE_1, BODY, punch))
     full, second = timed(lambda: solve_touch(TABLE_1, BODY, punch, element_m=default_element_m(BODY, punch) / 2))
     return Pair(punch, left_out, full, (first, second), left_out.depth_error, strain_error(left_out),
-                left_out.signal_error)
+                of_strain(left_out.signal_errors, "normal"))
 
 
 def rings_for_a_mesh(rng: np.random.Generator) -> Pair:
@@ -129,19 +129,19 @@ def steps_in_time_left_out(rng: np.random.Generator) -> Pair:
     def stepped_through() -> Touch:
         states = [states_over(model, HoldHistory(SERIES, None, state.depth, hold), PER_DECADE, state)[-1]
                   for model, state in zip(levels, loaded, strict=True)]
-        return touch_of(law, BODY, levels, states, "normal", time.process_time())
+        return touch_of(law, BODY, levels, states, time.process_time())
 
     left_out, first = timed(lambda: kept(SERIES, hold, solve_touch(law, BODY, punch))[-1][1])
     full, second = timed(stepped_through)
     return Pair(punch, left_out, full, (first, first + second), left_out.depth_error, strain_error(left_out),
-                left_out.signal_error)
+                of_strain(left_out.signal_errors, "normal"))
 
 
 def fresh_solution_left_out(table: Table) -> Callable[[np.random.Generator], Pair | None]:
     def pair(rng: np.random.Generator) -> Pair | None:
         punch = random_punch(rng)
         begun = time.process_time()
-        left_out = touch_from(table, TABLE_1, BODY, punch, "normal")
+        left_out = touch_from(table, TABLE_1, BODY, punch)
         first = time.process_time() - begun
         if left_out is None:
             return None
@@ -267,7 +267,7 @@ def rows_of(name: str, scenes: int) -> Iterator[dict[str, object]]:
                 yield found
         return
     if name == "load path reused":
-        table, _ = table_for(shape_of(TABLE_1, BODY, Punch(), "normal", [0.008, 0.02], spans=True))
+        table, _ = table_for(shape_of(TABLE_1, BODY, Punch(), [0.008, 0.02], spans=True))
     chosen = pairs(name, table)
     for number in range(scenes):
         pair = chosen(np.random.default_rng([SEED, OMISSIONS.index(name), number]))

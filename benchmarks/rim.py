@@ -143,7 +143,7 @@ def compared(what: str, punch: Punch, far: Touch, reference: Touch) -> list[dict
     row = {"what": what, "d_mm": punch.diameter_m * 1e3, "force_N": force_N, "gap_mm": gap_m * 1e3,
            **apart(punch, touch, reference), "cpu_s": touch.cpu_s,
            "depth_estimate": touch.depth_error - far.depth_error,
-           "signal_estimate": touch.signal_error - far.signal_error}
+           "signal_estimate": touch.signal_errors[0] - far.signal_errors[0]}
     print(pd.DataFrame([row]).to_string(index=False, header=False), flush=True)
     return [row]
 

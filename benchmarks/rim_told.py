@@ -47,7 +47,7 @@ def compared(kind: str, punch: Punch) -> dict[str, object]:
     except NotConverged:
         return row | {"outcome": "not_converged"}
     one, other = signal(punch, touch), signal(punch, finer)
-    off, error_estimate = float(np.linalg.norm(one - other) / np.linalg.norm(other)), touch.signal_error
+    off, error_estimate = float(np.linalg.norm(one - other) / np.linalg.norm(other)), touch.signal_errors[0]
     return row | {"outcome": "ok", "depth_mm": touch.depth_m * 1e3, "signal_off": off, "signal_told": error_estimate,
                   "told_over_off": error_estimate / off, "depth_off": abs(touch.depth_m / finer.depth_m - 1),
                   "depth_told": touch.depth_error, "finer_cpu_s": time.process_time() - begun - row["cpu_s"]}

@@ -29,7 +29,7 @@ NEAR_RIM = (Punch(0.083, 0.0, 0.014, 1.0), Punch(0.0, 0.07, 0.014, 0.1))
 def rows(punch: Punch, strain: str) -> list[dict[str, object]]:
     """An insulated and a conducting punch under the same touch."""
     solver = solve_near_rim if punch in NEAR_RIM else solve_touch
-    touch = solver(TABLE_1, Body(), punch, strain=strain)
+    touch = solver(TABLE_1, Body(), punch)
     return [row(replace(punch, conductor=conductor), touch, strain) for conductor in (False, True)]
 
 

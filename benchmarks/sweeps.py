@@ -34,6 +34,7 @@ from finer import finely_solved
 from materials import SKIN_LAW, TABLE_1
 from schedule import schedule
 
+from eitsim.scene.results import of_strain
 from eitsim.simulation.reuse import table_for
 from eitsim.simulation.simulate import simulate
 from eitsim.sweeps.dataset.parquet import parts, read_dataset, read_manifest
@@ -236,7 +237,8 @@ def against_fresh(row: Mapping[str, Any], design: Design, card: MaterialCard) ->
     told |= {"cpu_s": time.process_time() - begun}
     if plain.readings is None:
         return told
-    signal, fresh_error = readings.signal_V.ravel(), touch.signal_error + readings.signal_error
+    signal = readings.signal_V.ravel()
+    fresh_error = of_strain(touch.signal_errors, scene.skin.strain) + readings.signal_error
     own = np.array([value for name, value in row.items() if name.startswith("dv_")], dtype=float)
     row_error = row["signal_error"] - plain.plan.error_bound
     missed = [np.linalg.norm(found - signal) / np.linalg.norm(signal)

@@ -28,11 +28,12 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     force_unit,
     mesh_hierarchy,
     penalty_errors,
-    strain_change,
+    strain_changes,
     touch_of,
     under_force,
 )
 from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.results import of_strain
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 
@@ -67,9 +68,9 @@ def errors_of(law: Hyperfoam, punch: Punch) -> dict[str, float]:
     start, force = time.process_time(), punch.force_N / force_unit(law, BODY)
     levels = mesh_hierarchy(law, BODY, punch, None, None)
     states = under_force(levels, force)
-    touch = touch_of(law, BODY, levels, states, STRAIN, start)
+    touch = touch_of(law, BODY, levels, states, start)
     solved = time.process_time()
-    by_penalty = penalty_errors(levels[-2], states[-2], STRAIN)
+    by_penalty = penalty_errors(levels[-2], states[-2])
     softened, profile = time.process_time(), profile_of(punch)
     fine = Punch(diameter_m=punch.diameter_m, force_N=punch.force_N, profile=punch.profile,
                  fillet_m=profile.edge_radius, half_angle_rad=punch.half_angle_rad)
@@ -81,18 +82,19 @@ def errors_of(law: Hyperfoam, punch: Punch) -> dict[str, float]:
            "sigma_max": touch.sigma_max_Pa / (contact.pressure.max() * law.mu_0_Pa),
            "A_c": touch.contact_area_m2 / (min(contact.area, np.pi * stiff.punch.profile.radius**2)
                                            * BODY.thickness_m**2),
-           "signal": surface.dipole_response(levels[-1], states[-1].x, STRAIN)
-                     / surface.dipole_response(stiff, exact.x, STRAIN)}
+           "signal": of_strain(surface.dipole_responses(levels[-1], states[-1].x), STRAIN)
+                     / of_strain(surface.dipole_responses(stiff, exact.x), STRAIN)}
     before, after = (surface.contact_of(m, s.x).area for m, s in zip(levels[-2:], states[-2:], strict=True))
     true = {name: abs(ratio - 1) for name, ratio in off.items()}
-    true["strain"] = strain_change((stiff, exact.x), (levels[-1], states[-1].x), STRAIN)
+    true["strain"] = of_strain(strain_changes((stiff, exact.x), (levels[-1], states[-1].x)), STRAIN)
     estimate = {"depth": touch.depth_error, "sigma_max": touch.sigma_max_error, "A_c": touch.contact_area_error,
-                "strain": touch.strain_error, "signal": touch.signal_error}
+                "strain": of_strain(touch.strain_errors, STRAIN), "signal": of_strain(touch.signal_errors, STRAIN)}
     assert estimate["A_c"] is not None
     assert estimate["strain"] is not None
     return {**{f"{name}_estimate": error for name, error in estimate.items() if error is not None},
             **{f"{name}_error": error for name, error in true.items()},
-            "A_c_meshes": max(abs(before / after - 1), LEAST), "strain_meshes": estimate["strain"] - by_penalty[1],
+            "A_c_meshes": max(abs(before / after - 1), LEAST),
+            "strain_meshes": estimate["strain"] - of_strain(by_penalty[1], STRAIN),
             "cpu_s": solved - start, "penalty_cpu_s": softened - solved,
             "reference_cpu_s": time.process_time() - softened}
 

@@ -22,7 +22,8 @@ HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"
 # what each benchmark is given, of the short chain's files
 GIVEN = {"inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",), "streaming": ("ridge",),
-         "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json")}
+         "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json"),
+         "variants": ("card.json",)}
 # what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
 APART = ("carry_over", "faithful", "gpu", "mutants", "ridge", "surrogates", "transfer", "untouched_frame")
 CHAIN = (

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.scene.scene import STRAINS
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 
@@ -60,8 +61,9 @@ class RimField:
     offset_m: float
     # (2,) direction to the neighbour, on whose side of the plane nothing is changed; None for the rim
     towards: Array | None = None
-    # how far depth and signal may be off those solved anew, relative; None where they are
-    error_estimate: tuple[float, float] | None = None
+    # (4,) how far the depth, and the signals by scene.STRAINS, may be off those solved anew, relative; None where they
+    # are
+    error_estimate: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -118,15 +120,17 @@ class Touch:
     contact_area_m2: float  # current area projected on the punch face where pressure > 0, m^2
     wall_contact_m2: float  # current area of the side wall of the hole that touches the punch, m^2
     depth_error: float  # estimated relative error of depth_m
-    signal_error: float  # estimated relative error of dV that the mechanical discretisation causes
+    # (3,) estimated relative error of dV that the mechanical discretisation causes, by scene.STRAINS
+    signal_errors: Array
     fraction_non_elliptic: float  # fraction of quadrature points where strong ellipticity is lost
     iterations: int  # Newton iterations spent
     residuals: tuple[float, ...]  # relative residual after each iteration
     cpu_s: float  # CPU time spent, s
     sigma_max_error: float | None = None  # estimated relative error of sigma_max_Pa; None where it is not estimated
     contact_area_error: float | None = None  # estimated relative error of contact_area_m2; None where not estimated
-    # estimated relative error of the strain that drives the skin, L2 over the surface; None where it is not estimated
-    strain_error: float | None = None
+    # (3,) estimated relative errors of the strains that may drive the skin, L2 over the surface, by scene.STRAINS; None
+    # where they are not estimated
+    strain_errors: Array | None = None
     # (2, 2) least and largest reference radius, and depth below the untouched surface, m, where strong ellipticity is
     # lost; None where it is kept
     non_elliptic_m: Array | None = None
@@ -188,3 +192,8 @@ class Result:
     numerical_error: Mapping[str, float] = field(default_factory=dict)
     # "cpu_s", "compilation_cpu_s" (once, not in it), "wall_s", "peak_MB"
     cost: Mapping[str, float] = field(default_factory=dict)
+
+
+def of_strain(errors: Array, strain: str) -> float:
+    """Of errors (3,) by scene.STRAINS, that of a skin driven by this one."""
+    return float(errors[STRAINS.index(strain)])

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from eitsim.scene.results import Plan, Readings, Touch
+from eitsim.scene.results import Plan, Readings, Touch, of_strain
 
 
 def error_budget(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None
@@ -12,14 +12,15 @@ def error_budget(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[
             + (unplanned or {}).get(key, 0.0) for key, value in numerical.items()}
 
 
-def numerical_errors(touches: tuple[Touch, ...], readings: Readings) -> dict[str, float]:
-    """Relative errors of the worst touch by what was solved: "signal", its electrics added, and "depth", and
-    "sigma_max", "A_c" and "strain" where every touch has them."""
-    out = {"signal": max(t.signal_error for t in touches) + readings.signal_error,
+def numerical_errors(touches: tuple[Touch, ...], readings: Readings, strain: str) -> dict[str, float]:
+    """Relative errors of the worst touch by what was solved, under a skin driven by this strain: "signal", its
+    electrics added, and "depth", and "sigma_max", "A_c" and "strain" where every touch has them."""
+    out = {"signal": max(of_strain(t.signal_errors, strain) for t in touches) + readings.signal_error,
            "depth": max(t.depth_error for t in touches)}
     for key, error_estimate in {"sigma_max": [t.sigma_max_error for t in touches],
                                 "A_c": [t.contact_area_error for t in touches],
-                                "strain": [t.strain_error for t in touches]}.items():
+                                "strain": [None if t.strain_errors is None else of_strain(t.strain_errors, strain)
+                                           for t in touches]}.items():
         known = [error for error in error_estimate if error is not None]
         if len(known) == len(error_estimate):
             out[key] = max(known)

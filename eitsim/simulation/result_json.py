@@ -62,7 +62,8 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
                       **fitted_ranges(result, scene, card)},
         "slip_fraction": [touch.slip_fraction for touch in result.touches],
         "profile": [profile(touch, scene) for touch in result.touches]} | (
-            {"times": [moment_block(moment, result.plan) for moment in result.moments]} if result.moments else {})
+            {"times": [moment_block(moment, result.plan, scene.skin.strain) for moment in result.moments]}
+            if result.moments else {})
 
 
 def _rows(values: Array) -> list[list[float | None]]:
@@ -76,10 +77,10 @@ def decisions(plan: Plan) -> list[dict[str, Any]]:
             | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound}) for d in plan.decisions]
 
 
-def moment_block(moment: Moment, plan: Plan) -> dict[str, Any]:
+def moment_block(moment: Moment, plan: Plan, strain: str) -> dict[str, Any]:
     """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
     return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": _rows(moment.readings.touched_V),
-            "error_estimate": error_budget(plan, numerical_errors((moment.touch,), moment.readings))}
+            "error_estimate": error_budget(plan, numerical_errors((moment.touch,), moment.readings, strain))}
 
 
 def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:

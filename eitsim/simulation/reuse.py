@@ -1,6 +1,6 @@
 """Which table of load paths serves a scene, and what a touch from it is said to cost."""
 
-from dataclasses import asdict, astuple, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,14 @@ from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
-from eitsim.scene.results import Decision, Touch
+from eitsim.scene.results import Decision, Touch, of_strain
 from eitsim.scene.scene import Punch, Scene, profile_of
 from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import near_rim
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
+from touchcal.arrays import Array
 
 TABLE_SHARE = 0.25  # Part of the requested signal error that a table's own may use up.
 # Arrays of a table and of what the rim changes.
@@ -37,7 +38,7 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
     arrays, note = cache.kept(cache.key_of(key), lambda: _arrays(build(shape, run, DEPTHS)))
     part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _PATHS}
     table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["error_estimate"],
-                  Deviation(*arrays["error"].tolist()), int(arrays["checks"]), float(arrays["cpu_s"]))
+                  deviation_of(arrays["error"]), int(arrays["checks"]), float(arrays["cpu_s"]))
     if not rim:
         return table, note
     key |= {"rim": asdict(GRID)}
@@ -47,7 +48,14 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
 
 
 def _arrays(table: Table) -> dict[str, Any]:
-    return _kept(table, _PATHS) | {"error": np.array(astuple(table.error)), "checks": np.array(table.checks)}
+    error = table.error
+    return _kept(table, _PATHS) | {"error": np.array([error.depth, *error.signals, error.strain]),
+                                   "checks": np.array(table.checks)}
+
+
+def deviation_of(kept: Array) -> Deviation:
+    """A deviation from the numbers (5,) that are kept of it: of depth, signals and stretches."""
+    return Deviation(float(kept[0]), kept[1:-1], float(kept[-1]))
 
 
 def _kept(table: Table | RimTable, names: tuple[str, ...]) -> dict[str, Any]:
@@ -75,7 +83,7 @@ def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: boo
         if not profile_of(punch).is_flat:
             raise ValueError(f"profile = \"{punch.profile}\" in [punch]: load paths are stored for flat "
                              "punches only.")
-    shapes = {shape_of(law, scene.body, punch, scene.skin.strain, diameters_m, spans=spans) for punch in scene.punches}
+    shapes = {shape_of(law, scene.body, punch, diameters_m, spans=spans) for punch in scene.punches}
     if len(shapes) > 1:
         raise ValueError("the punches differ in more than their diameters, and a table of load paths serves one kind.")
     return shapes.pop()
@@ -83,37 +91,39 @@ def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: boo
 
 def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
     """The touches of a scene that a table holds to the requested error; None for each that is to be solved."""
-    if table is None or scene.hold.time_s or table.error.signal > TABLE_SHARE * scene.accuracy.signal:
+    if table is None or scene.hold.time_s or (
+            table.error.signal(scene.skin.strain) > TABLE_SHARE * scene.accuracy.signal):
         return (None,) * len(scene.punches)
     return tuple(_served(table, law, scene, punch) for punch in scene.punches)
 
 
 def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch | None:
-    touch = touch_from(table, law, scene.body, punch, scene.skin.strain)
+    touch = touch_from(table, law, scene.body, punch)
     if touch is None or not near_rim(scene, punch):
         return touch
-    rim = None if table.rim is None else within(table.rim, RIM_SHARE * scene.accuracy.signal)
+    rim = None if table.rim is None else within(table.rim, RIM_SHARE * scene.accuracy.signal, scene.skin.strain)
     return near_rim_from(replace(table, rim=rim), touch, scene.body, punch)
 
 
-def decision(table: Table, touch: Touch, thickness_m: float) -> Decision:
+def decision(table: Table, touch: Touch, scene: Scene) -> Decision:
     """What a touch from a table may cost, as measured when it was made."""
-    error = table.error
-    ends = [f"{d * thickness_m * 1e3:g}" for d in table.shape.diameters]
+    error, strain = table.error, scene.skin.strain
+    ends = [f"{d * scene.body.thickness_m * 1e3:g}" for d in table.shape.diameters]
     where = f"{ends[0]} to {ends[-1]} mm" if table.shape.spans else f"{', '.join(ends)} mm"
     if table.laws > 1:
         where += (f", for this law a weighted mean of those of {table.laws} drawn laws (what the rim changes that of "
                   "one)")
-    bound, rim = max(error.depth, error.signal), ""
+    paths, rim = error.signal(strain), ""
+    bound = max(error.depth, paths)
     if touch.rim is not None and touch.rim.error_estimate is not None:
-        depth, signal = touch.rim.error_estimate
+        depth, signal = float(touch.rim.error_estimate[0]), of_strain(touch.rim.error_estimate[1:], strain)
         bound += max(depth, signal)
         rim = (f"; what the rim changes, from a table too, was at most {depth:.1e} off in depth and {signal:.1e} in "
                "signal about this gap and depth")
     bound *= _SAFETY
     return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
                     f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
-                    f"{error.depth:.1e} off, the dipole response {error.signal:.1e}, and the surface's stretches "
+                    f"{error.depth:.1e} off, the dipole response {paths:.1e}, and the surface's stretches "
                     f"{error.strain:.1e} in L2{rim}; the bound is {_SAFETY:g} times the larger of "
                     f"depth and response; the table took {table.whole_cpu_s:.0f} CPU s, once, not counted in the cost "
                     "of a touch", bound, strain_bound=_SAFETY * error.strain)

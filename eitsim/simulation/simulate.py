@@ -11,7 +11,7 @@ from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.load_paths.law_family import Family, table_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
-from eitsim.scene.results import Moment, Plan, Readings, Result, Touch
+from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
 from eitsim.scene.scene import Scene, as_scene
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
@@ -125,7 +125,7 @@ def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fa
     paths = None if exact else table_of(table, material.law)
     stored = _stored(paths, material.law, scene)
     made = make_plan(scene, material, exact=exact, reused=[
-        decision(paths, touch, scene.body.thickness_m) if paths is not None and touch is not None else None
+        decision(paths, touch, scene) if paths is not None and touch is not None else None
         for touch in stored])
     result = Result("refused", made, message=made.refusal) if made.refusal else _solved(
         made, material, skin_law, scene, stored, exact)
@@ -168,7 +168,7 @@ def _result(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Read
             exact: bool) -> Result:
     """What was solved, with its errors, and what is wrong with it."""
     neighbours, unplanned = _neighbours(scene, touches, exact)
-    numerical = numerical_errors(touches, readings)
+    numerical = numerical_errors(touches, readings, scene.skin.strain)
     error_estimate = error_budget(plan, numerical, unplanned)
     deepest, too_deep = max(touch.depth_m for touch in touches), ""
     if deepest > BOTTOM * scene.body.thickness_m:
@@ -197,7 +197,8 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
         raise _Refused(str(error)) from None
     return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
                  tuple(zip(scene.punches, touches, strict=True)), skin_law,
-                 signal=ELECTRICS_SHARE * max(scene.accuracy.signal, *(touch.signal_error for touch in touches)),
+                 signal=ELECTRICS_SHARE * max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain)
+                                                            for touch in touches)),
                  method="mesh" if exact else "auto")
 
 

@@ -9,7 +9,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import Unresolved, solve_t
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, rim_problem, solve_near_rim
 from eitsim.mechanics.rim.two_punches import FINEST, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
-from eitsim.scene.results import Touch
+from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Punch, Scene
 from eitsim.simulation.plan import near_rim
 from matcal.laws.hyperfoam import Hyperfoam
@@ -26,7 +26,7 @@ def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None],
                for i, (punch, kept) in enumerate(zip(scene.punches, stored, strict=True))]
     for i, j in groups:
         touches[i], touches[j] = solved_together(
-            (touches[i], touches[j]), law, scene.body, (scene.punches[i], scene.punches[j]), strain=scene.skin.strain,
+            (touches[i], touches[j]), law, scene.body, (scene.punches[i], scene.punches[j]),
             coarse=FINE if exact else COARSE, fine=FINEST if exact else FINE)
     return tuple(touches)
 
@@ -36,14 +36,13 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: b
     exact; in three dimensions near the rim and, where that is built and no neighbour is solved together with it, to be
     exact."""
     if near_rim(scene, punch) or (exact and not paired and not rim_problem(scene.body, punch)):
-        return solve_near_rim(law, scene.body, punch, strain=scene.skin.strain, whole=exact)
+        return solve_near_rim(law, scene.body, punch, whole=exact)
     if not exact:
         with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge or tip
-            touch = solve_touch(law, scene.body, punch, strain=scene.skin.strain)
+            touch = solve_touch(law, scene.body, punch)
             if fine_enough([touch], scene) or not _refinable(touch, punch):
                 return touch
-    return solve_touch(law, scene.body, punch, strain=scene.skin.strain,
-                       element_m=default_element_m(scene.body, punch) / 2)
+    return solve_touch(law, scene.body, punch, element_m=default_element_m(scene.body, punch) / 2)
 
 
 def _refinable(touch: Touch, punch: Punch) -> bool:
@@ -58,13 +57,12 @@ def held_touch(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch, exact:
     if scene.hold.keeps_deformation:
         return kept(series, scene.hold, _touch(law, scene, punch, exact))
     if not exact:
-        held = solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain)
+        held = solve_hold(law, series, scene.body, punch, scene.hold)
         if fine_enough([touch for _, touch in held[1:]], scene):
             return held
-    return solve_hold(law, series, scene.body, punch, scene.hold, strain=scene.skin.strain,
-                      element_m=default_element_m(scene.body, punch) / 2)
+    return solve_hold(law, series, scene.body, punch, scene.hold, element_m=default_element_m(scene.body, punch) / 2)
 
 
 def fine_enough(touches: list[Touch], scene: Scene) -> bool:
-    return all(touch.signal_error <= MECHANICS_SHARE * scene.accuracy.signal
+    return all(of_strain(touch.signal_errors, scene.skin.strain) <= MECHANICS_SHARE * scene.accuracy.signal
                or touch.depth_m > BOTTOM * scene.body.thickness_m for touch in touches)

@@ -7,18 +7,17 @@ difference was 1.07 times this for 1 - 2 e + 2 e^2 - e^3, 0.9 for 1 + e, and 4.6
 """
 
 import contextlib
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.sheet.sheet_conductance import driving_strain, surface_metric
+from eitsim.electrics.sheet.sheet_conductance import driving_strains, surface_metric
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import Body, Drive, Punch
+from eitsim.scene.scene import STRAINS, Body, Drive, Punch
 from touchcal.errors import NotConverged
 
 _SENSITIVITY = -2.0  # c(e) = exp(_SENSITIVITY e).
@@ -28,10 +27,10 @@ _DEFAULT_S = 6e-4  # Conductance, S, of the default skin, which the contact impe
 _BEARINGS = (0.0, 0.5, 1.0)
 
 
-def signal_difference(body: Body, punch: Punch, touch: Touch, rough: RimField, field: RimField, strain: str) -> float:
-    """Relative difference, 2-norm, of the signals dV by a touch with either field, at the bearing from an electrode
-    where it is largest; infinite where a field leaves no skin (its metric is not positive), or no bearing has a mesh of
-    the skin."""
+def signal_differences(body: Body, punch: Punch, touch: Touch, rough: RimField, field: RimField) -> Array:
+    """(3,) relative difference, 2-norm, of the signals dV by a touch with either field, of a skin driven by each of
+    scene.STRAINS, at the bearing from an electrode where it is largest; infinite where a field leaves no skin (its
+    metric is not positive), or no bearing has a mesh of the skin."""
     size, given = body.radius_m / Body().radius_m, Electrodes()
     width, impedance_Ohm_m = (float(np.mean(part)) for part in (given.width_m, given.contact_impedance_Ohm_m))
     electrodes = replace(given, width_m=width * size, contact_impedance_Ohm_m=impedance_Ohm_m * _DEFAULT_S * size)
@@ -41,8 +40,8 @@ def signal_difference(body: Body, punch: Punch, touch: Touch, rough: RimField, f
     for share in _BEARINGS:
         with contextlib.suppress(NotConverged):
             turned = _turned(punch, touches, share * half_step - bearing)
-            found.append(_difference(body, electrodes, *turned, strain))
-    return max(found, default=math.inf)
+            found.append(_differences(body, electrodes, *turned))
+    return np.max(found, axis=0) if found else np.full(len(STRAINS), np.inf)
 
 
 def _turned(punch: Punch, touches: list[Touch], angle: float) -> tuple[Punch, list[Touch]]:
@@ -57,22 +56,25 @@ def _turned(punch: Punch, touches: list[Touch], angle: float) -> tuple[Punch, li
     return replace(punch, x_m=x, y_m=y), out
 
 
-def _difference(body: Body, electrodes: Electrodes, punch: Punch, touches: list[Touch], strain: str) -> float:
+def _differences(body: Body, electrodes: Electrodes, punch: Punch, touches: list[Touch]) -> Array:
     mesh = alike_mesh(body, electrodes, ((punch, touches[-1]),))
     z, order = contact_impedances(electrodes), dissection(mesh)
     untouched = impedance(mesh, np.ones(len(mesh.cells)), z, order=order)
     found = []
     for touch in touches:
-        sheet = _conductance(mesh, punch, touch, strain)
-        if sheet is None:
-            return math.inf
-        found.append(read_out(Drive(), impedance(mesh, sheet, z, order=order) - untouched))
-    signal, separation = np.linalg.norm(found[1]), np.linalg.norm(found[1] - found[0])
-    return float(separation / signal) if separation > 0 else 0.0
+        sheets = _conductances(mesh, punch, touch)
+        if sheets is None:
+            return np.full(len(STRAINS), np.inf)
+        found.append([read_out(Drive(), impedance(mesh, sheet, z, order=order) - untouched).ravel()
+                      for sheet in sheets])
+    rough, fine = np.array(found)
+    signal, separation = np.linalg.norm(fine, axis=1), np.linalg.norm(fine - rough, axis=1)
+    return np.where(separation > 0, separation / np.where(separation > 0, signal, 1.0), 0.0)
 
 
-def _conductance(mesh: SkinMesh, punch: Punch, touch: Touch, strain: str) -> Array | None:
-    """Conductance tensor (cells, q, 2, 2) of the nominal skin over that at rest; None where the metric is no metric."""
+def _conductances(mesh: SkinMesh, punch: Punch, touch: Touch) -> Array | None:
+    """(3, cells, q, 2, 2) conductance tensors of the nominal skin over those at rest, by STRAINS; None where the metric
+    is no metric."""
     metric, normal = surface_metric(quadrature_points(mesh), punch, touch)
     xx, xy, yy = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
     square = xx * yy - xy**2
@@ -80,5 +82,5 @@ def _conductance(mesh: SkinMesh, punch: Punch, touch: Touch, strain: str) -> Arr
         return None
     areal = np.sqrt(square)
     first = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
-    sheet = np.exp(_SENSITIVITY * driving_strain(strain, first, areal / first, normal)) / areal
-    return np.stack([sheet * yy, -sheet * xy, -sheet * xy, sheet * xx], axis=-1).reshape(metric.shape)
+    sheet = np.exp(_SENSITIVITY * driving_strains(first, areal / first, normal)) / areal
+    return np.stack([sheet * yy, -sheet * xy, -sheet * xy, sheet * xx], axis=-1).reshape(-1, *metric.shape)

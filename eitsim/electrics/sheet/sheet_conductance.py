@@ -32,6 +32,11 @@ def driving_strain(strain: str, stretch_1: ArrayLike, stretch_2: ArrayLike, stre
     raise ValueError(f"strain in [skin]: '{strain}' is unknown; known: {', '.join(STRAINS)}.")
 
 
+def driving_strains(stretch_1: ArrayLike, stretch_2: ArrayLike, stretch_normal: ArrayLike) -> Array:
+    """(3, ...) the strains that drive c(e), by STRAINS."""
+    return np.stack([driving_strain(strain, stretch_1, stretch_2, stretch_normal) for strain in STRAINS])
+
+
 def principal_conductances(law: Conductivity, skin: Skin, stretch_1: ArrayLike, stretch_2: ArrayLike,
                            stretch_normal: ArrayLike) -> tuple[Array, Array]:
     """Sheet conductances, S, along both in-plane principal stretches: c t J_s C_s^-1 = c t (l_2/l_1, l_1/l_2).

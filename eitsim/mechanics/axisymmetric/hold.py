@@ -51,7 +51,7 @@ class Step:
 
 
 def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Hold, *, element_m: float | None = None,
-               strain: str = "normal", per_decade: int = PER_DECADE) -> list[tuple[float, Touch]]:
+               per_decade: int = PER_DECADE) -> list[tuple[float, Touch]]:
     """(time, s, touch) at the end of loading, where the time is 0, and at each of the hold's times, increasing. law:
     instantaneous moduli; per_decade: steps in time; the rest as in axisymmetric.solve_touch. ValueError for other
     moduli or no times, NotConverged where no equilibrium is found."""
@@ -59,7 +59,7 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
         raise ValueError(f"a hold needs instantaneous moduli and times, got {law.moduli} ones and {hold.time_s} s.")
     times = np.append(0.0, np.unique(hold.time_s))
     if hold.keeps_deformation:
-        return kept(series, hold, solve_touch(law, body, punch, element_m=element_m, strain=strain))
+        return kept(series, hold, solve_touch(law, body, punch, element_m=element_m))
     started = cpu_s()
     levels = mesh_hierarchy(law, body, punch, element_m, None)
     force = None if punch.force_N is None else punch.force_N / solve_axisymmetric.force_unit(law, body)
@@ -71,8 +71,8 @@ def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Ho
     halved = states_over(levels[0], course, max(per_decade // 2, 1), starts[0])
     out = []
     for t, rough, *states in zip(times, halved, *courses, strict=True):
-        touch = solve_axisymmetric.touch_of(law, body, levels, states, strain, started)
-        touch = solve_axisymmetric.with_change(touch, levels[0], states[0], rough, strain)
+        touch = solve_axisymmetric.touch_of(law, body, levels, states, started)
+        touch = solve_axisymmetric.with_change(touch, levels[0], states[0], rough)
         # the law alone does not give the section's stresses
         out.append((float(t), replace(touch, section=None)))
         started = cpu_s()

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import driving_strain
+from eitsim.electrics.sheet.sheet_conductance import driving_strains
 from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
 from eitsim.mechanics.axisymmetric.continuation import carried_over, cold_start, load_continuation, warm_start
 from eitsim.mechanics.axisymmetric.friction_increments import FrictionHistory
@@ -31,7 +31,7 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
-from eitsim.scene.scene import FRICTIONS, Body, Punch, profile_of
+from eitsim.scene.scene import FRICTIONS, STRAINS, Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
@@ -55,32 +55,30 @@ _DEPTH_TOLERANCE, _DEPTH_STEPS = 1e-9, 60
 FACTORISATIONS, UNKNOWNS = 300, 50_000
 
 
-def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None, strain: str = "normal",
+def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None,
                 penalty: float | None = None, order: int = 2) -> Touch:
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
 
-    element_m: element size at the punch's edge, m, by default grid.default_element_m; strain: the skin's driving
-    strain for which signal_error is estimated; penalty: contact stiffness, mu_0 over grid.feature_m, by default the
-    profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a profile or friction that is not known,
-    NotConverged where no equilibrium is found.
+    element_m: element size at the punch's edge, m, by default grid.default_element_m; penalty: contact stiffness, mu_0
+    over grid.feature_m, by default the profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a
+    profile or friction that is not known, NotConverged where no equilibrium is found.
     """
     if punch.force_N is not None:
-        return solve_path(law, body, punch, [punch.force_N], element_m=element_m, strain=strain, penalty=penalty,
-                          order=order)[0]
+        return solve_path(law, body, punch, [punch.force_N], element_m=element_m, penalty=penalty, order=order)[0]
     if punch.depth_m is None or not 0 < punch.depth_m < body.thickness_m:
         raise ValueError(f"the punch's depth_m must lie between 0 and the thickness of {body.thickness_m} m where "
                          f"force_N is None, got {punch.depth_m}.")
     started, depth = cpu_s(), punch.depth_m / body.thickness_m
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     if shear_limit == 0:
-        return touch_of(law, body, levels, at_depth(levels, depth), strain, started)
+        return touch_of(law, body, levels, at_depth(levels, depth), started)
     guess = at_depth(levels[:1], depth)[0].force
     course = friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
-    return _rubbed(law, body, levels, course, strain, started)
+    return _rubbed(law, body, levels, course, started)
 
 
 def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
-               strain: str = "normal", penalty: float | None = None, order: int = 2) -> list[Touch]:
+               penalty: float | None = None, order: int = 2) -> list[Touch]:
     """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch. With
     friction the order is the way the punch was loaded, and the equilibria depend on it."""
     if not all(0 < force < np.inf for force in forces_N):
@@ -91,12 +89,12 @@ def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[floa
     if shear_limit > 0:
         scaled = [force / unit for force in forces_N]
         for course in friction_increments.under_forces(levels[-2], levels[-1], shear_limit, scaled):
-            touches.append(_rubbed(law, body, levels, course, strain, started))
+            touches.append(_rubbed(law, body, levels, course, started))
             started = cpu_s()
         return touches
     for force in forces_N:
         states = under_force(levels, force / unit, states[0] if states else None)
-        touches.append(touch_of(law, body, levels, states, strain, started))
+        touches.append(touch_of(law, body, levels, states, started))
         started = cpu_s()
     return touches
 
@@ -133,11 +131,11 @@ def _rubbing(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, 
     return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def _rubbed(law: Hyperfoam, body: Body, levels: list[IndentationProblem], course: FrictionHistory, strain: str,
+def _rubbed(law: Hyperfoam, body: Body, levels: list[IndentationProblem], course: FrictionHistory,
             started: float) -> Touch:
     """A touch with friction; what half as many increments change, and the last pass did, adds to its errors."""
-    touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], strain, started)
-    touch = with_change(touch, levels[-2], course.coarse.state, course.rough.state, strain)
+    touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], started)
+    touch = with_change(touch, levels[-2], course.coarse.state, course.rough.state)
     return replace(touch, depth_error=touch.depth_error + course.fine.unsettled, slip_fraction=course.fine.slipping,
                    cpu_s=cpu_s() - started)
 
@@ -200,7 +198,7 @@ class Unresolved(NotConverged):
     """An equilibrium whose surface a mesh is too coarse to show; a finer one may do."""
 
 
-def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], states: list[Equilibrium], strain: str,
+def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], states: list[Equilibrium],
              started: float) -> Touch:
     """The finest level's equilibrium as a touch, its errors from the two finest; `law` gives the units."""
     model, state, unit = levels[-1], states[-1], body.thickness_m
@@ -213,10 +211,10 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], state
     contact, rough = surface.contact_of(*finest), surface.contact_of(*coarser)
     pressure = np.interp(radius, contact.middle, contact.pressure, right=0.0)
     force_N = state.force * force_unit(law, body)
-    depth_error, signal_error = _errors(levels, states, strain)
+    depth_error, signal_errors = _errors(levels, states)
     residuals = tuple(r for s in states for r in s.residuals)
     lost = indentation.non_elliptic_place(model, state.x)
-    soft_area, soft_strain = penalty_errors(levels[-2], states[-2], strain)
+    soft_area, soft_strain = penalty_errors(levels[-2], states[-2])
     area = min(contact.area, np.pi * model.punch.profile.radius**2)
     return Touch(
         radius_m=radius * unit, u_r_m=(field.position[:, 0] - radius) * unit, u_z_m=field.position[:, 1] * unit,
@@ -224,11 +222,11 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], state
         pressure_Pa=pressure * law.mu_0_Pa, contact_radius_m=contact.radius * unit, force_N=force_N,
         depth_m=state.depth * unit, sigma_max_Pa=float(contact.pressure.max()) * law.mu_0_Pa,
         sigma_ave_Pa=force_N / (area * unit**2), contact_area_m2=area * unit**2,
-        wall_contact_m2=contact.wall * unit**2, depth_error=depth_error, signal_error=signal_error,
+        wall_contact_m2=contact.wall * unit**2, depth_error=depth_error, signal_errors=signal_errors,
         sigma_max_error=max(abs(rough.pressure.max() / contact.pressure.max() - 1), _PEAK_FLOOR),
         contact_area_error=soft_area + max(abs(rough.area / contact.area - 1), contact.area / area - 1,
                                            contact.ring / area, _AREA_FLOOR),
-        strain_error=strain_change(finest, coarser, strain) + soft_strain,
+        strain_errors=strain_changes(finest, coarser) + soft_strain,
         fraction_non_elliptic=indentation.fraction_non_elliptic(model, state.x),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
         cpu_s=cpu_s() - started,
@@ -236,43 +234,43 @@ def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], state
                         axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law))
 
 
-def _errors(levels: list[IndentationProblem], states: list[Equilibrium], strain: str) -> tuple[float, float]:
-    """Relative errors of depth, at equal force, and of the dipole response: differences of the two finest levels."""
+def _errors(levels: list[IndentationProblem], states: list[Equilibrium]) -> tuple[float, Array]:
+    """Relative errors of depth, at equal force, and (3,) of the dipole responses: differences of the two finest
+    levels."""
     coarse, fine = states[-2:]
     shift = fine.depth - coarse.depth - fine.by_force[-1] * (fine.force - coarse.force)
-    before, after = (surface.dipole_response(m, s.x, strain) for m, s in zip(levels[-2:], states[-2:], strict=True))
+    before, after = (surface.dipole_responses(m, s.x) for m, s in zip(levels[-2:], states[-2:], strict=True))
     scale = levels[-1].relative_size
     return (max(abs(shift) / fine.depth, _DEPTH_FLOOR * scale**_DEPTH_POWER),
-            max(abs(before / after - 1), _SIGNAL_FLOOR * scale**_SIGNAL_POWER))
+            np.maximum(np.abs(before / after - 1), _SIGNAL_FLOOR * scale**_SIGNAL_POWER))
 
 
-def strain_change(fine: tuple[IndentationProblem, Array], rough: tuple[IndentationProblem, Array],
-                   strain: str) -> float:
-    """Relative difference, L2 over the surface, of the strain that drives the skin in two states: of the two finest
-    levels it is, at first order, what the contact's end leaves, the finer one's own error."""
+def strain_changes(fine: tuple[IndentationProblem, Array], rough: tuple[IndentationProblem, Array]) -> Array:
+    """(3,) relative differences, L2 over the surface, of the strains that may drive the skin in two states: of the two
+    finest levels they are, at first order, what the contact's end leaves, the finer one's own errors."""
     (radius, exact), (rough_radius, other) = (
-        (r, driving_strain(strain, field.meridian, field.hoop, field.normal))
+        (r, driving_strains(field.meridian, field.hoop, field.normal))
         for r, field in (surface.samples(*state) for state in (fine, rough)))
-    missed = exact - np.interp(radius, rough_radius, other)
-    return float(np.sqrt(np.trapezoid(missed**2 * radius, radius) / np.trapezoid(exact**2 * radius, radius)))
+    missed = exact - np.array([np.interp(radius, rough_radius, each) for each in other])
+    return np.sqrt(np.trapezoid(missed**2 * radius, radius) / np.trapezoid(exact**2 * radius, radius))
 
 
-def penalty_errors(model: IndentationProblem, state: Equilibrium, strain: str) -> tuple[float, float]:
-    """Relative changes of contact area and surface strain by a contact _SOFTER times as stiff, which two meshes of one
-    stiffness do not show. A quarter changes at least what the stiffness itself leaves, if that falls with the root of
-    the stiffness or faster. The whole where no such state is found."""
+def penalty_errors(model: IndentationProblem, state: Equilibrium) -> tuple[float, Array]:
+    """Relative changes of contact area and (3,) surface strains by a contact _SOFTER times as stiff, which two meshes
+    of one stiffness do not show. A quarter changes at least what the stiffness itself leaves, if that falls with the
+    root of the stiffness or faster. The whole where no such state is found."""
     try:
         soft = indentation.softened(model, state, _SOFTER)
     except NotConverged:
-        return 1.0, 1.0
+        return 1.0, np.ones(len(STRAINS))
     area = surface.contact_of(model, state.x).area
     return (abs(surface.contact_of(model, soft).area / area - 1),
-            strain_change((model, state.x), (model, soft), strain))
+            strain_changes((model, state.x), (model, soft)))
 
 
-def with_change(touch: Touch, model: IndentationProblem, fine: Equilibrium, rough: Equilibrium, strain: str) -> Touch:
+def with_change(touch: Touch, model: IndentationProblem, fine: Equilibrium, rough: Equilibrium) -> Touch:
     """The touch with the change from `fine` to `rough`, equilibria of one mesh in half as many steps, in its errors."""
     shift = abs(rough.depth - fine.depth - fine.by_force[-1] * (rough.force - fine.force)) / fine.depth
-    before, after = (surface.dipole_response(model, state.x, strain) for state in (rough, fine))
+    before, after = (surface.dipole_responses(model, state.x) for state in (rough, fine))
     return replace(touch, depth_error=touch.depth_error + shift,
-                   signal_error=touch.signal_error + abs(before / after - 1))
+                   signal_errors=touch.signal_errors + np.abs(before / after - 1))

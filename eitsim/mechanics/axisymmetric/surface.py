@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
+from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strains
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets
@@ -90,10 +90,10 @@ def contact_of(model: IndentationProblem, x: Array) -> Contact:
                    float(np.pi * abs(outer**2 - inner**2)))
 
 
-def dipole_response(model: IndentationProblem, x: Array, strain: str) -> float:
-    """Polarisability of a nominal skin, driven by that strain, on the deformed surface."""
+def dipole_responses(model: IndentationProblem, x: Array) -> Array:
+    """(3,) polarisability of a nominal skin, driven by each of scene.STRAINS, on the deformed surface."""
     facets = contact.top_facets(model.grid, points=_FINE)
     field = stretch(model, x, facets)
-    sheet = np.exp(_SENSITIVITY * driving_strain(strain, field.meridian, field.hoop, field.normal))
     turn = field.hoop / field.meridian
-    return dipole(facets.radius.ravel(), (sheet * turn).ravel(), (sheet / turn).ravel())
+    return np.array([dipole(facets.radius.ravel(), (sheet * turn).ravel(), (sheet / turn).ravel()) for sheet in
+                     np.exp(_SENSITIVITY * driving_strains(field.meridian, field.hoop, field.normal))])

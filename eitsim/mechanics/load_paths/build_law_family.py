@@ -8,7 +8,7 @@ from functools import partial, reduce
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.load_paths.build_rim_table import Place, loaded, timed_change
 from eitsim.mechanics.load_paths.build_table import Run, compared, course_at, tabulated, timed
 from eitsim.mechanics.load_paths.law_family import Family, places, table_of
@@ -104,7 +104,7 @@ def _diameters(table: Table) -> list[float]:
 def _fresh(which: tuple[DimensionlessProblem, float, tuple[float, ...]]) -> list[Node]:
     """Nodes of a law and diameter under mean pressures, each from rest, those left out that are not found."""
     shape, diameter, pressures = which
-    course, nodes = course_of(*parts_of(shape, diameter), shape.strain), []
+    course, nodes = course_of(*parts_of(shape, diameter)), []
     for pressure in pressures:
         with contextlib.suppress(NotConverged):
             nodes.append(first_node(course, pressure))
@@ -139,8 +139,8 @@ def _deviation(table: Table, place: Place) -> Deviation:
     law, body, _ = parts_of(table.shape, place[0])
     alone, punch = loaded(table, place)
     stored = near_rim_from(table, alone, body, punch)
-    fresh = corrected(alone, law, body, punch, strain=table.shape.strain)
+    fresh = corrected(alone, law, body, punch)
     if stored is None or stored.rim is None or fresh.rim is None:
         raise NotConverged("the table does not reach this place.", estimate=table.depths)
-    signal = signal_difference(body, punch, alone, stored.rim, fresh.rim, table.shape.strain)
-    return Deviation(abs(stored.depth_m / fresh.depth_m - 1), signal, 0.0)
+    signals = signal_differences(body, punch, alone, stored.rim, fresh.rim)
+    return Deviation(abs(stored.depth_m / fresh.depth_m - 1), signals, 0.0)

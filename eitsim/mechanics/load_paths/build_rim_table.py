@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
-from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.load_paths import rim_table
 from eitsim.mechanics.load_paths.build_table import Run, timed
 from eitsim.mechanics.load_paths.load_path import Deviation
@@ -24,7 +24,7 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Ta
 from eitsim.mechanics.rim.correction import RimCorrection
 from eitsim.mechanics.rim.solve_near_rim import COARSE, LEAST_GAP, corrected, rim_change
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Punch
+from eitsim.scene.scene import STRAINS, Punch
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -120,8 +120,8 @@ def _end(nodes: _Nodes) -> float:
 
 
 def _no_errors(nodes: _Nodes) -> Array:
-    """Deviations (gaps - 1, depths, 2): none yet, and infinite where a node about a cell is missing."""
-    error_estimate = np.zeros((len(nodes.gaps) - 1, len(nodes.depths), 2))
+    """Deviations (gaps - 1, depths, 4): none yet, and infinite where a node about a cell is missing."""
+    error_estimate = np.zeros((len(nodes.gaps) - 1, len(nodes.depths), 1 + len(STRAINS)))
     for _, i, j in np.argwhere(nodes.missing).tolist():
         error_estimate[max(i - 1, 0):i + 1, j:j + 2] = np.inf
     return error_estimate
@@ -143,7 +143,7 @@ def loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
     """The axisymmetric touch of a place, and its punch there; NotConverged where the load paths end before it."""
     diameter, gap, depth = place
     law, body, punch = parts_of(table.shape, diameter)
-    touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth), table.shape.strain)
+    touch = touch_from(table, law, body, replace(punch, force_N=None, depth_m=depth))
     if touch is None:
         raise NotConverged("the load paths end before this depth.", estimate=table.depths)
     return touch, replace(punch, x_m=body.radius_m - diameter / 2 - gap, force_N=touch.force_N)
@@ -152,19 +152,19 @@ def loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
 def _roughly(table: Table, place: Place) -> Solved:
     """The change on the coarse mesh alone, whose errors are not known."""
     law, body, _ = parts_of(table.shape, place[0])
-    return Solved(rim_change(law, body, loaded(table, place)[1], COARSE), 0.0, 0.0)
+    return Solved(rim_change(law, body, loaded(table, place)[1], COARSE), 0.0, np.zeros(len(STRAINS)))
 
 
 def _finely(table: Table, place: Place) -> Solved:
     law, body, _ = parts_of(table.shape, place[0])
     touch, punch = loaded(table, place)
-    done = corrected(touch, law, body, punch, strain=table.shape.strain)
+    done = corrected(touch, law, body, punch)
     assert done.rim is not None
     wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
     change = RimCorrection(done.rim, done.depth_m - touch.depth_m, done.sigma_max_Pa / touch.sigma_max_Pa,
                            done.contact_area_m2 / touch.contact_area_m2, wall, done.fraction_non_elliptic,
                            done.residuals)
-    return Solved(change, done.depth_error - touch.depth_error, done.signal_error - touch.signal_error)
+    return Solved(change, done.depth_error - touch.depth_error, done.signal_errors - touch.signal_errors)
 
 
 def _rows(shape: DimensionlessProblem, radius: Array, nodes: _Nodes) -> tuple[Array, Array]:
@@ -190,7 +190,7 @@ def _row(shape: DimensionlessProblem, radius: Array, middle: float, one: Solved,
     at = np.clip(own, field.radius_m[0], field.radius_m[-1])
     parts = interp1d(field.radius_m, parts, axis=0, assume_sorted=True)(at) / depth
     numbers = [change.depth_m / depth, change.pressure, change.area, change.wall, change.fraction_non_elliptic,
-               one.depth_error, one.signal_error]
+               one.depth_error, *one.signal_errors.tolist()]
     return parts.ravel(), np.array(numbers)
 
 
@@ -227,5 +227,6 @@ def _deviation(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Devi
     stored, body = change_from(table.shape, rim, *place), parts_of(table.shape, place[0])[1]
     assert stored is not None
     touch, punch = loaded(table, place)
-    signal = signal_difference(body, punch, touch, stored.change.field, fresh.change.field, table.shape.strain)
-    return Deviation(abs(stored.change.depth_m - fresh.change.depth_m) / (place[2] + fresh.change.depth_m), signal, 0.0)
+    signals = signal_differences(body, punch, touch, stored.change.field, fresh.change.field)
+    off = abs(stored.change.depth_m - fresh.change.depth_m) / (place[2] + fresh.change.depth_m)
+    return Deviation(off, signals, 0.0)

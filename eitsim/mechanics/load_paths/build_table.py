@@ -12,6 +12,7 @@ from eitsim.mechanics.load_paths import load_path
 from eitsim.mechanics.load_paths.load_path import Deviation, LoadPath, Node, course_of, hermite, traced
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, state
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
+from eitsim.scene.scene import STRAINS
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
@@ -39,7 +40,7 @@ def build(shape: DimensionlessProblem, run: Run = map, depths: Sequence[float] =
     values, slopes, error_estimate = (np.stack([paths[d][part][:shortest] for d in shape.solved]) for part in range(3))
     spent += sum(cpu for _, cpu in [*solved, *fresh])
     table = Table(shape, at[:shortest], course_at(shape, base).radius, values, slopes, error_estimate,
-                  Deviation(0.0, 0.0, 0.0), 0, spent)
+                  Deviation(0.0, np.zeros(len(STRAINS)), 0.0), 0, spent)
     return compared(table, dict(zip(shape.held_out, (found for found, _ in fresh), strict=True)))
 
 
@@ -64,10 +65,10 @@ def _probes(depths: Array) -> Array:
 
 def course_at(shape: DimensionlessProblem, diameter: float) -> LoadPath:
     """One of a shape's punches, kept at the table's radii carried over to it."""
-    base = course_of(*parts_of(shape, shape.base), shape.strain)
+    base = course_of(*parts_of(shape, shape.base))
     if diameter == shape.base:
         return base
-    return course_of(*parts_of(shape, diameter), shape.strain, carried_over(shape, base.radius, shape.base, diameter))
+    return course_of(*parts_of(shape, diameter), carried_over(shape, base.radius, shape.base, diameter))
 
 
 def _path(shape: DimensionlessProblem, depths: Array, diameter: float) -> tuple[Array, Array, Array]:
@@ -77,12 +78,12 @@ def _path(shape: DimensionlessProblem, depths: Array, diameter: float) -> tuple[
 
 def _fresh(shape: DimensionlessProblem, depths: Array, diameter: float) -> list[Node]:
     """Nodes near these depths, at the radii of their own samples, without their states."""
-    course = course_of(*parts_of(shape, diameter), shape.strain)
+    course = course_of(*parts_of(shape, diameter))
     return [replace(node, states=()) for node in traced(course, depths.tolist())]
 
 
 def tabulated(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
-    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and ERRORS (k, 6) there;
+    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and ERRORS (k, 10) there;
     NotConverged where these are too few."""
     if len(nodes) < _FEWEST:
         raise NotConverged(f"a load path was found at {len(nodes)} depths only, too few for a table.", estimate=depths)
@@ -109,7 +110,7 @@ def compared(table: Table, fresh: dict[float, list[Node]]) -> Table:
     """The table with its largest deviation from nodes solved anew at some diameters."""
     error, checks = table.error, 0
     for diameter, nodes in fresh.items():
-        course = course_of(*parts_of(table.shape, diameter), table.shape.strain)
+        course = course_of(*parts_of(table.shape, diameter))
         radius = carried_over(table.shape, table.radius, table.shape.base, diameter)
         for node in nodes:
             found = state(table, diameter, mean_pressure=node.mean_pressure)

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strain
+from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strains
 from eitsim.mechanics.axisymmetric import surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, touch_of, under_force
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.results import of_strain
+from eitsim.scene.scene import STRAINS, Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
@@ -28,8 +29,8 @@ from touchcal.errors import NotConverged
 FIELDS = ("u_r", "u_z", "stretch_meridian", "stretch_hoop", "stretch_normal", "pressure")
 NUMBERS = ("mean_pressure", "corrected_share", "contact_end", "contact_area", "wall_contact", "sigma_max")
 # What the solution reports of itself; errors as logarithms.
-ERRORS = ("log_depth_error", "log_signal_error", "log_sigma_max_error", "log_contact_area_error", "log_strain_error",
-          "fraction_non_elliptic")
+ERRORS = ("log_depth_error", "log_sigma_max_error", "log_contact_area_error", "fraction_non_elliptic",
+          *(f"log_signal_error_{name}" for name in STRAINS), *(f"log_strain_error_{name}" for name in STRAINS))
 # Step, over the depth, of the central differences by depth.
 _DIFFERENCE = 1e-4
 # How near the predicted force must bring the depth to its target, in parts of the step, and the attempts at it.
@@ -49,7 +50,6 @@ class LoadPath:
     law: Hyperfoam
     body: Body
     levels: tuple[IndentationProblem, ...]
-    strain: str  # the skin's driving strain, for which errors of signals are estimated
     radius: Array  # (r,) reference radii
 
     @property
@@ -67,7 +67,7 @@ class Node:
     fields: Array
     slopes: Array
     numbers: Array  # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
-    error_estimate: Array  # (6,) ERRORS
+    error_estimate: Array  # (10,) ERRORS
     stiffness: float  # derivative of the mean pressure by the depth
     states: tuple[Equilibrium, ...]  # equilibria on all levels; empty where they are no longer needed
 
@@ -80,25 +80,31 @@ class Node:
         return self.depth * float(self.numbers[1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Deviation:
     """How far an interpolated touch is from one solved anew at the same force, relative."""
 
     depth: float
-    signal: float  # dipole response of a nominal skin; at least a tenth of what its parts add up to is the scale
+    # (3,) dipole response of a nominal skin by scene.STRAINS; at least a tenth of what its parts add up to is the scale
+    signals: Array
     strain: float  # all three stretches of the surface, L2 over the reference area
+
+    def signal(self, strain: str) -> float:
+        """That of the signal of a skin driven by this strain."""
+        return of_strain(self.signals, strain)
 
     def at_least(self, other: Deviation) -> Deviation:
         """The larger of both, each by itself."""
-        return Deviation(max(self.depth, other.depth), max(self.signal, other.signal), max(self.strain, other.strain))
+        return Deviation(max(self.depth, other.depth), np.maximum(self.signals, other.signals),
+                         max(self.strain, other.strain))
 
 
-def course_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, radius: Array | None = None) -> LoadPath:
+def course_of(law: Hyperfoam, body: Body, punch: Punch, radius: Array | None = None) -> LoadPath:
     """A punch and a law without units, kept at these reference radii, by default at those of the surface's samples."""
     levels = tuple(mesh_hierarchy(law, body, punch, None, None))
     if radius is None:
         radius = surface.samples(levels[-1], np.zeros(levels[-1].grid.unknowns + 1))[0]
-    return LoadPath(law, body, levels, strain, radius)
+    return LoadPath(law, body, levels, radius)
 
 
 def refined(course: LoadPath, depths: Sequence[float]) -> list[Node]:
@@ -113,7 +119,7 @@ def refined(course: LoadPath, depths: Sequence[float]) -> list[Node]:
             break
         depth, fields = interpolated(left, right, middle.mean_pressure)
         found = deviation(course, depth / middle.depth, fields, middle.fields)
-        if found.depth <= _DEPTH and found.signal <= _SIGNAL and found.strain <= _STRAIN:
+        if found.depth <= _DEPTH and found.signals.max() <= _SIGNAL and found.strain <= _STRAIN:
             done += [middle, ahead.pop()]
         elif right.depth - left.depth > _LEAST_INTERVAL * right.depth:
             ahead.append(middle)
@@ -192,19 +198,19 @@ def deviation(course: LoadPath, depth_ratio: float, fields: Array, fresh: Array)
     r = course.radius
     weight = np.gradient(r) * r
     separation, strain = fields[2:5] - fresh[2:5], fresh[2:5] - 1
-    response, parts = _response(course, fresh)
-    return Deviation(abs(depth_ratio - 1),
-                     abs(_response(course, fields)[0] - response) / max(abs(response), _CANCELLING * parts),
+    response, parts = _responses(course, fresh)
+    return Deviation(abs(depth_ratio - 1), np.abs(_responses(course, fields)[0] - response)
+                     / np.maximum(np.abs(response), _CANCELLING * parts),
                      float(np.sqrt((separation**2 @ weight).sum() / (strain**2 @ weight).sum())))
 
 
-def _response(course: LoadPath, fields: Array) -> tuple[float, float]:
-    """Dipole response of a nominal skin with FIELDS (6, r), and what its parts add up to without their signs."""
+def _responses(course: LoadPath, fields: Array) -> tuple[Array, Array]:
+    """(3,) dipole responses of nominal skins with FIELDS (6, r), and what their parts add up to without their signs."""
     (meridian, hoop, normal), radius = fields[2:5, 1:], course.radius[1:]
-    sheet = np.exp(_SENSITIVITY * driving_strain(course.strain, meridian, hoop, normal))
+    sheet = np.exp(_SENSITIVITY * driving_strains(meridian, hoop, normal))
     radial, around = sheet * hoop / meridian, sheet * meridian / hoop
     parts = (np.abs(np.log(radial)) + np.abs(np.log(around))) @ (np.gradient(radius) * radius)
-    return dipole(radius, radial, around), float(parts)
+    return np.array([dipole(radius, *pair) for pair in zip(radial, around, strict=True)]), parts
 
 
 def _towards(course: LoadPath, depth: float, before: list[Node]) -> Node | None:
@@ -257,7 +263,7 @@ def _node(course: LoadPath, mean_pressure: float, before: Node | None) -> Node:
 
 def _kept(course: LoadPath, states: list[Equilibrium]) -> Node:
     model, state = course.levels[-1], states[-1]
-    touch = touch_of(course.law, course.body, list(course.levels), states, course.strain, 0.0)
+    touch = touch_of(course.law, course.body, list(course.levels), states, 0.0)
     depth, by_depth = float(state.x[-1]), state.by_force / state.by_force[-1]
     step = _DIFFERENCE * depth
     fields, ahead, behind = (_sampled(course, model, state.x + s * step * by_depth) for s in (0, 1, -1))
@@ -265,9 +271,10 @@ def _kept(course: LoadPath, states: list[Equilibrium]) -> Node:
     numbers = np.array([state.force / course.face, state.depth / depth, touch.contact_radius_m - radius,
                         touch.contact_area_m2 / course.face, touch.wall_contact_m2 / (2 * np.pi * radius),
                         touch.sigma_max_Pa])
-    errors: list[Any] = [touch.depth_error, touch.signal_error, touch.sigma_max_error, touch.contact_area_error,
-                         touch.strain_error]
-    error_estimate = np.array([*np.log(errors), touch.fraction_non_elliptic])
+    errors: list[Any] = [touch.depth_error, touch.sigma_max_error, touch.contact_area_error]
+    assert touch.strain_errors is not None
+    error_estimate = np.array([*np.log(errors), touch.fraction_non_elliptic, *np.log(touch.signal_errors),
+                               *np.log(touch.strain_errors)])
     stiffness = 1 / float(state.by_force[-1]) / course.face
     return Node(depth, fields, (ahead - behind) / (2 * step), numbers, error_estimate, stiffness, tuple(states))
 

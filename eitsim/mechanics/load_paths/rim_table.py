@@ -15,7 +15,7 @@ from eitsim.mechanics.load_paths.table import carried_over, lagrange_weights
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
 from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import Body, Punch, rim_gap_m
+from eitsim.scene.scene import STRAINS, Body, Punch, rim_gap_m
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -37,7 +37,7 @@ class Solved:
 
     change: RimCorrection
     depth_error: float
-    signal_error: float
+    signal_errors: Array  # (3,) by scene.STRAINS
 
 
 def changed_diameters(shape: DimensionlessProblem) -> Array:
@@ -73,31 +73,33 @@ def change_from(shape: DimensionlessProblem, rim: RimTable, diameter: float, gap
     field = RimField(carried_over(shape, rim.radius, base, diameter), rim.share, parts[..., :3],
                      parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, shape.disc, shape.disc - diameter / 2 - gap,
                      error_estimate=off)
-    added, pressure, area, wall, lost, depth_error, signal_error = numbers.tolist()
+    added, pressure, area, wall, lost, depth_error, *signal_errors = numbers.tolist()
     return Solved(RimCorrection(field, added * depth, pressure, area, max(wall, 0.0), min(max(lost, 0.0), 1.0), ()),
-                  max(depth_error, 0.0), max(signal_error, 0.0))
+                  max(depth_error, 0.0), np.maximum(signal_errors, 0.0))
 
 
-def deviation_at(rim: RimTable, gap: float, depth: float) -> tuple[float, float] | None:
-    """How far depth and signal may be off at a gap and a depth, over the thickness; None where they are solved anew."""
+def deviation_at(rim: RimTable, gap: float, depth: float) -> Array | None:
+    """(4,) how far depth and signals may be off at a gap and a depth, over the thickness; None where they are solved
+    anew."""
     if not rim.gaps[0] <= gap <= rim.gaps[-1] or depth > rim.depths[-1]:
         return None
     i = min(int(np.searchsorted(rim.gaps, gap, side="right")), len(rim.gaps) - 1) - 1
-    off, signal = rim.error_estimate[i, np.searchsorted(rim.depths, depth)].tolist()
-    return (off, signal) if np.isfinite([off, signal]).all() else None
+    off = rim.error_estimate[i, np.searchsorted(rim.depths, depth)]
+    return off if np.isfinite(off).all() else None
 
 
-def within(rim: RimTable, signal: float) -> RimTable:
-    """The table with the cells alone whose signals are no farther off, or no farther than changes solved anew are
-    by their own mesh."""
-    kept = rim.error_estimate[..., 1] <= np.maximum(signal, _own_errors(rim))
+def within(rim: RimTable, signal: float, strain: str) -> RimTable:
+    """The table with the cells alone whose signals, of a skin driven by that strain, are no farther off, or no farther
+    than changes solved anew are by their own mesh."""
+    which = STRAINS.index(strain)
+    kept = rim.error_estimate[..., 1 + which] <= np.maximum(signal, _own_errors(rim, which))
     return replace(rim, error_estimate=np.where(kept[..., None], rim.error_estimate, np.inf))
 
 
-def _own_errors(rim: RimTable) -> Array:
+def _own_errors(rim: RimTable, which: int) -> Array:
     """(gaps - 1, depths) signal errors of the cells' changes by their own mesh: means over the diameters, and the
     largest of the nodes, as errors are the largest of the cells next to each."""
-    at = rim.numbers[..., -1].mean(axis=0)
+    at = rim.numbers[..., which - len(STRAINS)].mean(axis=0)
     cells = np.maximum(at[1:], at[:-1])
     return np.maximum(cells, np.column_stack([cells[:, :1], cells[:, :-1]]))
 
@@ -156,7 +158,7 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
                     disc_m=body.radius_m, offset_m=float(np.hypot(punch.x_m, punch.y_m)))
     with_rim = apply_correction(touch, replace(found.change, field=field, depth_m=found.change.depth_m * unit))
     return replace(within_face(with_rim, punch), depth_error=touch.depth_error + found.depth_error,
-                   signal_error=touch.signal_error + found.signal_error)
+                   signal_errors=touch.signal_errors + found.signal_errors)
 
 
 def cells_of(rim: RimTable) -> list[Cell]:
@@ -179,7 +181,7 @@ def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) ->
         raise NotConverged(f"{len(checked) - len(found)} of {len(checked)} changes by the rim that give the error of "
                            "their table were not found; touches near the rim have to be solved one by one.",
                            estimate=rim.gaps)
-    places, off = np.array(list(found)), np.array([[one.depth, one.signal] for one in found.values()])
+    places, off = np.array(list(found)), np.array([[one.depth, *one.signals] for one in found.values()])
     error_estimate = rim.error_estimate.copy()
     for cell in cells_of(rim):
         separation = np.abs(places - cell).max(axis=1)

@@ -15,7 +15,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Punch, profile_of
+from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.jit import cpu_s
@@ -28,14 +28,14 @@ _INWARDS, _OUTWARDS = 0.06, 0.03
 _DIGITS, _EQUAL = 12, 1e-10
 
 
-def shape_of(law: Hyperfoam, body: Body, punch: Punch, strain: str, diameters_m: Iterable[float] = (), *,
+def shape_of(law: Hyperfoam, body: Body, punch: Punch, diameters_m: Iterable[float] = (), *,
              spans: bool = False) -> DimensionlessProblem:
     """The shape of a flat punch's touch, for its own diameter or for others; all moduli times a factor have the same
     shape."""
     unit = body.thickness_m
     disc, fillet = _rounded([body.radius_m / unit, punch.fillet_m / unit])
     diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
-    return DimensionlessProblem(*_moduli(law), disc, fillet, strain, diameters, spans)
+    return DimensionlessProblem(*_moduli(law), disc, fillet, diameters, spans)
 
 
 def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:
@@ -147,14 +147,13 @@ def _neighbours(shape: DimensionlessProblem, diameter: float) -> Array:
 def _same_but_diameters(own: DimensionlessProblem, shape: DimensionlessProblem) -> bool:
     """Whether two shapes are one but for their diameters and rounding."""
     numbers = [[*s.mu, *s.alpha, *s.nu, s.disc, s.fillet] for s in (own, shape)]
-    same = own.strain == shape.strain and len(own.mu) == len(shape.mu)
-    return same and np.allclose(*numbers, rtol=_EQUAL, atol=_EQUAL)
+    return len(own.mu) == len(shape.mu) and np.allclose(*numbers, rtol=_EQUAL, atol=_EQUAL)
 
 
-def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: str) -> Touch | None:
+def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch) -> Touch | None:
     """The touch under the punch's force or at its depth; None where the table does not hold it."""
     shape, unit = table.shape, body.thickness_m
-    own = shape_of(law, body, punch, strain)
+    own = shape_of(law, body, punch)
     if not profile_of(punch).is_flat or punch.friction != "none" or not _same_but_diameters(own, shape):
         return None
     started = cpu_s()
@@ -180,9 +179,13 @@ def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch, strain: s
         contact_radius_m=end * unit, force_N=force_N, depth_m=found.depth * unit,
         sigma_max_Pa=value["sigma_max"] * law.mu_0_Pa, sigma_ave_Pa=force_N / area_m2, contact_area_m2=area_m2,
         wall_contact_m2=max(value["wall_contact"], 0.0) * np.pi * diameter * unit**2,
-        depth_error=math.exp(value["log_depth_error"]), signal_error=math.exp(value["log_signal_error"]),
+        depth_error=math.exp(value["log_depth_error"]), signal_errors=_errors_of(value, "signal"),
         sigma_max_error=math.exp(value["log_sigma_max_error"]),
         contact_area_error=math.exp(value["log_contact_area_error"]),
-        strain_error=math.exp(value["log_strain_error"]),
+        strain_errors=_errors_of(value, "strain"),
         fraction_non_elliptic=value["fraction_non_elliptic"], iterations=0, residuals=(),
         cpu_s=cpu_s() - started)
+
+
+def _errors_of(value: Mapping[str, float], what: str) -> Array:
+    return np.exp([value[f"log_{what}_error_{name}"] for name in STRAINS])

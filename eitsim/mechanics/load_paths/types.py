@@ -19,7 +19,6 @@ class DimensionlessProblem:
     # radius of the disc
     disc: float
     fillet: float
-    strain: str  # the skin's driving strain, for which errors of signals are estimated
     diameters: tuple[float, ...]  # increasing diameters: the ends of a range, or all there are
     spans: bool  # whether every diameter between the ends is served
 
@@ -61,11 +60,12 @@ class RimTable:
     share: Array
     # (diameters, gaps, depths, n k 7) displacement, metric - (1, 0, 1) and normal - 1 over the depth
     fields: NDArray[np.float32]
-    # (diameters, gaps, depths, 7) added depth over the depth, ratios of pressure, area and wall, fraction that is not
-    # elliptic, and the errors of depth and signal that the rim's own mesh makes
+    # (diameters, gaps, depths, 9) added depth over the depth, ratios of pressure, area and wall, fraction that is not
+    # elliptic, and the errors of
+    # depth and signals (by scene.STRAINS) that the rim's own mesh makes
     numbers: Array
-    # (gaps - 1, depths, 2) in a cell between neighbouring gaps and between a depth and that before it, the first one
-    # from 0 on: how far depth and signal are off changes solved anew; infinite where touches are to be solved anew
+    # (gaps - 1, depths, 4) in a cell between neighbouring gaps and between a depth and that before it, the first one
+    # from 0 on: how far depth and signals are off changes solved anew; infinite where touches are to be solved anew
     error_estimate: Array
     cpu_s: float
 
@@ -73,8 +73,8 @@ class RimTable:
     def error(self) -> Deviation:
         """Largest deviation in the cells whose touches are served."""
         served = self.error_estimate[np.isfinite(self.error_estimate).all(axis=-1)]
-        depth, signal = served.max(axis=0, initial=0.0).tolist()
-        return Deviation(depth, signal, 0.0)
+        depth, *signals = served.max(axis=0, initial=0.0).tolist()
+        return Deviation(depth, np.array(signals), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class Table:
     # (diameters, k, 6 r + 6) FIELDS and NUMBERS, and their derivatives by the depth
     values: Array
     slopes: Array
-    error_estimate: Array  # (diameters, k, 6) ERRORS
+    error_estimate: Array  # (diameters, k, 10) ERRORS
     error: Deviation  # largest deviation from touches solved anew at held-out depths and diameters
     checks: int  # how many those were
     cpu_s: float  # CPU time that it took, s

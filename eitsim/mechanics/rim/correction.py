@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
 from touchcal.errors import NotConverged
@@ -38,23 +38,22 @@ def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
     force = touch.force_N * change.force
     return replace(touch, rim=change.field, force_N=force, depth_m=touch.depth_m + change.depth_m,
                    sigma_max_Pa=touch.sigma_max_Pa * change.pressure, contact_area_m2=area, sigma_ave_Pa=force / area,
-                   wall_contact_m2=touch.wall_contact_m2 * change.wall, strain_error=None,
+                   wall_contact_m2=touch.wall_contact_m2 * change.wall, strain_errors=None,
                    fraction_non_elliptic=max(touch.fraction_non_elliptic, change.fraction_non_elliptic))
 
 
-def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch,
-               strain: str) -> Touch:
+def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch) -> Touch:
     """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors; NotConverged where
     either leaves no skin."""
     out = apply_correction(touch, change)
-    signal = _UNCONVERGED * signal_difference(body, punch, touch, rough.field, change.field, strain)
-    if not math.isfinite(signal):
+    signal = _UNCONVERGED * signal_differences(body, punch, touch, rough.field, change.field)
+    if not np.all(np.isfinite(signal)):
         raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error is unknown.",
                            estimate=change.field.metric, residuals=change.residuals)
     off = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
     off = max(off, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
     return within_face(replace(
-        out, depth_error=float(touch.depth_error + off), signal_error=touch.signal_error + signal,
+        out, depth_error=float(touch.depth_error + off), signal_errors=touch.signal_errors + signal,
         sigma_max_error=_added(touch.sigma_max_error, rough.pressure, change.pressure),
         contact_area_error=_added(touch.contact_area_error, rough.area, change.area),
         iterations=touch.iterations + len(change.residuals), residuals=touch.residuals + change.residuals), punch)

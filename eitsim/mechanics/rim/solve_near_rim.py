@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.electrics.forward.nominal_sensor import signal_difference
+from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
@@ -122,24 +122,24 @@ def rim_problem(body: Body, punch: Punch) -> str:
     return ""
 
 
-def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal", whole: bool = False) -> Touch:
+def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False) -> Touch:
     """Equilibrium near the rim under the punch's force or at its depth: the axisymmetric touch, and what the rim adds.
     whole: on finer meshes and out to the whole disc. ValueError where `rim_problem` names one, NotConverged where no
     equilibrium is found."""
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
     if not whole:
-        return corrected(solve_touch(law, body, punch, strain=strain), law, body, punch, strain=strain)
-    touch = solve_touch(law, body, punch, strain=strain, element_m=default_element_m(body, punch) / 2)
-    return corrected(touch, law, body, punch, strain=strain, coarse=FINE, fine=FULL_DISC)
+        return corrected(solve_touch(law, body, punch), law, body, punch)
+    touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
+    return corrected(touch, law, body, punch, coarse=FINE, fine=FULL_DISC)
 
 
-def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, strain: str = "normal",
-              coarse: Resolution = COARSE, fine: Resolution = FINE) -> Touch:
+def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
+              fine: Resolution = FINE) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
     the likely cause, where no equilibrium is found."""
     try:
-        return _corrected(touch, law, body, punch, strain, coarse, fine)
+        return _corrected(touch, law, body, punch, coarse, fine)
     except NotConverged as error:
         raise NotConverged(f"{error} {_likely_cause(touch, body, punch)}", estimate=error.estimate,
                            residuals=error.residuals, load_fraction=error.load_fraction) from None
@@ -153,20 +153,20 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
             "deep, and squeezes the foam's free side out; move it inwards or press less.")
 
 
-def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, strain: str, coarse: Resolution,
+def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: Resolution,
                fine: Resolution) -> Touch:
     started = cpu_s()
     before = _found(law, body, punch, coarse)
     rough = _change_of(before, body)
     after = _found(law, body, punch, fine, before)
     change = _change_of(after, body)
-    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch, strain)
+    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch)
     way = _WAY if punch.friction == "stick" else 0.0
     volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
                        math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, cpu_s=touch.cpu_s + cpu_s() - started,
-                   signal_error=out.signal_error + (way and way * signal_difference(
-                       body, punch, touch, no_correction(change.field), change.field, strain)))
+                   signal_errors=out.signal_errors + (way and way * signal_differences(
+                       body, punch, touch, no_correction(change.field), change.field)))
 
 
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE) -> RimCorrection:

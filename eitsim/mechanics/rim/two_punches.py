@@ -93,8 +93,7 @@ def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
 
 
 def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punches: Sequence[Punch], *,
-                    strain: str = "normal", coarse: Resolution = COARSE,
-                    fine: Resolution = FINE) -> tuple[Touch, Touch]:
+                    coarse: Resolution = COARSE, fine: Resolution = FINE) -> tuple[Touch, Touch]:
     """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
     both axes. Two finenesses and the last pass give the errors. ValueError where `pair_problem` names one, NotConverged
     where no equilibrium is found."""
@@ -105,9 +104,9 @@ def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punche
     found = _settled(_frames(law, body, punches, fine), rough)
     spent, out = (cpu_s() - started) / 2, []
     for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
-        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch, strain)
-        out.append(replace(one, depth_error=one.depth_error + found.moved, signal_error=one.signal_error + found.moved,
-                           cpu_s=touch.cpu_s + spent))
+        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch)
+        out.append(replace(one, depth_error=one.depth_error + found.moved,
+                           signal_errors=one.signal_errors + found.moved, cpu_s=touch.cpu_s + spent))
     return out[0], out[1]
 
 

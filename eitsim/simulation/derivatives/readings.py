@@ -66,8 +66,7 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
         raise ValueError(problem)
     check_differentiable(scene)
     law, skin_law = material.law, material.skin
-    bases = [settled(law, scene.body, punch, scene.skin.strain, near_rim=near_rim(scene, punch))
-             for punch in scene.punches]
+    bases = [settled(law, scene.body, punch, near_rim=near_rim(scene, punch)) for punch in scene.punches]
     touches = tuple((base.punch, base.touch) for base in bases)
     electrodes = present(scene.electrodes)
     mesh = alike_mesh(scene.body, electrodes, touches, thinner=THINNER)

@@ -63,7 +63,7 @@ class _Parameter:
     shared: bool = False  # whether it is the foam's
 
 
-def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m: float | None = None,
+def settled(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None,
             near_rim: bool = False) -> Settled:
     """A touch without friction, as axisymmetric.solve_touch or near_rim.solve_near_rim finds it; NotConverged as there.
     """
@@ -74,7 +74,7 @@ def settled(law: Hyperfoam, body: Body, punch: Punch, strain: str, *, element_m:
     else:
         assert punch.depth_m is not None
         states = at_depth(levels, punch.depth_m / body.thickness_m)
-    touch = touch_of(law, body, levels, states, strain, started)
+    touch = touch_of(law, body, levels, states, started)
     base = Settled(law, body, punch, levels[-1], states[-1], touch)
     return _beside_rim(base) if near_rim else base
 

@@ -11,7 +11,6 @@ import numpy as np
 from eitsim.mechanics.load_paths.build_law_family import build_family, with_rim
 from eitsim.mechanics.load_paths.build_table import Run
 from eitsim.mechanics.load_paths.law_family import Family, central_of, places_among
-from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis, reduced_basis
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law
@@ -21,7 +20,7 @@ from eitsim.scene.scene import Punch
 from eitsim.simulation import reuse
 from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import near_rim
-from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, shape_for, table_for
+from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, shape_for, table_for
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
@@ -111,21 +110,21 @@ def _made(make: Callable[..., tuple[Table | Family, str]], run: CheckpointedMap,
         return found, f"no table of what the rim changes: {error}"
 
 
-def describe_method(method: Mapping[str, Any], found: Table | Family | None, note: str) -> str:
-    """How touches are solved, in words, with what a table of load paths may be off."""
+def describe_method(method: Mapping[str, Any], found: Table | Family | None, note: str, strain: str) -> str:
+    """How touches are solved, in words, with what a table of load paths may be off under a skin driven by a strain."""
     table = central_of(found)
     if table is None:
         how = "exactly" if method["exact"] else "afresh"
         return f"every touch solved {how}: {note or method['reason']}"
     error, rim = table.error, "those near the rim or beyond the table afresh"
     if table.rim is not None:
-        rim = (f"near the rim another {table.rim.error.depth:.1e} and {table.rim.error.signal:.1e}; those beyond the "
-               "tables afresh")
+        off = table.rim.error
+        rim = f"near the rim another {off.depth:.1e} and {off.signal(strain):.1e}; those beyond the tables afresh"
     paths = f"{len(table.shape.solved)} load paths"
     if isinstance(found, Family) and found.span.chosen:
         paths += f" of a central law and what {len(found.span.chosen)} other drawn laws change of them"
     return (f"touches from a table of {paths} ({table.whole_cpu_s:.0f} CPU s, once, not counted in the rows' cpu_s), "
-            f"at most {error.depth:.1e} off in depth and {error.signal:.1e} in signal; {rim}"
+            f"at most {error.depth:.1e} off in depth and {error.signal(strain):.1e} in signal; {rim}"
             + (f"; {note}" if note else ""))
 
 
@@ -187,21 +186,24 @@ def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
     """What of a table is fine enough for any row of a design, and why the rest is not, whose touches are then solved
     afresh."""
     requested = max((scene.accuracy.signal for scene in valid_scenes(design, _ROWS)), default=np.inf)
-    if table.error.signal > TABLE_SHARE * requested:
-        return None, (f"no table: its signals are up to {table.error.signal:.1e} off, more than {TABLE_SHARE:.0%} of "
-                      f"the {requested:g} requested")
-    return _rim_fine_enough(table, RIM_SHARE * requested) if table.rim is not None else (table, "")
+    strain = representative_scene(design).skin.strain
+    signal = table.error.signal(strain)
+    if signal > TABLE_SHARE * requested:
+        return None, (f"no table: its signals are up to {signal:.1e} off, more than {TABLE_SHARE:.0%} of the "
+                      f"{requested:g} requested")
+    return _rim_fine_enough(table, RIM_SHARE * requested, strain) if table.rim is not None else (table, "")
 
 
-def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
+def _rim_fine_enough(table: Table, allowed: float, strain: str) -> tuple[Table, str]:
     """The table with the cells of gap and depth alone in which what the rim changes is near enough, and in words how
     many of them are not."""
     assert table.rim is not None
-    kept = within(table.rim, allowed)
+    kept = within(table.rim, allowed, strain)
     before, after = (np.isfinite(rim.error_estimate).all(axis=-1) for rim in (table.rim, kept))
     if not after.any():
-        return replace(table, rim=None), (f"no table of what the rim changes: its signals are up to "
-                                          f"{table.rim.error.signal:.1e} off, more than the {allowed:g} requested")
+        return replace(table, rim=None), ("no table of what the rim changes: its signals are up to "
+                                          f"{table.rim.error.signal(strain):.1e} off, more than the {allowed:g} "
+                                          "requested")
     if after.all():
         return replace(table, rim=kept), ""
     off, left = int(np.sum(before & ~after)), int(np.sum(~after))
@@ -248,7 +250,7 @@ def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, 
     alone = replace(table, rim=None)
     arrays, words = cache.kept(cache.key_of(key), lambda: _arrays(build_family(alone, span, run)))
     note = note or words
-    deep = replace(as_deep_as(alone, int(arrays["count"])), error=Deviation(*arrays["error"].tolist()),
+    deep = replace(as_deep_as(alone, int(arrays["count"])), error=deviation_of(arrays["error"]),
                    checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
     family = Family(deep, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))
     if table.rim is None:

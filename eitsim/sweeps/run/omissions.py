@@ -9,7 +9,7 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Decision
 from eitsim.simulation.plan import ONE_CARD, make_plan
 from eitsim.sweeps.design.card_draws import Cards, card_at, count_in_use, held_by
-from eitsim.sweeps.design.design import Design, card_number, scene_at
+from eitsim.sweeps.design.design import Design, card_number, representative_scene, scene_at
 from matcal.card import MaterialCard
 from touchcal.number_words import counted
 
@@ -74,10 +74,11 @@ def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) 
                    unbounded=True)
     if isinstance(table, Family) and table.span.chosen:
         error = table.table.error
+        signal = error.signal(representative_scene(design).skin.strain)
         yield Decision("load paths of drawn cards emulated", "those of each card's law are weighted means of those of "
                        f"{len(table.span.chosen) + 1} drawn laws; at others, solved afresh, they were at most "
-                       f"{error.depth:.1e} off in depth and {error.signal:.1e} in signal, the larger is given here and "
-                       "counted, with a margin, in the rows' signal_error", max(error.depth, error.signal))
+                       f"{error.depth:.1e} off in depth and {signal:.1e} in signal, the larger is given here and "
+                       "counted, with a margin, in the rows' signal_error", max(error.depth, signal))
 
 
 def omissions_of(manifest: Mapping[str, Any]) -> list[Omission]:

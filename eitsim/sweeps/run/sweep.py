@@ -239,7 +239,8 @@ def _rows(work: _Work, pool: WorkerPool, table: Loads, spent: Spent) -> OutcomeC
 def _how(work: _Work, table: Loads, note: str) -> str:
     """How the rows of this call were solved, in words."""
     crashed, lost = work.before.crashed, work.before.lost
-    return (describe_method(work.method, table, note) + code_history.in_words(work.manifest)
+    return (describe_method(work.method, table, note, representative_scene(work.design).skin.strain)
+            + code_history.in_words(work.manifest)
             + (f"; {crashed} rows that had crashed solved again" if crashed else "")
             + (f"; {lost} rows that were there before were lost and are solved again" if lost else ""))
 
@@ -248,7 +249,7 @@ def _account(work: _Work, counts: OutcomeCounts, run: Run | None) -> Account:
     before, kept = runs_of(work.manifest), work.before.counts.rows
     how = run or (before[-1] if before else None)
     return Account(counts.outcomes, {name: message for name, (_, message) in counts.first.items()}, counts.rows - kept,
-                   kept, describe_method(work.method, None, "") if how is None else how.method, run)
+                   kept, describe_method(work.method, None, "", "") if how is None else how.method, run)
 
 
 def _entered(scheduler: Pool | None) -> AbstractContextManager[WorkerPool | None]:

@@ -57,13 +57,13 @@ def family():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(build_table, "_CHECKS", 4)
         patch.setattr(build_law_family, "_CHECKS", 3)
-        return build_family(build(shape_of(span.central, Body(), Punch(), "normal"), depths=DEPTHS), span)
+        return build_family(build(shape_of(span.central, Body(), Punch()), depths=DEPTHS), span)
 
 
 def stored(family, law: Hyperfoam, punch: Punch):
     own = table_of(family, law)
     assert own is not None
-    touch = touch_from(own, law, Body(), punch, "normal")
+    touch = touch_from(own, law, Body(), punch)
     assert touch is not None
     return touch
 
@@ -106,7 +106,7 @@ def test_a_scene_says_that_its_law_is_a_mean_and_a_law_beyond_is_solved_afresh(f
                  for law in (LAWS[0], replace(FOAM, alpha=1.01 * FOAM.alpha)))
     (said,) = [d for d in near.plan.decisions if d.decision == "load path reused"]
     assert "weighted mean of those of 3 drawn laws" in said.reason
-    assert said.error_bound == 2 * max(family.table.error.depth, family.table.error.signal)
+    assert said.error_bound == 2 * max(family.table.error.depth, family.table.error.signal("normal"))
     assert "load path reused" not in [d.decision for d in far.plan.decisions]
 
 

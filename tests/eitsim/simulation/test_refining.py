@@ -32,15 +32,15 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
     grown = replace(touch.section, nodes_m=touch.section.nodes_m.repeat(int(nodes), axis=0))
     sizes = []
 
-    def solved(law, body, punch, *, strain, element_m=None):
+    def solved(law, body, punch, *, element_m=None):
         sizes.append(element_m)
-        return replace(touch, signal_error=error, section=grown)
+        return replace(touch, signal_errors=np.array([error, 1.0, 1.0]), section=grown)
 
     monkeypatch.setattr(touches, "solve_touch", solved)
     scene = scene_from({"punch": {"friction": friction}})
     told = touches._touch(FOAM, scene, scene.punches[0], exact=False)
     assert len(sizes) == tries
-    assert told.signal_error == error
+    assert told.signal_errors[0] == error
 
 
 def test_a_missed_accuracy_is_said_with_its_cause():

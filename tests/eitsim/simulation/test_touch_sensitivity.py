@@ -40,7 +40,7 @@ LINES, PATCHES = Electrodes(), Electrodes(kind="patch")
 
 @lru_cache(maxsize=4)
 def base(punch: Punch = PUNCH) -> Settled:
-    return settled(FOAM, Body(), punch, "normal", element_m=COARSE)
+    return settled(FOAM, Body(), punch, element_m=COARSE)
 
 
 @lru_cache(maxsize=4)
@@ -204,7 +204,7 @@ def with_contact(k: int, by_Ohm_m: float) -> Electrodes:
 
 def test_derivatives_are_those_of_a_solution_without_mesh():
     scene = Scene(punches=(PUNCH,))
-    found, touch = sensitivity(scene, 2), settled(FOAM, scene.body, PUNCH, "normal").touch
+    found, touch = sensitivity(scene, 2), settled(FOAM, scene.body, PUNCH).touch
     assert distance(found.signal_V, without_mesh(scene, touch, PUNCH, LINES)[1]) < 3e-4
 
     def moved_by(x_mm: float) -> np.ndarray:

@@ -39,6 +39,19 @@ def account(card: Path, folder: Path, scenes: int, **options) -> Account:
     return last
 
 
+def test_another_skin_conductor_drive_or_electrodes_take_the_table_that_is_there(card: Path, tmp_path: Path) -> None:
+    assert account(card, tmp_path / "a", 2, reuse=True).outcomes == {"ok": 2}
+    first = read_dataset(tmp_path / "a").table
+    for change in ({"skin": {"strain": "principal"}}, {"punch": RAW["punch"] | {"conductor": True}},
+                   {"drive": {"pattern": "opposite"}}, {"electrodes": {"contact_impedance_Ohm_m": 2.0}}):
+        folder = tmp_path / next(iter(change))
+        sweep(design_from(RAW | change, 2), card, folder, reuse=True)
+        other = read_dataset(folder).table
+        assert (other["delta_max_mm"] == first["delta_max_mm"]).all()
+        assert (other["dv_000"] != first["dv_000"]).all()
+    assert cache.clear() == 1
+
+
 def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp_path: Path,
                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweeping, "ROWS_FROM_TABLE", 2)
