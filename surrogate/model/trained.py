@@ -77,7 +77,8 @@ def estimate(model: TrainedModel, signal_V: Array, noise_V: float = 0.0) -> Esti
 
 
 def interval_scale(model: TrainedModel, noise_V: float = 0.0) -> Array:
-    """(outputs,) standard deviations that make a 90 % interval at this noise, from the validation rows."""
+    """(outputs,) standard deviations that make a 90 % interval at this noise, from the validation rows and draws of
+    the simulator's own error of their signals."""
     return interval_scales(model, noise_V, (COVERAGE,))[0]
 
 

@@ -186,7 +186,7 @@ def posterior_row(model: TrainedModel, simulator: Simulator | None, one: One, no
             "misfit": found.misfit, "effective_draws": found.effective}
     row |= {key: found.checks[key] for key in ("rhat", "ess", "autocorrelation_steps", "steps", "acceptance")} | by
     flags = [one.learned.flag[0], why, "" if found.checks["converged"] else "the chains did not converge",
-             "few draws are left of the emulator's" if found.effective < FEW else "",
+             "few draws count" if found.effective < FEW else "",
              MISFIT if found.misfit > UNEXPLAINED else ""]
     return row | {"cpu_s": found.cpu_s, "flag": _joined(*flags)}
 
