@@ -17,8 +17,8 @@ from eitsim.sweeps.run.omissions import Omission, omissions_of
 from touchcal.errors import InputFileError
 from touchcal.number_words import counted
 
-_WANTED = "accuracy_signal"
-_COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, *parquet.COST, *parquet.METHODS]
+_REQUESTED = "accuracy_signal"
+_COLUMNS = ["scene", "outcome", "message", "signal_error", _REQUESTED, *parquet.COST, *parquet.METHODS]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Errors:
     p95: float
     largest: float
     share_above: float  # part of the rows whose error is above the requested one
-    wanted: float | None  # the requested one; None where it differs between rows
+    requested: float | None  # None where it differs between rows
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def account_of(folder: Path) -> Accounted:
         counts, stages = counts + count_outcomes(table), stages.add(_by_stage(table), fill_value=0.0)
         ok = table.loc[table["outcome"] == "ok"]
         errors = ok["signal_error"].to_numpy(dtype=float)
-        above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if asked is None else asked)).sum())
+        above += int((errors > (ok[_REQUESTED].to_numpy(dtype=float) if asked is None else asked)).sum())
         found.append(errors)
     runs = tuple(runs_of(manifest))
     every, spread = np.concatenate(found), None
@@ -108,7 +108,7 @@ def _bytes(files: Iterable[Path]) -> int:
 def _by_stage(table: pd.DataFrame) -> pd.DataFrame:
     """Rows and CPU time (count, cpu_s) of one part, by stage."""
     named = table["electrics_cpu_s"].notna() | (table["outcome"] == "ok")
-    how = table[list(parquet.METHODS)].astype(object).fillna("not told").replace("", "not told")
+    how = table[list(parquet.METHODS)].astype(object).fillna("not recorded").replace("", "not recorded")
     parts = [("touches: " + how["mechanics_method"], table["mechanics_cpu_s"]),
              ("readings: " + how["electrics_method"], table["electrics_cpu_s"]),
              ("fields on the skin", table["fields_cpu_s"]),
@@ -163,7 +163,7 @@ def lines(account: Accounted) -> list[str]:
 
 def _error_lines(errors: Errors, left_out: Iterable[Omission]) -> list[str]:
     """Estimated errors in per cent and, where rows miss the requested one, what the plans count most for."""
-    limit = "requested one" if errors.wanted is None else f"requested {_percent(errors.wanted)}"
+    limit = "requested one" if errors.requested is None else f"requested {_percent(errors.requested)}"
     text = [f"signal error {_percent(errors.median)} in the median, 95 % below {_percent(errors.p95)}, at most "
             f"{_percent(errors.largest)}; {_percent(errors.share_above)} of ok rows above the {limit}"]
     if errors.share_above and (worst := next((one for one in left_out if one.error_bound > 0), None)):
