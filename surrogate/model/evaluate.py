@@ -116,7 +116,7 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
               "interval_rows": calibrating, "few_interval_rows": few(calibrating),
               "interval_caution": interval_caution(model, samples),
               "trained_range": dict(zip(model.names, ends, strict=True)),
-              "material": material_in_words(model, samples), "force_sd": force_sd,
+              "material": material_told(model, samples), "force_sd": force_sd,
               "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"], "outputs": _scores(model, table),
               "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
@@ -154,7 +154,7 @@ def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
             "outputs": _scores(model, table), "force_sd": force_sd}
 
 
-def material_in_words(model: Model, samples: Samples) -> str:
+def material_told(model: Model, samples: Samples) -> str:
     """In words, whether intervals hold what is not known of the material, as far as the model remembers."""
     cards = model.record["dataset"].get("cards")
     if cards is None:

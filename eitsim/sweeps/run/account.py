@@ -17,8 +17,8 @@ from eitsim.sweeps.run.omissions import Omission, omissions_of
 from touchcal.errors import InputFileError
 from touchcal.number_words import counted
 
-_REQUESTED = "accuracy_signal"
-_COLUMNS = ["scene", "outcome", "message", "signal_error", _REQUESTED, *parquet.COST, *parquet.METHODS]
+_WANTED = "accuracy_signal"
+_COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, *parquet.COST, *parquet.METHODS]
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def account_of(folder: Path) -> Accounted:
         counts, stages = counts + count_outcomes(table), stages.add(_by_stage(table), fill_value=0.0)
         ok = table.loc[table["outcome"] == "ok"]
         errors = ok["signal_error"].to_numpy(dtype=float)
-        above += int((errors > (ok[_REQUESTED].to_numpy(dtype=float) if asked is None else asked)).sum())
+        above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if asked is None else asked)).sum())
         found.append(errors)
     runs = tuple(runs_of(manifest))
     every, spread = np.concatenate(found), None

@@ -119,8 +119,8 @@ def describe_method(method: Mapping[str, Any], found: Table | Family | None, not
         return f"every touch solved {how}: {note or method['reason']}"
     error, rim = table.error, "those near the rim or outside the table directly"
     if table.rim is not None:
-        rim = (f"near the rim another {table.rim.error.depth:.1e} and {table.rim.error.signal:.1e}; those outside the "
-               "tables directly")
+        rim = (f"near the rim another {table.rim.error.depth:.1e} and {table.rim.error.signal:.1e}; those beyond the "
+               "tables afresh")
     paths = f"{len(table.shape.solved)} load paths"
     if isinstance(found, Family) and found.span.chosen:
         paths += f" of a central law and what {len(found.span.chosen)} other drawn laws change of them"
@@ -207,10 +207,10 @@ def _rim_fine_enough(table: Table, allowed: float) -> tuple[Table, str]:
     off, left = int(np.sum(before & ~after)), int(np.sum(~after))
     reasons = [f"in {left - off} since no change was found there"] if left > off else []
     if off:
-        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than touches solved directly "
-                       "are")
+        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than touches solved afresh "
+                       "tell")
     return replace(table, rim=kept), (f"touches in {left} of {after.size} cells of gap and depth near the rim are "
-                                      f"solved directly, {' and '.join(reasons)}")
+                                      f"solved afresh, {' and '.join(reasons)}")
 
 
 def span_for(design: Design, cards: Cards) -> tuple[DimensionlessProblem, ReducedBasis]:

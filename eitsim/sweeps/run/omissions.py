@@ -75,7 +75,7 @@ def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) 
     if isinstance(table, Family) and table.span.chosen:
         error = table.table.error
         yield Decision("load paths of drawn cards emulated", "those of each card's law are weighted means of those of "
-                       f"{len(table.span.chosen) + 1} drawn laws; at others, solved directly, they were at most "
+                       f"{len(table.span.chosen) + 1} drawn laws; at others, solved afresh, they were at most "
                        f"{error.depth:.1e} off in depth and {error.signal:.1e} in signal, the larger is given here and "
                        "counted, with a margin, in the rows' signal_error", max(error.depth, error.signal))
 

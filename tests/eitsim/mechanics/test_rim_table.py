@@ -165,7 +165,7 @@ def test_the_error_is_that_of_the_gap_and_depth() -> None:
     assert rim.error == Deviation(7e-3, 14e-3, 0.0)
 
 
-def test_cells_are_kept_where_solving_directly_is_no_nearer() -> None:
+def test_cells_are_kept_where_solving_afresh_is_no_nearer() -> None:
     rim = bare(np.full((3, 3, 2), 20e-3))
     rim.numbers[:, 0, 2:, 6] = 22e-3
     kept = np.isfinite(within(rim, 15e-3).error_estimate[..., 1])
@@ -220,12 +220,12 @@ def test_cells_that_miss_the_wanted_error_are_left_out_and_it_is_told() -> None:
     assert table is not None
     assert table.rim is not None
     assert table.rim.error.signal == 5e-3
-    assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved directly, in 2 since the table is "
-                   "more than 0.01 off, and more than touches solved directly are")
+    assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved afresh, in 2 since the table is "
+                   "more than 0.01 off, and more than touches solved afresh tell")
     gone = error_estimate.copy()
     gone[2, 0] = np.inf
     _, why = fine_enough_for(design, rough(gone))
-    assert "solved directly, in 1 since no change was found there and in 2 since" in why
+    assert "solved afresh, in 1 since no change was found there and in 2 since" in why
     table, why = fine_enough_for(design, rough(4 * error_estimate))
     assert table is not None
     assert table.rim is None

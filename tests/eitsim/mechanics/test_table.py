@@ -125,7 +125,7 @@ def test_a_scene_from_a_table_says_so(table, scene) -> None:
     assert "load path reused" not in [d.decision for d in exact.plan.decisions]
 
 
-def test_a_touch_near_the_rim_or_held_to_less_error_is_solved_directly(table, scene) -> None:
+def test_a_touch_near_the_rim_or_held_to_less_error_is_solved_afresh(table, scene) -> None:
     assert served(table, FOAM, scene)[0] is not None
     near = replace(scene, punches=(replace(scene.punches[0], x_m=0.085),))
     assert served(table, FOAM, near) == (None,)

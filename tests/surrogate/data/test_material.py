@@ -16,7 +16,7 @@ from surrogate.forward_map import forward_map
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
-from surrogate.model.evaluate import evaluate, material_in_words, parts_of
+from surrogate.model.evaluate import evaluate, material_told, parts_of
 from surrogate.model.model import Model
 from surrogate.model.predict import columns, numbers_of, predict, prepare
 from surrogate.model.train import train
@@ -125,8 +125,8 @@ def test_the_force_s_deviation_has_parts_that_add_up(drawn: Callable[..., Sample
 def test_one_card_is_told(drawn: Callable[..., Samples], carried: Model) -> None:
     record = {"dataset": {"cards": 1}}
     rows = drawn(4, 9, cards(4, 9))
-    assert "not in the intervals" in material_in_words(replace(carried, record=record), rows)
-    assert "These rows have 4" in material_in_words(replace(carried, record=record), rows)
+    assert "not in the intervals" in material_told(replace(carried, record=record), rows)
+    assert "These rows have 4" in material_told(replace(carried, record=record), rows)
 
 
 def test_intervals_are_calibrated_on_another_set(drawn: Callable[..., Samples]) -> None:
