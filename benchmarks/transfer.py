@@ -3,7 +3,7 @@
     python benchmarks/transfer.py POSTERIOR ONE_CARD [MESH] [--fidelity SWEEP] [--models MODEL ...]
 
 POSTERIOR is a sweep with [material] draws, ONE_CARD one of the same design with one card, MESH one with that card whose
-touches are solved afresh on a finer mesh; --fidelity gives one of a lower accuracy. Forward models are trained on rows
+touches are solved on a finer mesh; --fidelity gives one of a lower accuracy. Forward models are trained on rows
 of three quarters of the posterior's cards, with the cards ("carried") and with the same rows as if they had one ("left
 out"), and on ONE_CARD ("one card"). They are scored on rows of the other quarter of the cards, on rows of ONE_CARD that
 they have not seen, and on MESH; "one card, calibrated" has its intervals from half of MESH and is scored on the other

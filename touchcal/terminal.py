@@ -30,6 +30,10 @@ def run(app: typer.Typer, name: str) -> None:
     try:
         try:
             app(args=arguments, prog_name=name)
+        except SystemExit as end:
+            if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
+                print(f"{name}: stopped by Ctrl-C; files are written whole or not at all.", file=sys.stderr)
+            raise
         finally:
             sys.stdout.flush()
     except (ValueError, OSError, NotConverged) as error:

@@ -208,14 +208,14 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
     Example: eitsim reconstruct frames.csv --scene scene.toml --out image.vtu
     """
     from eitsim.cli.display import show_images
-    from eitsim.electrics.imaging.gauss_newton import check_wanted
+    from eitsim.electrics.imaging.gauss_newton import check_prior
     from eitsim.electrics.imaging.images import check_suffix, images_of, write_images
 
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [path for path in (frames, scene, baseline) if path is not None])
         check_suffix(out)
-    check_wanted(prior, noise_figure)
+    check_prior(prior, noise_figure)
     images, document = images_of(frames, read_scene(scene) if scene is not None else Scene(), baseline=baseline,
                                  prior=prior, noise_figure=noise_figure)
     if out is not None:

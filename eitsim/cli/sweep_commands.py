@@ -141,7 +141,7 @@ def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set 
     """
     from eitsim.sweeps.dataset.parquet import missing_rows, read_manifest
     from eitsim.sweeps.measurement.instrument_table import read_measurement
-    from eitsim.sweeps.measurement.noise_summary import Told, in_words
+    from eitsim.sweeps.measurement.noise_summary import NoiseSummary, in_words
     from eitsim.sweeps.run.measure import measure as measure_rows
     from touchcal.terminal import counter
 
@@ -154,7 +154,7 @@ def measure(clean: Annotated[Path, typer.Argument(metavar="DIR", help="Data set 
     if as_json:
         print_json({"out": out, **found})
     else:
-        print(f"{out}: measured from {clean}\n{in_words(Told(**found))}")
+        print(f"{out}: measured from {clean}\n{in_words(NoiseSummary(**found))}")
 
 
 def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set of a design with sampler = \"nested\" "

@@ -133,15 +133,16 @@ def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: Fit
         before, found = found.prony, fit_prony(relaxing, law, terms)
         left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
         if left < _SETTLED:
-            return _told(found, chosen, options, _turn_sentences(turn, relaxing, law))
-    return _told(found, chosen, options, [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
+            return _with_decisions(found, chosen, options, _turn_sentences(turn, relaxing, law))
+    return _with_decisions(found, chosen, options,
+                           [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
 
 
 def _corrected(curves: Sequence[Curve], found: PronyFit, order: int | str, nu: float) -> Hyperfoam:
     return quick_law([with_history(c, found.prony) for c in curves], order, nu)
 
 
-def _told(found: PronyFit, chosen: PronyFit, options: FitOptions, more: Sequence[str]) -> PronyFit:
+def _with_decisions(found: PronyFit, chosen: PronyFit, options: FitOptions, more: Sequence[str]) -> PronyFit:
     """The last turn with the numbers of terms tried when their number was chosen."""
     tried = order_sentences(options.prony_terms, chosen.orders, chosen.prony.g.size)
     return replace(found, orders=chosen.orders, decisions=(*tried, *found.decisions, *more))

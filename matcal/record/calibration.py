@@ -117,7 +117,7 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     options.check_used(reduced.experiments)
     compared = read_and_reduce(others, specimen, selected[len(own):], branch)
     laws = calibrate(reduced.experiments, options, compared.experiments)
-    files = tuple(dict.fromkeys([*reduced.files, *compared.files, *reduced.beside, *compared.beside]))
+    files = tuple(dict.fromkeys([*reduced.files, *compared.files, *reduced.also_read, *compared.also_read]))
     if not posterior:
         return Calibration(make_card(laws, files, seed), laws, files=files)
     from matcal.posterior.sample import sample

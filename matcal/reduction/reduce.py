@@ -32,8 +32,8 @@ class Reduced:
     experiments: list[Experiment]
     # files that were given
     files: tuple[Path, ...]
-    # files that were read besides those given: specimens' sizes and kinds
-    beside: tuple[Path, ...]
+    # files that were read next to those given: specimens' sizes and kinds
+    also_read: tuple[Path, ...]
 
 
 def tests_of(given: Given | Sequence[Given]) -> list[Input | Experiment]:
@@ -108,7 +108,7 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
     sizes = None if specimen is None else Path(specimen)
     out: list[Experiment] = []
     given: list[Path] = []
-    beside: list[Path] = []
+    also_read: list[Path] = []
     seen: set[tuple[str, tuple[Path, ...]]] = set()
     contents: dict[tuple[str, ...], tuple[Recording, Experiment, Mapping[Path, Selection]]] = {}
     for test, chosen in zip(inputs, columns or [{}] * len(inputs), strict=True):
@@ -133,8 +133,8 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
         more = [*_sidecars(recordings), *files]
         layout = ", ".join(dict.fromkeys(recording.vendor for recording in recordings)) if own else ""
         out.append(replace(experiment, files=tuple(dict.fromkeys([*own, *more])), layout=layout))
-        beside += more
-    return Reduced(with_scatter(out), tuple(dict.fromkeys(given)), tuple(dict.fromkeys(beside)))
+        also_read += more
+    return Reduced(with_scatter(out), tuple(dict.fromkeys(given)), tuple(dict.fromkeys(also_read)))
 
 
 def _refuse_twice(before: tuple[Recording, Experiment, Mapping[Path, Selection]] | None, recording: Recording,

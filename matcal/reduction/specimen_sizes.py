@@ -84,16 +84,16 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
                                        f"table [{kind}] in --specimen specimen.toml completes it.") from None
         if given is not None:
             raise InputFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
-                                        f"{_wanted(kind)}.") from None
+                                        f"{_needed(kind)}.") from None
         raise InputFileError(path, f"displacement and force need the specimen's size: {path.name} does not state it, "
                                    f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
-                                   f"[{kind}]. Give --specimen specimen.toml with {_wanted(kind)} below [{kind}]."
+                                   f"[{kind}]. Give --specimen specimen.toml with {_needed(kind)} below [{kind}]."
                              ) from None
     missing = f"; {given.name} has no table [{kind}]" if given is not None else ""
     return sizes, (f"Specimen from the file's own sizes: {_words(recording.properties)}{missing}.",), ()
 
 
-def _wanted(kind: str) -> str:
+def _needed(kind: str) -> str:
     """The keys that a table of `kind` needs, in words."""
     return {"uniaxial": "diameter_mm and height_mm", "relaxation": "diameter_mm and height_mm",
             "shear": "faces, length_mm, width_mm and thickness_mm", "volumetric": "method and its sizes"

@@ -27,14 +27,14 @@ def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[
         path = recordings[0].paths[0]
         return _known(explicit, f"{explicit}={path.name}"), f"{recordings[0].label}: {explicit}, as given."
     for recording in recordings:
-        if (found := _told_by(recording)) is not None:
+        if (found := _stated_by(recording)) is not None:
             return found
     path = recordings[0].paths[0]
     raise InputFileError(path, f"the kind of test is not clear. Write KIND={path.name} with KIND one of "
                                f"{', '.join(KINDS)}.")
 
 
-def _told_by(recording: Recording) -> tuple[str, str] | None:
+def _stated_by(recording: Recording) -> tuple[str, str] | None:
     path = recording.paths[0]
     for key, value in recording.titles:
         if (kind := _from_words(value)) is not None:

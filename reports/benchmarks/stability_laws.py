@@ -37,10 +37,10 @@ def ranges(rows: Rows, file: str) -> ReportFigure:
     for axes in panels.flat[len(laws):]:
         axes.set_visible(False)
     legend(figure, {KEPT: "kept", CAUTION: "Drucker's condition lost", LOST: "ellipticity lost"})
-    return ReportFigure("laws", figure, _told(rows, len(laws)), {file: frame(rows)})
+    return ReportFigure("laws", figure, _caption(rows, len(laws)), {file: frame(rows)})
 
 
-def _told(rows: Rows, laws: int) -> str:
+def _caption(rows: Rows, laws: int) -> str:
     parts = []
     for criterion in distinct(rows, "criterion"):
         lost = where(rows, state="lost", criterion=criterion)

@@ -31,7 +31,7 @@ def findings(account: Accounted) -> list[str]:
     """Errors against the requested ones, and how busy the workers were."""
     said = []
     if (errors := account.errors) is not None:
-        requested = "the one requested" if errors.wanted is None else f"the {percent(errors.wanted)} requested"
+        requested = "the one requested" if errors.requested is None else f"the {percent(errors.requested)} requested"
         said.append(f"The estimated relative error of the signal is {percent(errors.median)} in the median scene, 95 % "
                     f"of scenes lie below {percent(errors.p95)}, the worst has {percent(errors.largest)}; "
                     f"{percent(errors.share_above)} of the scenes are above {requested}.")

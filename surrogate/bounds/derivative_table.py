@@ -62,7 +62,7 @@ def table_for(scene: Scene, card: MaterialCard, prior: Prior, nodes: Nodes | Non
     d_mm, pressure, scale = _axes(law, prior, nodes)
     places = list(_places(scene, nodes))
     key = {"limit": asdict(nodes), "halvings": MESH_HALVINGS, "places": places, "prior": asdict(prior),
-           "scene": scene_tables(scene), "law": _told(law), "skin": _told(material.skin)}
+           "scene": scene_tables(scene), "law": _as_json(law), "skin": _as_json(material.skin)}
     touches = [_punch(scene, prior, place, d, d**2 * p) for place in places for d in d_mm for p in pressure]
 
     def make() -> dict[str, Array]:
@@ -79,7 +79,7 @@ def table_for(scene: Scene, card: MaterialCard, prior: Prior, nodes: Nodes | Non
                       at_pressure(by, d_mm, pressure), kept["baseline_V"])
 
 
-def _told(part: object) -> dict[str, list[float] | float | str]:
+def _as_json(part: object) -> dict[str, list[float] | float | str]:
     """Numbers and words of a law, as JSON."""
     return {key: np.asarray(value).tolist() for key, value in vars(part).items() if not isinstance(value, dict)}
 

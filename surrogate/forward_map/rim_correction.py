@@ -70,7 +70,7 @@ def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
     where = electrode_correction.step_of(ring, near.z, near.punch, near.gap, left, near.size)
     answer, rim = _both(ring, field, near, where, answers)
     left_out = _left_out(ring, field, near, where, answers, touch % FOLDS)
-    error = rim_covariance.told_by(rim.symmetry, near.z, near.gap, near.punch[:, 1], left_out)
+    error = rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], left_out)
     return FittedCorrection(answer, rim, error, where)
 
 

@@ -43,7 +43,7 @@ def zero_correction(symmetry: Symmetry) -> RimError:
                     np.zeros((len(symmetry.turn), 0, readings, 0)), np.zeros(0))
 
 
-def told_by(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error: Array) -> RimError:
+def learned_from(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error: Array) -> RimError:
     """From places z, gaps and loads g (n,) of touches that the map was not learned from, and the errors (n, readings)
     of their signals over the norms of these."""
     folded = np.einsum("nij,nj->ni", symmetry.readings[fold(symmetry, z)[1]], error)

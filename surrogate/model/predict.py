@@ -97,7 +97,7 @@ def predict(predictor: Predictor, volts: Array) -> Predictions:
     """
     shape = (len(volts), len(predictor.model.names))
     found = Predictions(*(np.full(shape, np.nan) for _ in range(3)), flag=[""] * len(volts),
-                        force_parts=np.full((len(volts), _parts_told(predictor.model)), np.nan))
+                        force_parts=np.full((len(volts), _force_part_count(predictor.model)), np.nan))
     dead = silent(volts, predictor.model.baseline_V) | predictor.dead
     for mask, rows in _groups(dead):
         part = _without(predictor, mask, volts[rows]) if mask.any() else _sound(predictor, volts[rows])
@@ -122,7 +122,7 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     if problem := why_not(predictor.model, dead):
         none = np.full((len(volts), len(predictor.model.names)), np.nan)
         return Predictions(none, none, none, [f"{named(dead)}; {problem}"] * len(volts),
-                           none[:, :_parts_told(predictor.model)])
+                           none[:, :_force_part_count(predictor.model)])
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
         fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V)
@@ -143,7 +143,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     flags[wild] = f"{OUTSIDE}; {MISFIT}"
     reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise_V)
     reverse |= volts @ predictor.baseline_V < 0
-    parts = np.full((len(signal), _parts_told(model)), np.nan)
+    parts = np.full((len(signal), _force_part_count(model)), np.nan)
     if np.any(touched):
         found = estimate(model, signal[touched], predictor.noise_V)
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
@@ -161,7 +161,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     return Predictions(value * left, below * left, above * left, flags.tolist(), parts * predictor.left)
 
 
-def _parts_told(model: TrainedModel) -> int:
+def _force_part_count(model: TrainedModel) -> int:
     """Number of parts that a model tells of the force's standard deviation."""
     return len(PARTS) if METHODS[model.method].separates_errors and "F" in model.names else 0
 
@@ -214,7 +214,7 @@ def columns(model: TrainedModel) -> list[str]:
 def _columns(model: TrainedModel, units: Sequence[str]) -> list[str]:
     each = [f"{name}{end}_{unit}" for name, unit in zip(model.names, units, strict=True)
             for end in ("", "_lo90", "_hi90")]
-    return each + [f"F_sd_{part}_N" for part in PARTS if _parts_told(model)]
+    return each + [f"F_sd_{part}_N" for part in PARTS if _force_part_count(model)]
 
 
 def numbers_of(found: Predictions) -> Array:

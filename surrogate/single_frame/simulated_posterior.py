@@ -49,7 +49,7 @@ class Correction:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class SimulatedPosterior:
     """A posterior by the simulator, and what it rests on."""
 
     posterior: Posterior
@@ -59,7 +59,7 @@ class Told:
 
 
 def simulated_posterior(simulator: Simulator, forward: ForwardMap, signal_V: Array, noise_V: float,
-                        seed: int = 0) -> Told:
+                        seed: int = 0) -> SimulatedPosterior:
     """The posterior of one signal (readings,), V, under white noise and what is left open of the material.
 
     NotConverged where a scene of it cannot be solved.
@@ -76,8 +76,9 @@ def simulated_posterior(simulator: Simulator, forward: ForwardMap, signal_V: Arr
         correction = _beside(forward, correction, touches, missed)
         found = sampled(forward, signal_V, whiten, own.touch, seed, correction=correction)
     left = _missed(simulator, forward, correction, _spread(found, HELD_OUT)) @ whiten.T
-    return Told(replace(found, cpu_s=time.process_time() - begun), float(np.linalg.norm(left, axis=1).max()),
-                own.simulations + len(SOLVED) + len(HELD_OUT))
+    return SimulatedPosterior(replace(found, cpu_s=time.process_time() - begun),
+                              float(np.linalg.norm(left, axis=1).max()),
+                              own.simulations + len(SOLVED) + len(HELD_OUT))
 
 
 def _about(forward: ForwardMap, own: Direct) -> Correction:

@@ -107,7 +107,7 @@ def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array) 
                      "check [electrodes], [drive] and the contact impedance.")
 
 
-def check_wanted(prior: str, noise_figure: float) -> None:
+def check_prior(prior: str, noise_figure: float) -> None:
     """ValueError, before anything is solved, for an unknown prior, or a noise figure that is not positive."""
     if prior not in PRIORS:
         raise ValueError(f"prior '{prior}' is unknown; known: {', '.join(PRIORS)}.")
@@ -120,7 +120,7 @@ def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float 
 
     ValueError for an unknown prior, or a noise figure that no weight has.
     """
-    check_wanted(prior, noise_figure)
+    check_prior(prior, noise_figure)
     jacobian = untouched.jacobian_V
     spread = _solved(prior, untouched, jacobian.T)
     value, vector = np.linalg.eigh(jacobian @ spread)

@@ -8,7 +8,7 @@ import meshio
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eitsim.electrics.imaging.gauss_newton import NOISE_FIGURE, Pixels, check_wanted, fitted, imager, on_grid
+from eitsim.electrics.imaging.gauss_newton import NOISE_FIGURE, Pixels, check_prior, fitted, imager, on_grid
 from eitsim.electrics.imaging.greit_figures import Blob, blob, regions
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import unread
@@ -96,7 +96,7 @@ def reconstruct(frames_V: ArrayLike, baseline_V: ArrayLike, *, scene: Scene | Pa
     >>> images.change.shape, images.seen[0].clear
     ((1, 864), True)
     """
-    check_wanted(prior, noise_figure)
+    check_prior(prior, noise_figure)
     scene = as_scene(Scene() if scene is None else scene)
     lost = unread(scene.drive, scene.electrodes)
     shape = protocol(scene.drive, scene.electrodes.count).weights.shape[:2]
@@ -133,7 +133,7 @@ def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior
     The untouched frame is the mean of those in `baseline`, else the first row of `frames`. ValueError where there is no
     touched frame, and as `reconstruct`; InputFileError as frames.read_frames.
     """
-    check_wanted(prior, noise_figure)
+    check_prior(prior, noise_figure)
     lost = unread(scene.drive, scene.electrodes)
     read, first = read_frames(frames, lost.size, lost), 0 if baseline else 1
     if len(read.volts) == first:

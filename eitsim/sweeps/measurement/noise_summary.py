@@ -14,7 +14,7 @@ _MUCH_CLIPPED = 0.01  # Part of the samples from which on clipping is warned of.
 
 
 @dataclass(frozen=True)
-class Told:
+class NoiseSummary:
     """What a measurement means for a data set; rms over the readings of its ok rows, V, unless a comment says more."""
 
     # ok rows
@@ -66,12 +66,12 @@ class Sums:
         self.readings += int(read.sum())
         self.clipped += int(found["clipped"].to_numpy().sum())
 
-    def told(self, measurement: Measurement) -> Told:
+    def summary(self, measurement: Measurement) -> NoiseSummary:
         baseline, signal, carried, error = np.sqrt(self.squares / max(self.readings, 1)).tolist()
         noise, reference = (self.means / max(self.rows, 1)).tolist()
-        return Told(self.rows, baseline, self.largest, signal, noise, reference if measurement.snr_db is not None else
-                    None, carried, error, measurement.step_V, self.clipped,
-                    self.clipped / max(self._samples(measurement), 1))
+        return NoiseSummary(self.rows, baseline, self.largest, signal, noise,
+                            reference if measurement.snr_db is not None else None, carried, error, measurement.step_V,
+                            self.clipped, self.clipped / max(self._samples(measurement), 1))
 
     def _samples(self, measurement: Measurement) -> int:
         """Readings of all frames, which are the same without noise and then read once."""
@@ -80,7 +80,7 @@ class Sums:
         return self.readings * sum(count if self.means[0] > 0 else min(count, 1) for count in counts)
 
 
-def in_words(made: Told) -> str:
+def in_words(made: NoiseSummary) -> str:
     """What a measurement means, its SNR of every voltage that it may be given of."""
     lines = [f"untouched readings {made.baseline_rms_V:.4g} V rms, {made.baseline_largest_V:.4g} V at most; signals dV "
              f"{made.signal_rms_V:.4g} V rms ({made.rows} ok rows)"]
@@ -101,7 +101,7 @@ def in_words(made: Told) -> str:
     return "\n".join([*lines, *_cautions(made)])
 
 
-def _cautions(made: Told) -> Iterator[str]:
+def _cautions(made: NoiseSummary) -> Iterator[str]:
     """What is right to ask for and seldom meant."""
     if made.signal_error_V == 0 and made.rows:
         yield "caution: every term is off, or changes nothing: these rows are the clean ones"

@@ -40,7 +40,7 @@ class Errors:
     p95: float
     largest: float
     share_above: float  # part of the rows whose error is above the requested one
-    wanted: float | None  # the requested one; None where it differs between rows
+    requested: float | None  # None where it differs between rows
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _bytes(files: Iterable[Path]) -> int:
 def _by_stage(table: pd.DataFrame) -> pd.DataFrame:
     """Rows and CPU time (count, cpu_s) of one part, by stage."""
     named = table["electrics_cpu_s"].notna() | (table["outcome"] == "ok")
-    how = table[list(parquet.METHODS)].astype(object).fillna("not told").replace("", "not told")
+    how = table[list(parquet.METHODS)].astype(object).fillna("not recorded").replace("", "not recorded")
     parts = [("touches: " + how["mechanics_method"], table["mechanics_cpu_s"]),
              ("readings: " + how["electrics_method"], table["electrics_cpu_s"]),
              ("fields on the skin", table["fields_cpu_s"]),
@@ -171,7 +171,7 @@ def lines(account: Accounted) -> list[str]:
 
 def _error_lines(errors: Errors, left_out: Iterable[Omission]) -> list[str]:
     """Estimated errors in per cent and, where rows miss the requested one, what the plans count most for."""
-    limit = "requested one" if errors.wanted is None else f"requested {_percent(errors.wanted)}"
+    limit = "requested one" if errors.requested is None else f"requested {_percent(errors.requested)}"
     text = [f"signal error {_percent(errors.median)} in the median, 95 % below {_percent(errors.p95)}, at most "
             f"{_percent(errors.largest)}; {_percent(errors.share_above)} of ok rows above the {limit}"]
     if errors.share_above and (worst := next((one for one in left_out if one.error_bound > 0), None)):

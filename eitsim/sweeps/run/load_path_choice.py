@@ -63,7 +63,7 @@ def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) ->
             repaid = repays(design, shape)
     except ValueError as error:
         if reuse:
-            raise ValueError(f"{error} Leave out --reuse: every touch is then solved afresh.") from None
+            raise ValueError(f"{error} Leave out --reuse: every touch is then solved directly.") from None
         return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
     used = bool(reuse or repaid)
     why = ("as asked for" if reuse else "a table of load paths repays its cost" if repaid else
@@ -114,9 +114,9 @@ def describe_method(method: Mapping[str, Any], found: Table | Family | None, not
     """How touches are solved, in words, with what a table of load paths may be off under a skin driven by a strain."""
     table = central_of(found)
     if table is None:
-        how = "exactly" if method["exact"] else "afresh"
+        how = "exactly" if method["exact"] else "directly"
         return f"every touch solved {how}: {note or method['reason']}"
-    error, rim = table.error, "those near the rim or beyond the table afresh"
+    error, rim = table.error, "those near the rim or outside the table directly"
     if table.rim is not None:
         off = table.rim.error
         rim = f"near the rim another {off.depth:.1e} and {off.signal(strain):.1e}; those beyond the tables afresh"
@@ -151,7 +151,7 @@ def diameters_of(shape: DimensionlessProblem) -> dict[str, Any]:
 
 def with_diameters(shape: DimensionlessProblem, kept: Mapping[str, Any] | None) -> DimensionlessProblem:
     """A shape with the diameters of `diameters_of`, so that rows that a sweep has grown by change no table; touches
-    beyond them are solved afresh. None: the shape itself."""
+    beyond them are solved directly. None: the shape itself."""
     return shape if kept is None else replace(shape, diameters=tuple(kept["diameters"]), spans=kept["spans"])
 
 
@@ -171,12 +171,12 @@ def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:
 
 
 def repays(design: Design, shape: DimensionlessProblem) -> bool:
-    """Whether solving a design's touches afresh costs more than the table."""
+    """Whether solving a design's touches directly costs more than the table."""
     return design.scenes * len(representative_scene(design).punches) >= REPAYS * len(shape.solved)
 
 
 def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
-    """Whether solving a design's touches near the rim afresh costs more than a table of what the rim changes."""
+    """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes."""
     rows = list(valid_scenes(design, _ROWS))
     near = sum(not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
@@ -184,7 +184,7 @@ def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
 
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
     """What of a table is fine enough for any row of a design, and why the rest is not, whose touches are then solved
-    afresh."""
+    directly."""
     requested = max((scene.accuracy.signal for scene in valid_scenes(design, _ROWS)), default=np.inf)
     strain = representative_scene(design).skin.strain
     signal = table.error.signal(strain)
@@ -233,7 +233,7 @@ def _laws(design: Design, cards: Cards) -> Iterator[Hyperfoam]:
 
 
 def family_repays(design: Design, shape: DimensionlessProblem, span: ReducedBasis) -> bool:
-    """Whether solving a design's touches afresh costs more than tables for its laws."""
+    """Whether solving a design's touches directly costs more than tables for its laws."""
     solved = len(shape.solved)
     cost = REPAYS * solved + LAW_REPAYS * len(span.chosen) * len(places_among(solved))
     cost += CHECK_REPAYS * len(span.held_out)

@@ -66,7 +66,7 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
     Returns
     -------
     Dataset
-        `manifest["measured"]` tells what the measurement means for its rows (`Told`).
+        `manifest["measured"]` tells what the measurement means for its rows (`NoiseSummary`).
 
     Raises
     ------
@@ -109,7 +109,7 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
             sums.add(lab.measurement, before, after)
             if progress is not None:
                 progress(sums.all_rows)
-        stated |= {"measured": vars(sums.told(lab.measurement))}
+        stated |= {"measured": vars(sums.summary(lab.measurement))}
         parquet.write_manifest(folder, stated)
     return Dataset(folder, stated)
 

@@ -93,7 +93,7 @@ def _values(result: Result) -> dict[str, Any]:
 
 def _method(touch: Touch) -> str:
     """How a touch was solved: a stored one took no iterations."""
-    how = "table" if touch.iterations == 0 else "afresh"
+    how = "table" if touch.iterations == 0 else "solved"
     if touch.rim is None:
         return how
     return f"{how} near the rim" if touch.rim.towards is None else f"{how} with a neighbour"

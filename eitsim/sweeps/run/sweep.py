@@ -29,7 +29,7 @@ from touchcal.parallel.dask_cluster import cluster
 from touchcal.parallel.pool import WorkerPool
 from touchcal.parallel.processes import processes
 
-# Rows of a part: files cost as much as some dozen rows from a table, and little beside rows that are solved afresh.
+# Rows of a part: files cost as much as some dozen rows from a table, and little next to rows that are solved directly.
 ROWS_FROM_TABLE, ROWS_AFRESH = 64, 16
 
 Loads = Table | Family | None

@@ -17,7 +17,7 @@ from eitsim.sweeps.measurement.instrument_table import TABLE
 from eitsim.sweeps.measurement.noise_summary import volts
 from eitsim.sweeps.run.measure import Lab, lab_of, read
 from eitsim.sweeps.run.row_columns import numbered
-from eitsim.sweeps.sobol.variance_components import Array, Shares, Variances, beside, pooled, shares, variances
+from eitsim.sweeps.sobol.variance_components import Array, Shares, Variances, joined, pooled, shares, variances
 from touchcal.errors import InputFileError
 
 FACTORS = ("touch", "material", "noise")  # The axes of a block, noise only where a measurement is there.
@@ -126,7 +126,7 @@ def indices_of(blocks: Blocks, *, within: Mapping[str, tuple[float, float]] | No
     size = np.sqrt((flat**2).mean(axis=0))
     rms = np.concatenate([size, [np.sqrt((size[which]**2).mean()) for which in vectors]])
     picked = (Variances(parts.first[..., which], parts.total[..., which], parts.whole[..., which]) for which in vectors)
-    found = shares(beside(parts, *map(pooled, picked)), rms, cards=blocks.cards)
+    found = shares(joined(parts, *map(pooled, picked)), rms, cards=blocks.cards)
     mean = np.concatenate([flat.mean(axis=0), rms[len(size):]])
     spread, touches = None, blocks.values.shape[0] * 2
     if within:

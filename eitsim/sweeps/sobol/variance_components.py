@@ -67,7 +67,7 @@ def pooled(parts: Variances) -> Variances:
     return Variances(*(part.mean(axis=-1, keepdims=True) for part in (parts.first, parts.total, parts.whole)))
 
 
-def beside(*parts: Variances) -> Variances:
+def joined(*parts: Variances) -> Variances:
     """Parts of several sets of outputs from the same blocks as those of all."""
     return Variances(*(np.concatenate([getattr(part, name) for part in parts], axis=-1)
                        for name in ("first", "total", "whole")))

@@ -19,7 +19,7 @@ from eitsim.electrics.imaging.gauss_newton import (
     PRIORS,
     Imager,
     Untouched,
-    check_wanted,
+    check_prior,
     fitted,
     imager,
     on_grid,
@@ -178,7 +178,7 @@ def test_command_writes_images_of_frames(command: Callable[..., CompletedProcess
     ("noser", float("nan"), "must be positive and finite")])
 def test_what_is_not_built_is_refused_before_any_work(prior: str, noise_figure: float, named: str):
     with pytest.raises(ValueError, match=named):
-        check_wanted(prior, noise_figure)
+        check_prior(prior, noise_figure)
 
 
 def test_frames_that_no_touch_makes_have_no_place_and_a_note(tmp_path: Path):

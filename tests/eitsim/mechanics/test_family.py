@@ -100,7 +100,7 @@ def test_a_law_of_the_span_keeps_the_pressures_that_were_solved(family) -> None:
     np.testing.assert_allclose(own.values[at] - family.table.values[at], family.values[1], rtol=0, atol=1e-12)
 
 
-def test_a_scene_says_that_its_law_is_a_mean_and_a_law_beyond_is_solved_afresh(family) -> None:
+def test_a_scene_says_that_its_law_is_a_mean_and_a_law_beyond_is_solved_directly(family) -> None:
     scene = scene_from({"punch": {"x_mm": 20, "force_N": 0.25}, "accuracy": {"signal": 0.05}})
     near, far = (solve_scene(scene, MaterialCard("drawn", law, None, SKIN), table=family)
                  for law in (LAWS[0], replace(FOAM, alpha=1.01 * FOAM.alpha)))

@@ -92,7 +92,7 @@ def test_what_differs_of_a_table_of_scenes_is_named(change: dict[str, Any], name
         sweep(replace(design, **change), tmp_path / "card.json", tmp_path / "out")
 
 
-def test_drawn_profiles_are_solved_afresh() -> None:
+def test_drawn_profiles_are_solved_directly() -> None:
     with pytest.raises(ValueError, match=r"profile in \[punch\] is drawn"):
         design_shape(design_from({"punch": {"profile": {"choice": ["flat", "cone"]}}}, 10), CARD)
 

@@ -19,7 +19,7 @@ from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.measurement.instrument import Measurement, measured
 from eitsim.sweeps.measurement.instrument_table import measurement_from, read_measurement
-from eitsim.sweeps.measurement.noise_summary import Told, in_words
+from eitsim.sweeps.measurement.noise_summary import NoiseSummary, in_words
 from eitsim.sweeps.run.measure import measure
 from touchcal.errors import InputFileError
 
@@ -47,8 +47,8 @@ def clean(tmp_path: Path) -> Path:
     return folder
 
 
-def done(clean: Path, folder: Path, **terms) -> Told:
-    return Told(**measure(clean, folder, measurement_from(terms)).manifest["measured"])
+def done(clean: Path, folder: Path, **terms) -> NoiseSummary:
+    return NoiseSummary(**measure(clean, folder, measurement_from(terms)).manifest["measured"])
 
 
 class _Ended(Exception):
@@ -198,8 +198,9 @@ def test_of_a_damaged_set_nothing_is_begun(clean: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "noisy").exists()
 
 
-USUAL = Told(rows=9, baseline_rms_V=1.0, baseline_largest_V=2.0, signal_rms_V=0.01, noise_V=1e-4, reference_V=None,
-             signal_noise_V=1.4e-4, signal_error_V=1.4e-4, step_V=1e-3, clipped=3, clipped_share=0.002)
+USUAL = NoiseSummary(rows=9, baseline_rms_V=1.0, baseline_largest_V=2.0, signal_rms_V=0.01, noise_V=1e-4,
+                     reference_V=None, signal_noise_V=1.4e-4, signal_error_V=1.4e-4, step_V=1e-3, clipped=3,
+                     clipped_share=0.002)
 
 
 @pytest.mark.parametrize(("terms", "caution"), [
@@ -228,7 +229,7 @@ def test_a_design_without_a_measurement_asks_for_one(clean: Path, tmp_path: Path
 def test_the_designs_own_measurement_is_the_default(clean: Path, tmp_path: Path) -> None:
     design = design_from({"scenes": ROWS, "measurement": NOISY})
     parquet.write_manifest(clean, parquet.read_manifest(clean) | {"design": asdict(design)})
-    told = Told(**measure(clean, tmp_path / "own").manifest["measured"])
+    told = NoiseSummary(**measure(clean, tmp_path / "own").manifest["measured"])
     assert told == done(clean, tmp_path / "asked", **NOISY)
     with pytest.raises(ValueError, match=r"snr_db in \[measurement\] says nothing"):
         design_from({"scenes": ROWS, "measurement": {"snr_db": 60}})

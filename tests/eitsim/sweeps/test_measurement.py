@@ -166,7 +166,7 @@ def test_missing_readings_stay_missing(clean) -> None:
     assert np.isfinite(np.delete(out.signal_V, 4, axis=1)).all()
 
 
-def test_contact_impedances_change_readings_as_solved_afresh() -> None:
+def test_contact_impedances_change_readings_as_solved_directly() -> None:
     """10 % on one electrode: what first order misses is second order, and the 16 columns are turns of one."""
     slopes = by_contact(SENSOR.body, SENSOR.electrodes, SENSOR.drive, SHEET_S)
     untouched = read_out(SENSOR.drive, untouched_impedance(SENSOR.body, SENSOR.electrodes, SHEET_S)).ravel()

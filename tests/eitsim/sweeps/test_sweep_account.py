@@ -61,7 +61,7 @@ def test_what_weighs_most_is_named_where_rows_miss_the_wanted_error() -> None:
 
 
 def test_a_run_in_words_has_right_plurals_and_no_zeros() -> None:
-    run = Run("afresh", 1, 0.9, 2.0, 1, 0.0, 0.0, 0.0, 0.001)
+    run = Run("solved", 1, 0.9, 2.0, 1, 0.0, 0.0, 0.0, 0.001)
     assert in_words(run) == "last run: 1 row in 2.0 s on 1 worker, busy with rows for 45 %"
     assert in_words(replace(run, rows=3, workers=2, writing_wall_s=0.3, table_wall_s=4.0)) == (
         "last run: 3 rows in 2.0 s on 2 workers, busy with rows for 22.5 %, 0.3 s of it spent on writing; 4.0 s for "
@@ -110,9 +110,9 @@ def test_every_cpu_second_of_rows_is_in_one_stage(swept: tuple[Path, list[Accoun
     for column, name in (("mechanics_method", "touches"), ("electrics_method", "readings")):
         assert {f"{name}: {how}": n for how, n in table[column].value_counts().items()}.items() <= counts.items()
     assert counts["fields on the skin"] == 5
-    assert set(table["mechanics_method"]) == {"table", "afresh"}
-    afresh = table["mechanics_method"] == "afresh"
-    assert table.loc[afresh, "mechanics_cpu_s"].min() > 10 * table.loc[~afresh, "mechanics_cpu_s"].max()
+    assert set(table["mechanics_method"]) == {"table", "solved"}
+    solved = table["mechanics_method"] == "solved"
+    assert table.loc[solved, "mechanics_cpu_s"].min() > 10 * table.loc[~solved, "mechanics_cpu_s"].max()
 
 
 def test_errors_are_those_of_the_rows(swept: tuple[Path, list[Account]]) -> None:
@@ -120,7 +120,7 @@ def test_errors_are_those_of_the_rows(swept: tuple[Path, list[Account]]) -> None
     errors, table = account_of(folder).errors, parquet.read_dataset(folder).table
     assert errors is not None
     assert [errors.median, errors.p95] == pytest.approx(np.quantile(table["signal_error"], [0.5, 0.95]))
-    assert errors.wanted is None
+    assert errors.requested is None
 
 
 def test_every_row_tells_what_share_of_its_signal_is_extrapolated(swept: tuple[Path, list[Account]]) -> None:
@@ -179,8 +179,8 @@ def test_the_command_prints_the_account(tmp_path: Path) -> None:
                "--out", str(tmp_path / "set")]
     told = CliRunner().invoke(app, [*command, "--report", str(tmp_path / "set.pdf")], catch_exceptions=False)
     assert told.exit_code == 0
-    assert all(words in told.stdout for words in ("touches: afresh", "readings: multipole", "rows per core-hour"))
+    assert all(words in told.stdout for words in ("touches: solved", "readings: multipole", "rows per core-hour"))
     assert (tmp_path / "set.pdf").read_bytes().startswith(b"%PDF")
     found = json.loads(CliRunner().invoke(app, [*command, "--json"], catch_exceptions=False).stdout)
     assert (found["solved"], found["kept"], found["outcomes"]) == (0, 1, {"ok": 1})
-    assert {stage["name"] for stage in found["stages"]} >= {"touches: afresh", "writing parts"}
+    assert {stage["name"] for stage in found["stages"]} >= {"touches: solved", "writing parts"}

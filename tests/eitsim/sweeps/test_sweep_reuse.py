@@ -94,7 +94,7 @@ def test_exact_rows_are_told(card: Path, tmp_path: Path) -> None:
     assert row["depth_error"] < usual["depth_error"]
 
 
-def test_paths_that_are_not_found_leave_every_touch_afresh(card: Path, tmp_path: Path,
+def test_paths_that_are_not_found_leave_every_touch_solved_directly(card: Path, tmp_path: Path,
                                                            monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reuse, "DEPTHS", (0.07,))
     done = account(card, tmp_path / "a", 1, reuse=True)
@@ -103,7 +103,7 @@ def test_paths_that_are_not_found_leave_every_touch_afresh(card: Path, tmp_path:
     assert read_manifest(tmp_path / "a")["method"]["table"]["used"] is False
     monkeypatch.setattr(reuse, "DEPTHS", (0.065, 0.07, 0.075))
     assert account(card, tmp_path / "a", 2).method == done.method
-    assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"afresh"}
+    assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"solved"}
 
 
 class _Deadly:

@@ -155,10 +155,10 @@ def test_sizes_come_from_the_flag_the_file_or_beside_it_and_are_told(tmp_path: P
     sizes = "[uniaxial]\nwidth_mm = 20\ndepth_mm = 20\nheight_mm = 20\n"
     beside = _written(tmp_path, "specimen.toml", sizes)
     got = read_and_reduce([("uniaxial", (file,))])
-    assert got.beside == (beside,)
+    assert got.also_read == (beside,)
     assert any("of specimen.toml" in s for s in got.experiments[0].decisions)
     own = _written(tmp_path, "compression.toml", sizes.replace("height_mm = 20", "height_mm = 25") + "")
-    assert read_and_reduce([("uniaxial", (file,))]).beside == (own,)
+    assert read_and_reduce([("uniaxial", (file,))]).also_read == (own,)
 
 
 @pytest.mark.parametrize(("spoil", "says"), [

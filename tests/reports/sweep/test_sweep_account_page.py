@@ -24,7 +24,7 @@ def with_account(folder: Path) -> Path:
     for part in parquet.parts(folder):
         table = pd.read_parquet(part)
         shares = {"mechanics_cpu_s": 0.5, "electrics_cpu_s": 0.25, "fields_cpu_s": 0.125}
-        how = {"mechanics_method": np.where(table["scene"] < 15, "table", "afresh"), "electrics_method": "multipole"}
+        how = {"mechanics_method": np.where(table["scene"] < 15, "table", "solved"), "electrics_method": "multipole"}
         costs = {name: share * table["cpu_s"] for name, share in shares.items()}
         parquet.write_table(part, table.assign(**costs, **how))
     run = Run("touches from a table", 20, 16.0, 10.0, 2, 5.0, 0.5, 0.1, 0.2, paths=5, paths_cpu_s=90.0)
@@ -39,8 +39,8 @@ def test_stages_part_the_cost(write_set: Callable[..., Path]) -> None:
     made = report(with_account(write_set(20)))
     rows = {name: (int(count), float(cpu)) for name, count, cpu, _ in made.tables["stages"].rows}
     assert rows["table: load paths"] == (5, 90.0)
-    assert (rows["touches: table"][0], rows["touches: afresh"][0]) == (15, 5)
-    touches = rows["touches: table"][1] + rows["touches: afresh"][1]
+    assert (rows["touches: table"][0], rows["touches: solved"][0]) == (15, 5)
+    touches = rows["touches: table"][1] + rows["touches: solved"][1]
     assert np.isclose(touches, 2 * rows["readings: multipole"][1], rtol=0.01)
     assert np.isclose(rows["fields on the skin"][1], rows["planning and the rest of rows"][1], rtol=0.01)
 

@@ -33,7 +33,7 @@ def test_alike_errors_are_told_at_every_touch_by_those_of_one_half_sector(ring: 
     folded = np.linalg.pinv(symmetry.readings, rcond=1e-9) @ (dipole / np.linalg.norm(dipole))
     pattern = folded[fold(symmetry, z)[1]]
     error = (0.01 * (1 - gap) * load * rng.normal(size=900))[:, None] * pattern
-    found = rim_covariance.told_by(symmetry, z, gap, load, error)
+    found = rim_covariance.learned_from(symmetry, z, gap, load, error)
     asked = np.asarray(np.exp(1j * np.array([0.3, 2.0, -1.2])) * 0.7, np.complex128)
     axes, sd, rest = rim_covariance.spread(found, asked, np.full(3, 0.25))
     expected = folded[fold(symmetry, asked)[1]]
