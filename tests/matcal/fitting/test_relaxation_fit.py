@@ -7,10 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from matcal.card import MaterialCard
+from matcal.fitting.relaxation.hold_table import hold_of
 from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import SeriesRow, _allowed, fit_prony, preferred
+from matcal.fitting.relaxation.slowest_time import _CHI_SQUARE
 from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
@@ -163,6 +166,16 @@ def test_a_short_hold_bounds_the_slowest_time_only_from_below() -> None:
     long = fit_prony([hold(60.0)], TABLE_1)
     assert long.slowest.hi_s is not None
     assert long.slowest.lo_s < SERIES.tau_s[-1] < long.slowest.hi_s < 3 * SERIES.tau_s[-1]
+
+
+def test_a_hold_begins_where_the_ramp_ends() -> None:
+    """One second of ramp, 180 s of hold after it."""
+    found = hold_of(hold(), TABLE_1, 3)
+    assert (found.ramp_s, found.hold_s) == (pytest.approx(1.0), pytest.approx(180.0))
+
+
+def test_the_profile_ends_where_twice_the_log_likelihood_falls_by_the_95_percent_quantile() -> None:
+    assert chi2.cdf(_CHI_SQUARE, 1) == pytest.approx(0.95, abs=2e-4)
 
 
 def test_a_stress_that_does_not_relax_has_no_series() -> None:

@@ -81,6 +81,8 @@ def test_drift_between_two_rests_is_taken_off_with_the_error_of_two_means(tmp_pa
     assert got.facts["load_noise_N"] == pytest.approx(1e-3, rel=0.1)
     assert _slope(got) == pytest.approx(4.0 * 20 / 100e-6, rel=2e-3)
     assert got.value.min() == pytest.approx(-16.0 / 100e-6, rel=5e-3)
+    assert got.time_s is not None
+    assert got.strain[1:] / got.time_s[1:] == pytest.approx(-5.0 / 40 / 20, rel=1e-6)  # time counts from contact on
 
 
 def test_a_preload_makes_the_contact_and_the_rest_the_zero(tmp_path: Path) -> None:
@@ -112,6 +114,19 @@ def test_a_hold_gives_its_times_its_strain_and_how_far_it_relaxed(tmp_path: Path
     assert got.time_s is not None
     assert got.value[got.time_s > 60] == pytest.approx(-0.06e6, rel=2e-3)
     assert (got.strain[0], got.value[0], got.time_s[0]) == (0.0, 0.0, 0.0)
+
+
+def test_a_slow_ramp_keeps_three_hundred_points_and_each_sample_once(tmp_path: Path) -> None:
+    """Ramp of 60 s, 1,500 samples, and a hold of 300 s; the state of rest comes first."""
+    time = np.arange(0, 365, 0.04)
+    strain = 0.3 * np.clip((time - 5) / 60, 0, 1)
+    got = _reduced(tmp_path, "relaxation", 20 * strain, 40.0 * strain + _noise(time), time,
+                   "area_mm2 = 100\nheight_mm = 20\ndirection = \"compression\"\n")
+    assert got.held is not None
+    assert got.samples is not None
+    assert np.count_nonzero(got.held == 0) == 1 + 300
+    toe = np.count_nonzero(strain < 0.01)
+    assert got.samples[1:].sum() == pytest.approx(time.size - toe, abs=20)
 
 
 @pytest.mark.parametrize(("kind", "table", "area_mm2", "length_mm", "share"), [

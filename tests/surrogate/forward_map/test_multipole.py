@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,3 +91,21 @@ def test_strengths_are_the_least_squares_ones(ring: Ring) -> None:
         np.testing.assert_allclose(found.value[k], inverse @ a.T @ y, rtol=1e-8)
         np.testing.assert_allclose(found.variance[k], np.diag(inverse) * (y @ y), rtol=1e-8)
         np.testing.assert_allclose(found.residual[k], y - a @ inverse @ a.T @ y, atol=1e-12)
+
+
+def test_what_is_learned_is_a_least_point_of_misfit_and_prior(ring: Ring, synthetic: Synthetic) -> None:
+    """Under noise, with other strengths foreseen than the true ones: no mode by itself lowers the objective."""
+    touch, signal = synthetic(40, 0)
+    noise = 0.02 * np.random.default_rng(3).normal(size=signal.shape) * np.sqrt(np.mean(signal**2))
+    z, other = (touch[:, 0] + 1j * touch[:, 1]) / 100, replace(ring, modes=0.9 ** np.arange(len(ring.modes)))
+    unit = (signal + noise) / np.linalg.norm(signal + noise, axis=1, keepdims=True)
+    q = multipole_series._learned(other, z, unit)
+    scale = multipole_series.strengths(other, q, z, unit)
+
+    def objective(moved: NDArray[np.float64]) -> float:
+        return multipole_series._objective(other, moved, multipole_series.strengths(other, moved, z, unit), scale)
+
+    least = objective(q)
+    for way in 3e-3 * np.eye(len(q))[1:8]:
+        assert min(objective(q + way), objective(q - way)) > least
+    assert np.abs(q - other.modes)[1:8].max() > 3e-2

@@ -114,6 +114,14 @@ def test_the_posterior_of_weights_is_the_ridge_solution() -> None:
     assert variance == pytest.approx(np.diag(np.linalg.inv(normal)).reshape(2, 3).T, rel=1e-9)
 
 
+def test_nodes_are_farthest_from_those_before_wherever_the_rows_lie() -> None:
+    """From 0: 10, then 4 or 5 (4 is 4 from 0, 5 is 5 from both), then 2 of what is left."""
+    u = np.array([[0.0], [2.0], [4.0], [5.0], [10.0], [10.0]])
+    for shift in (0.0, 7.0, -100.0):
+        assert (coefficient_process._spread(u + shift, 4) - shift)[:, 0] == pytest.approx([0, 10, 5, 2])
+    assert len(coefficient_process._spread(u, 9)) == 5
+
+
 def test_noise_is_smoothed_over_bins_along_the_order() -> None:
     """Eight bins of ten: RMS 1 in the lower half, 3 in the upper one, linear between the middles of two bins."""
     order = np.arange(80.0)
