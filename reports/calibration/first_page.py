@@ -21,6 +21,8 @@ NAMES = {"mu_0_Pa": "initial shear modulus μ₀", "E_0_Pa": "initial Young's mo
 PLATEAU_STRAIN = -0.4
 STANDARD = re.compile(r"\b(ISO|ASTM|DIN|EN|JIS|GB/T) ?[A-Z]? ?\d[\d-]*")
 UNKNOWN = "not recorded"
+# layout of a file -> whose program wrote it
+MACHINES = {"mts_testsuite": "MTS TestSuite", "mts_793": "MTS 793", "instron": "Instron", "nova": "Autolab NOVA"}
 SYMBOLS = {"shear": "γ", "volumetric": "J"}
 
 
@@ -143,11 +145,15 @@ def recorded(record: Record) -> Table:
                      for found in STANDARD.finditer(words)]
         same = sum(other["kind"] == row["kind"] for other in tests(record.card).values())
         rows.append([label, ", ".join(dict.fromkeys(standards)) or UNKNOWN, _sizes(row),
-                     _rate(record.tests.get(label)), row.get("layout") or UNKNOWN, str(same)])
-    caption = ("What the record says of the tests; a test report also states machine, operator, date, temperature and "
-               "humidity, which are not recorded. Rate: largest strain over the time to reach it.")
-    return Table(caption, ["test", "standard", "specimen", "rate (1/s)", "file layout", "specimens of its kind"], rows,
+                     _rate(record.tests.get(label)), _machines(row.get("layout")), str(same)])
+    caption = ("What the record says of the tests. Machine model, operator, date, temperature and humidity are not "
+               "recorded. Rate: largest strain over the time to reach it.")
+    return Table(caption, ["test", "standard", "specimen", "rate (1/s)", "machine's program", "specimens"], rows,
                  "lwwrwr")
+
+
+def _machines(layout: str | None) -> str:
+    return ", ".join(MACHINES.get(name, name) for name in layout.split(", ")) if layout else UNKNOWN
 
 
 def _sizes(row: Mapping[str, Any]) -> str:
