@@ -57,6 +57,7 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "")
                   va="top", zorder=4, fontsize=7, bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 1})
         style.label(axes, f"Target ({sign})", "", TITLES.get(part, part))
     style.label(panels[0], f"Target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
+    panels[0].yaxis.label.set_size(7.5)  # the longest name fits the height
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
     return ReportFigure(f"parity_{name}", figure, _caption(f"{title}, predicted{by}", sign, shown, parts),
                         {f"parity_{name}": rows.filter(items=kept)})

@@ -209,7 +209,8 @@ def test_points_of_a_few_targets_stand_apart_and_each_panel_says_its_error() -> 
     for target, moved in ((np.repeat([10.0, 12.0, 14.0], 20), True), (np.linspace(10.0, 14.0, 60), False)):
         table = pd.DataFrame({"part": "test", "scene": range(60), "unit": "mm", "target": target, "value": target + 0.5,
                               "half_width_90": 1.0})
-        parts = {"test": asdict(score(target, target + 0.5, *[np.full((3, 60), 1.0)] * 2, "mm"))}
+        half = np.full((3, 60), 1.0)
+        parts = {"test": asdict(score(target, target + 0.5, half, half, "mm"))}
         made = parity_figures.plate("d", table, parts)
         (axes,) = made.figure.axes
         (points,) = (line for line in axes.get_lines() if np.size(line.get_xdata()) == 60)
