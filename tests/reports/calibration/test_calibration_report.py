@@ -208,7 +208,7 @@ def test_a_posterior_gives_bands_and_its_checks(tmp_path: Path, card_path: Path,
     assert f"{lo:.2f} to {hi:.2f}" in text
     assert "R-hat 1.004" in text
     assert "Prior: α flat." in text
-    assert text.count("its 95 % band") == 2
+    assert text.count("its 95 % band") == 3  # two legends, and the caption of all modes
     assert "60 draws" in text
     assert "8.5 to 10.6" in text
     drawn = pd.read_csv(tmp_path / "c_files" / "shear_band.csv")
