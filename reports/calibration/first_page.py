@@ -17,7 +17,8 @@ from reports.document.numerals import counted, interval, number, pascals, percen
 from reports.document.page import Table
 
 NAMES = {"mu_0_Pa": "initial shear modulus μ₀", "E_0_Pa": "initial Young's modulus E₀",
-         "plateau_Pa": "plateau stress at 40 % strain"}
+         "plateau_Pa": "plateau stress at 40 % strain", "g_infinity": "long-term share of the modulus",
+         "c0_S_per_m": "unstrained conductivity c₀"}
 PLATEAU_STRAIN = -0.4
 STANDARD = re.compile(r"\b(ISO|ASTM|DIN|EN|JIS|GB/T) ?[A-Z]? ?\d[\d-]*")
 UNKNOWN = "not recorded"
@@ -104,7 +105,7 @@ def _series_rows(card: MaterialCard) -> list[list[str]]:
     middle, ends = _own(card, "g_infinity", card.prony.g_infinity, card.fit.get("prony", {}).get("g_infinity_sd"))
     last = max((row["time_s"] for row in tests(card).values() if row["kind"] == "relaxation" and "time_s" in row),
                default=None)
-    return [["long-term share of the modulus", "–", middle, ends,
+    return [[NAMES["g_infinity"], "–", middle, ends,
              f"{number(last)} s of relaxation" if last else "the recorded hold"]]
 
 
@@ -114,7 +115,7 @@ def _skin_rows(record: Record) -> list[list[str]]:
         return []
     c0, (lo, hi) = card.conductivity.c0_S_per_m, card.conductivity.strain_range
     middle, ends = _own(card, "c0_S_per_m", c0, card.fit.get("conductivity", {}).get("c0_sd_S_per_m"))
-    rows = [["unstrained conductivity c₀", "S/m", middle, ends, f"strain {interval(lo, hi)}"]]
+    rows = [[NAMES["c0_S_per_m"], "S/m", middle, ends, f"strain {interval(lo, hi)}"]]
     band = record.tables.get("conductivity_band")
     if band is not None:
         value, low, high = conductivity_at(band, -0.5)
