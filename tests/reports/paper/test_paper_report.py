@@ -63,7 +63,8 @@ def write_models(folder: Path) -> None:
             value = target + 0.1 * rng.normal(size=count)
             tables.append(pd.DataFrame({"part": part, "scene": range(count), "output": name, "unit": unit,
                                         "target": target, "value": value, "half_width_90": 0.2}))
-            scores.setdefault(name, {})[part] = asdict(score(target, value, np.full((3, count), 0.2), unit))
+            half = np.full((3, count), 0.2)
+            scores.setdefault(name, {})[part] = asdict(score(target, value, half, half, unit))
     net = {"gamma": 25.5, "parameters": 4201, "epochs": 60, "stop": "epochs", "collapsed": False}
     split = {"train": 20, "val": 4, "test": 8}
     (folder / "model.json").write_text(json.dumps({
