@@ -79,6 +79,12 @@ def _one(_: Mapping[str, Any]) -> str:
     return ""
 
 
+def _electrics(row: Mapping[str, Any]) -> str:
+    """The method, in words that need no explanation."""
+    return row["method"].replace(" that follows", ", mesh follows the touch").replace("rings that scatter",
+                                                                                      "scattering by rings")
+
+
 def _start(row: Mapping[str, Any]) -> str:
     """Method of a fit, with the place that a single start begins from."""
     first, _, _ = row["setting"].rpartition(", tolerance")
@@ -118,10 +124,10 @@ BENCHES = (
           "effective draws. Where R-hat, which the table tells, is not close to 1, chains have not mixed: their "
           "effective draws are too many and their errors too small.", use="Posterior of a foam law"),
     Bench("electrics", "electrics.csv", "208 readings of one touch", lambda row: row["touch"],
-          lambda row: row["method"], lambda row: row["setting"], _one, "dv_error", "Relative error of ΔV (–)",
-          "cpu_ms", 1e3, "kept_ms", note="What is drawn leaves out what is done once: the order of a fixed mesh and "
-          "its untouched skin, and for updates condensed to the touched part its mesh and all outside it, where they "
-          "take the skin as untouched.", use="Readings of a touch"),
+          _electrics, lambda row: row["setting"], _one, "dv_error", "Relative error of ΔV (–)",
+          "cpu_ms", 1e3, "kept_ms", note="P1 and P2 are linear and quadratic triangles, Q2 quadrilaterals. Set-up is "
+          "not drawn: the order of a fixed mesh and its untouched skin; where the system is condensed to the touched "
+          "part, its mesh and all outside it, which is taken as untouched.", use="Readings of a touch"),
     Bench("peers_electrics", "peers_electrics.csv", "impedance of 16 electrodes for a new conductance",
           lambda _: "the same mesh and elements", lambda row: row["method"].replace(", ", " with "),
           lambda row: f"{row['triangles']} triangles", _one, "unknowns", "Unknowns (–)", is_error=False,
@@ -144,7 +150,7 @@ BENCHES = (
     Bench("sweep", "sweeps_ways.csv", "rows of the paper's sweep", lambda row: row["place"],
           lambda row: row["way"], lambda row: f"{row['rows']} rows", _one, "dv_error",
           "Median error of ΔV (–)", once="tables_cpu_s_per_row", writer="sweeps", note="Against the same "
-          "scenes with nothing left out; what is done once are the tables, shared by all rows of the set.",
+          "scenes with nothing left out; the set-up are the tables, shared by all rows of the set.",
           use="Rows of a sweep"),
     Bench("surrogates", "surrogates_time.csv", "what surrogates read of unseen touches, by training",
           lambda row: f"{row['output']}", lambda row: row["method"], _steps, _one, "rmse_over_spread",

@@ -18,7 +18,6 @@ from reports.document.page import ReportFigure
 ROW_MM, LINE_MM = 42.0, 4.2  # height of a row of panels and of a line of the legend, mm
 # letters of the longest method above which the legend of a sheet as wide as the text has two columns, not three
 LONG = 30
-SINGLE_MM = 80.0  # width of the sheet of a single panel, mm
 # problems above which panels stand in three columns, and the span of an axis below which it has plain numbers
 FEW, NARROW = 4, 50.0
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "h", "p")
@@ -28,7 +27,7 @@ def diagram(bench: Bench, found: Sequence[Point], rows: int, state: State) -> Re
     """The plate of a benchmark's points, of so many rows of its file, which stands so to the code."""
     problems, methods = by_problem(found), list(dict.fromkeys(p.method for p in found))
     columns = min(2 if len(problems) <= FEW else 3, len(problems))
-    down, width = math.ceil(len(problems) / columns), style.TEXT_WIDTH_MM if columns > 1 else SINGLE_MM
+    down, width = math.ceil(len(problems) / columns), style.TEXT_WIDTH_MM if columns > 1 else style.HALF_WIDTH_MM
     across = 1 if columns == 1 else 2 if max(map(len, methods)) > LONG else 3
     figure = style.sheet(ROW_MM * down + LINE_MM * math.ceil(len(methods) / across) + 6, width)
     panels = figure.subplots(down, columns, sharex=True, sharey=True, squeeze=False)

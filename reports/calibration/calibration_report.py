@@ -54,7 +54,8 @@ def report(card_path: Path) -> Report:
     footer = provenance.footer(_sources(record), provenance.seed_words(card.provenance.get("seed")))
     return Report("calibration", "Material calibration", _subtitle(card), footer, summary.findings(card), plates,
                   _tables(record, absent), absent, _prose(record), [typeset(s) for s in cautions(card)],
-                  {"decisions": grouped(card)}, verdict(card))
+                  {"decisions": [(typeset(title), [*map(typeset, said)]) for title, said in grouped(card)]},
+                  verdict(card))
 
 
 def _sources(record: Record) -> list[provenance.Source]:
@@ -175,7 +176,7 @@ def _prose(record: Record) -> dict[str, Any]:
     card = record.card
     prose: dict[str, Any] = {part: "" for part in NOT_FITTED if getattr(card, part) is not None}
     if "prior" in card.posterior:
-        prose["prior"] = f"Prior: {card.posterior['prior']}"
+        prose["prior"] = typeset(f"Prior: {card.posterior['prior']}")
     if record.missing:
         prose["missing"] = record.missing
     prose["decisions"] = ("Every correction that was applied and every choice that was made, by test and by stage."

@@ -140,7 +140,7 @@ def _exported(card: MaterialCard, target: str) -> tuple[str, ...] | str:
 
 def printed(table: Printed, caption: str) -> Table:
     """A table of the terminal on a page."""
-    rows = [[typeset(cell).replace("+-", "±") for cell in row] for row in table.rows]
+    rows = [[typeset(cell) for cell in row] for row in table.rows]
     return Table(caption, table.head, rows, table.align.replace("<", "l").replace(">", "r"))
 
 

@@ -13,6 +13,7 @@ from matcal.laws.prony import relaxation
 from matcal.record.compare import APART, Difference, differences, names_of, table
 from reports.calibration.calibration_tables import printed
 from reports.calibration.card_record import Record, read_record, rows_where
+from reports.calibration.first_page import NAMES
 from reports.document import provenance, style
 from reports.document.numerals import number, percent
 from reports.document.page import Report, ReportFigure, write_pdf
@@ -36,7 +37,7 @@ def report(first: Path, second: Path) -> Report:
     found = differences(one, other)
     names = names_of(first, second)
     footer = provenance.footer([provenance.source(first), provenance.source(second)], "no seed: nothing is drawn")
-    said = [f"{row.name}: {percent(row.second / row.first - 1)}"
+    said = [f"{_named(row)}: {percent(row.second / row.first - 1)}"
             + ("" if row.sds is None else f", {number(row.sds, 2)} standard deviations") for row in found if row.first]
     largest = max((abs(row.sds) for row in found if row.sds is not None), default=None)
     caption = "Differences of the second card from the first." + (
@@ -54,7 +55,12 @@ def _verdict(found: Sequence[Difference]) -> Verdict:
     worst = max(known, key=lambda row: abs(row.sds or 0.0))
     size = abs(worst.sds or 0.0)
     return Verdict("The one in place of the other", GOOD if size < APART else NOT_USABLE,
-                   f"largest difference {number(size, 2)} standard deviations, in {worst.name}")
+                   f"largest difference {number(size, 2)} standard deviations, in {_named(worst)}")
+
+
+def _named(row: Difference) -> str:
+    """A quantity as the calibration names it."""
+    return NAMES.get(row.name, row.name)
 
 
 def _plates(records: Sequence[Record], names: tuple[str, str]) -> list[ReportFigure]:

@@ -17,10 +17,13 @@ from reports.document.numerals import counted, interval, number, pascals, percen
 from reports.document.page import Table
 
 NAMES = {"mu_0_Pa": "initial shear modulus μ₀", "E_0_Pa": "initial Young's modulus E₀",
-         "plateau_Pa": "plateau stress at 40 % strain"}
+         "plateau_Pa": "plateau stress at 40 % strain", "g_infinity": "long-term share of the modulus",
+         "c0_S_per_m": "unstrained conductivity c₀"}
 PLATEAU_STRAIN = -0.4
 STANDARD = re.compile(r"\b(ISO|ASTM|DIN|EN|JIS|GB/T) ?[A-Z]? ?\d[\d-]*")
 UNKNOWN = "not recorded"
+# layout of a file -> whose program wrote it
+MACHINES = {"mts_testsuite": "MTS TestSuite", "mts_793": "MTS 793", "instron": "Instron", "nova": "Autolab NOVA"}
 SYMBOLS = {"shear": "γ", "volumetric": "J"}
 
 
@@ -102,7 +105,7 @@ def _series_rows(card: MaterialCard) -> list[list[str]]:
     middle, ends = _own(card, "g_infinity", card.prony.g_infinity, card.fit.get("prony", {}).get("g_infinity_sd"))
     last = max((row["time_s"] for row in tests(card).values() if row["kind"] == "relaxation" and "time_s" in row),
                default=None)
-    return [["long-term share of the modulus", "–", middle, ends,
+    return [[NAMES["g_infinity"], "–", middle, ends,
              f"{number(last)} s of relaxation" if last else "the recorded hold"]]
 
 
@@ -112,7 +115,7 @@ def _skin_rows(record: Record) -> list[list[str]]:
         return []
     c0, (lo, hi) = card.conductivity.c0_S_per_m, card.conductivity.strain_range
     middle, ends = _own(card, "c0_S_per_m", c0, card.fit.get("conductivity", {}).get("c0_sd_S_per_m"))
-    rows = [["unstrained conductivity c₀", "S/m", middle, ends, f"strain {interval(lo, hi)}"]]
+    rows = [[NAMES["c0_S_per_m"], "S/m", middle, ends, f"strain {interval(lo, hi)}"]]
     band = record.tables.get("conductivity_band")
     if band is not None:
         value, low, high = conductivity_at(band, -0.5)
@@ -143,11 +146,15 @@ def recorded(record: Record) -> Table:
                      for found in STANDARD.finditer(words)]
         same = sum(other["kind"] == row["kind"] for other in tests(record.card).values())
         rows.append([label, ", ".join(dict.fromkeys(standards)) or UNKNOWN, _sizes(row),
-                     _rate(record.tests.get(label)), row.get("layout") or UNKNOWN, str(same)])
-    caption = ("What the record says of the tests; a test report also states machine, operator, date, temperature and "
-               "humidity, which are not recorded. Rate: largest strain over the time to reach it.")
-    return Table(caption, ["test", "standard", "specimen", "rate (1/s)", "file layout", "specimens of its kind"], rows,
+                     _rate(record.tests.get(label)), _machines(row.get("layout")), str(same)])
+    caption = ("What the record says of the tests. Machine model, operator, date, temperature and humidity are not "
+               "recorded. Rate: largest strain over the time to reach it.")
+    return Table(caption, ["test", "standard", "specimen", "rate (1/s)", "machine's program", "specimens"], rows,
                  "lwwrwr")
+
+
+def _machines(layout: str | None) -> str:
+    return ", ".join(MACHINES.get(name, name) for name in layout.split(", ")) if layout else UNKNOWN
 
 
 def _sizes(row: Mapping[str, Any]) -> str:

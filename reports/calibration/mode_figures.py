@@ -59,7 +59,7 @@ def _draw_tests(axes: Axes, kind: str, tests: Sequence[Test]) -> None:
 def every_mode(bands: pd.DataFrame, source: str) -> ReportFigure:
     """Long-term stress in all five modes, fitted strains drawn through, extrapolated ones dashed, with 95 % bands."""
     modes = [mode for mode in MODES if mode in set(bands["mode"])]
-    figure = style.sheet(84)
+    figure = style.sheet(74)
     panels = figure.subplots(2, 3)
     for axes, mode in zip(panels.flat, modes, strict=False):
         _draw_mode(axes, rows_where(bands, bands["mode"] == mode), mode)
@@ -102,9 +102,9 @@ def orders(tried: Sequence[Mapping[str, Any]], chosen: int) -> ReportFigure:
     table = pd.DataFrame([{"terms": row["order"], "residual": row["rms"], "bic": row["bic"],
                            "confluent": bool(row["confluence"])} for row in tried])
     table["bic_above_least"] = table["bic"] - table["bic"].min()
-    figure = style.sheet(46)
-    left, right = figure.subplots(1, 2)
-    for axes, values in ((left, 100 * table["residual"]), (right, table["bic_above_least"])):
+    figure = style.sheet(72, style.HALF_WIDTH_MM)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for axes, values in ((upper, 100 * table["residual"]), (lower, table["bic_above_least"])):
         axes.plot(table["terms"], values, "-", color=style.GREY, lw=0.8)
         for merged, fill in ((False, style.ACCENT), (True, "white")):
             own = table["confluent"] == merged
@@ -114,12 +114,12 @@ def orders(tried: Sequence[Mapping[str, Any]], chosen: int) -> ReportFigure:
         axes.plot(table["terms"][at], values[at], "o", mfc="none", mec=style.SECOND, ms=9, mew=1.2, label="chosen")
         axes.set_xticks(table["terms"])
         axes.margins(x=0.12, y=0.15)
-    left.set_yscale("log")
-    style.plain_log(left.yaxis)
-    right.set_yscale("symlog", linthresh=10)
-    style.label(left, "Terms of the law (–)", "Weighted residual (%)")
-    style.label(right, "Terms of the law (–)", "BIC above the least (–)")
-    left.legend(loc="lower left")
+    upper.set_yscale("log")
+    style.plain_log(upper.yaxis)
+    lower.set_yscale("symlog", linthresh=10)
+    style.label(upper, "", "Weighted residual (%)")
+    style.label(lower, "Terms of the law (–)", "BIC above the least (–)")
+    upper.legend(loc="best")
     return ReportFigure("orders", figure, _orders_caption(table, chosen), {"orders": table})
 
 

@@ -30,23 +30,22 @@ def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
 
 
 def derived(draws: Draws, card: MaterialCard) -> ReportFigure:
-    """Histograms of the derived quantities over the draws, each with its middle 95 % and the linearised result."""
+    """Histograms of the derived quantities over the draws, each with its middle 95 %."""
     quantities = _quantities(draws)
     count = len(quantities) + (draws.alpha.shape[1] > 0)
     columns = count if count <= 4 else 3
-    figure = style.sheet(44 * -(-count // columns))
+    figure = style.sheet(38 * -(-count // columns))
     panels = list(figure.subplots(-(-count // columns), columns, squeeze=False).flat)
-    for axes, (name, column) in zip(panels, quantities.items(), strict=False):
-        _histogram(axes, name, column, card)
+    for axes, column in zip(panels, quantities.values(), strict=False):
+        _histogram(axes, column)
     if draws.alpha.shape[1]:
         _exponents(panels[len(quantities)], draws.alpha)
     for axes in panels[count:]:
         axes.axis("off")
     said = "; ".join(f"{column.words} {_middle(column.values)} {column.unit}".replace(" –", "")
                      for column in quantities.values())
-    linear = ", in orange the linearised intervals" if card.fit.get("derived") else ""
     spans = ", ".join(_middle(draws.alpha[:, i]) for i in range(draws.alpha.shape[1]))
-    caption = (f"Posterior over {counted(len(draws), 'draw')}, 95 % shaded{linear}: {said}."
+    caption = (f"Posterior over {counted(len(draws), 'draw')}, 95 % shaded: {said}."
                + (f" The exponents run over {spans}." if spans else "") + _checked(card))
     data = pd.DataFrame({name: column.values for name, column in quantities.items()}
                         | {f"alpha_{i + 1}": draws.alpha[:, i] for i in range(draws.alpha.shape[1])})
@@ -60,19 +59,17 @@ class _Column:
     words: str  # what it is, for a caption and an axis
     unit: str
     values: Array  # (D,) in that unit
-    key: str = ""  # of card.fit["derived"], where the card has it
-    factor: float = 1.0  # from that value to the unit
 
 
 def _quantities(draws: Draws) -> dict[str, _Column]:
     """Name with unit -> what the draws say of it."""
     out = _foam_quantities(draws) if draws.mu_Pa.shape[1] else {}
     if draws.g is not None:
-        out["g_infinity"] = _Column("Long-term share", "–", 1 - draws.g.sum(axis=1))
+        out["g_infinity"] = _Column("Long-term share of the modulus", "–", 1 - draws.g.sum(axis=1))
     if draws.conductivity_S_per_m is not None:
         c = draws.conductivity_S_per_m
-        out["c0_S_per_m"] = _Column("c₀", "S/m", c[:, 0])
-        out["c_at_minus_half_S_per_m"] = _Column("c at a strain of −0.5", "S/m", c @ (-0.5) ** np.arange(4))
+        out["c0_S_per_m"] = _Column("Unstrained conductivity c₀", "S/m", c[:, 0])
+        out["c_at_minus_half_S_per_m"] = _Column("Conductivity at −0.5", "S/m", c @ (-0.5) ** np.arange(4))
     return out
 
 
@@ -81,20 +78,14 @@ def _foam_quantities(draws: Draws) -> dict[str, _Column]:
     plateau = np.array([-float(nominal_stress(law_of(draws, k), "uniaxial", PLATEAU_STRAIN))
                         for k in range(len(draws))])
     (factor, unit), (second, other) = pascals(mu_0), pascals(plateau)
-    return {f"mu_0_{unit}": _Column("μ₀, long-term", unit, factor * mu_0, "mu_0_Pa", factor),
-            f"plateau_{other}": _Column("Plateau stress", other, second * plateau, "plateau_Pa", second)}
+    return {f"mu_0_{unit}": _Column("Initial shear modulus μ₀", unit, factor * mu_0),
+            f"plateau_{other}": _Column("Plateau stress at 40 % strain", other, second * plateau)}
 
 
-def _histogram(axes: Axes, name: str, column: _Column, card: MaterialCard) -> None:
+def _histogram(axes: Axes, column: _Column) -> None:
     lo, hi = np.quantile(column.values, [0.025, 0.975])
     axes.axvspan(lo, hi, color=style.ACCENT, alpha=0.12, lw=0)
     axes.hist(column.values, bins=30, histtype="stepfilled", color=style.ACCENT)
-    if known := card.fit.get("derived", {}).get(column.key):
-        axes.set_ylim(top=1.2 * axes.get_ylim()[1])
-        height = 0.93 * axes.get_ylim()[1]
-        axes.errorbar(column.factor * known["value"], height, capsize=2, fmt="o", ms=2.5, color=style.SECOND, lw=1,
-                      xerr=[[column.factor * (known["value"] - known["lo"])],
-                            [column.factor * (known["hi"] - known["value"])]])
     axes.locator_params(axis="x", nbins=4)
     style.label(axes, f"{column.words.translate(_SUBSCRIPTS)} ({column.unit})", "Draws (–)")
 

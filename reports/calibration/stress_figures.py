@@ -34,28 +34,30 @@ def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapp
     bands.parquet, from `source` in words."""
     kind = tests[0].kind
     factor, unit = pascals(np.concatenate([test.value for test in tests]))
-    figure = style.sheet(66)
+    figure = style.sheet(72, style.HALF_WIDTH_MM)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
     data = _draw_tests(upper, tests, factor, "fitted to all modes" if alone else "fitted")
     fine_unit = _draw_residuals(lower, tests)
     for k, (name, other) in enumerate(alone.items()):
         for i, test in enumerate(tests):
             stress = along_history(other, prony, test)
-            upper.plot(test.strain, factor * stress, color=style.SERIES[(k + 1) % 4],
-                       ls=style.DASHES[(k + 1) % 4], label=f"fitted to {name} alone" if i == 0 else None)
+            upper.plot(test.strain, factor * stress, color=style.SERIES[(k + 1) % 4], ls=style.DASHES[(k + 1) % 4],
+                       zorder=1.9, label=f"fitted to {name} alone" if i == 0 else None)  # below the law of all modes
             data[test.label][f"{name}_alone_stress_Pa"] = stress
     data |= _draw_longterm(upper, kind, law, tests, factor, band)
     _frame_data(upper, [factor * test.value for test in tests])
+    for name in alone:
+        _mark_ends(upper, tests[0].strain, factor * data[tests[0].label][f"{name}_alone_stress_Pa"].to_numpy())
     style.label(upper, "", f"Nominal stress ({unit})")
     style.label(lower, STRAIN.get(kind, "Nominal strain (–)"), f"Residual ({fine_unit})")
-    upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
+    upper.legend(loc="lower left", bbox_to_anchor=(-0.15, 1), ncols=2, borderaxespad=0.2, columnspacing=1.0)
     return ReportFigure(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
 
 
 def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> ReportFigure:
     """A test that was kept out of the fit, and what the laws say of it; `row` of the card's fit.predicted."""
     factor, unit = pascals(table["stress_Pa"].to_numpy())
-    figure = style.sheet(62)
+    figure = style.sheet(62, style.HALF_WIDTH_MM)
     axes = figure.subplots()
     axes.plot(table["strain"], factor * table["stress_Pa"], "o", color=style.INK, ms=2, mew=0, label="measured")
     axes.plot(table["strain"], factor * table["predicted_stress_Pa"], color=style.ACCENT,
@@ -66,7 +68,7 @@ def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> ReportF
                   label=f"by that of {str(column).removesuffix('_alone_stress_Pa')} alone")
     _frame_data(axes, [factor * table["stress_Pa"].to_numpy()])
     style.label(axes, STRAIN.get(row["kind"], "Nominal strain (–)"), f"Nominal stress ({unit})")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.15, 1), ncols=1, borderaxespad=0.2)
     missed = [f"the law of all modes misses it by {percent(row['relative_rms']['combined'], 3)}"]
     missed += [f"that of {law} by {percent(share, 3)}" for law, share in row["relative_rms"].items()
                if law.endswith("alone")]
@@ -110,7 +112,7 @@ def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test],
         return {}
     rows = rows_where(band, (band["strain"] >= lo - 1e-9) & (band["strain"] <= hi + 1e-9))
     axes.fill_between(rows["strain"], factor * rows["stress_lo_Pa"], factor * rows["stress_hi_Pa"],
-                      color=style.ACCENT, alpha=0.2, lw=0, label="95 % band of the long-term law")
+                      color=style.ACCENT, alpha=0.2, lw=0, label="its 95 % band")
     return {f"{kind}_band": rows.drop(columns="mode")}
 
 
@@ -119,6 +121,16 @@ def _frame_data(axes: Axes, values: Sequence[Array]) -> None:
     low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
     margin = 0.08 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + 2.5 * margin)
+
+
+def _mark_ends(axes: Axes, strain: Array, value: Array) -> None:
+    """An arrowhead where a curve leaves the frame."""
+    low, high = axes.get_ylim()
+    outside = (value < low) | (value > high)
+    for at in np.flatnonzero(outside[1:] & ~outside[:-1]) + 1 if strain[-1] > strain[0] else (
+            np.flatnonzero(outside[:-1] & ~outside[1:])):
+        above = value[at] > high
+        axes.plot(strain[at], high if above else low, "^" if above else "v", color=style.INK, ms=4, clip_on=False)
 
 
 def _mode_caption(kind: str, tests: Sequence[Test], errors: Mapping[str, float], prony: Prony | None,
@@ -145,7 +157,7 @@ def half_width(rows: pd.DataFrame) -> float:
 
 def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> ReportFigure:
     """Stress over the stress of an ideal step, measured and fitted with the recorded ramp, against time."""
-    figure = style.sheet(66)
+    figure = style.sheet(72, style.HALF_WIDTH_MM)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
     data, ramps = {}, []
     for i, test in enumerate(tests):

@@ -8,7 +8,12 @@ from numpy.typing import ArrayLike
 
 from touchcal import number_words
 
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# how names and signs that programs print in ASCII stand on a page
+_ASCII = ((r"\bmu_0\b", "μ₀"), (r"\bmu_i\b", "μᵢ"), (r"\bE_0\b", "E₀"), (r"\bg_i\b", "gᵢ"), (r"\bln tau\b", "ln τ"),
+          (r"\bln sigma\b", "ln σ"), (r"(?<![-\w])alpha\b(?!_)", "α"), (r"(?<![-\w])nu (?== )", "ν "), (">=", "≥"),
+          ("<=", "≤"), (r"\+-", "±"), (r"(?<=\d)%", " %"), (r"(?<=\d )um\b", "µm"), (r"\bm3\b", "m³"))
+_DIGITS, _RAISED = "-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
+_SUPERSCRIPTS = str.maketrans(_DIGITS, _RAISED)
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -34,9 +39,17 @@ def within(value: float, lo: float, hi: float) -> tuple[str, str]:
 
 
 def typeset(words: str) -> str:
-    """Words with a true minus sign before each number that is negative, powers of ten as they are written."""
+    """Words with true signs, symbols and powers of ten, a minus sign before each number that is negative."""
+    for ascii_words, sign in _ASCII:
+        words = re.sub(ascii_words, sign, words)
     words = re.sub(r"(\d)e([+-]\d+)", lambda m: f"{m[1]} × 10{str(int(m[2])).translate(_SUPERSCRIPTS)}", words)
     return re.sub(r"(?<![\w.)-])-(?=\d)", "−", words)
+
+
+def in_figure(words: str) -> str:
+    """Words with powers of ten as the figures' mathematics has them, since their font lacks a raised minus."""
+    plain = str.maketrans(_RAISED, _DIGITS)
+    return re.sub(f"10([{_RAISED}]+)", lambda m: f"$10^{{{m[1].translate(plain)}}}$", words)
 
 
 def plus_minus(value: float, error: float) -> str:

@@ -20,6 +20,7 @@ DASHES = ("-", "--", ":", "-.")
 SERIES = (ACCENT, SECOND, THIRD, "#CC79A7")
 SEQUENTIAL, DIVERGING = "cividis", "RdBu_r"  # one hue for magnitudes, two for signed values with white at zero
 TEXT_WIDTH_MM = 166.0  # width of the text block of an A4 page, mm
+HALF_WIDTH_MM = 81.0  # width of a figure that stands next to another one, mm
 
 _RC: dict[Any, Any] = {
     "font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 8.5, "axes.labelsize": 8.5,

@@ -9,14 +9,17 @@ from reports.calibration.card_record import rows_where
 from reports.document.numerals import number
 from reports.document.page import Table
 from reports.document.verdict import NOT_USABLE, Limits, Verdict, graded, real
+from reports.paper.learning import OUTPUTS
 from reports.paper.section import Number, Section, against, shown, stated_value
+from reports.surrogate.parity_figures import label
 
 AGREES: Limits = (0.05, 0.25)  # how far a ratio to the paper is from 1, in its larger direction
 # use -> the figures it is judged by, and the method where several found them
 USES = {"Curves of the material": (("3", "4", "5"), ""), "Single terms of Table 1": (("T1",), ""),
-        "Meshes, holds and readings": (("6", "7", "8", "9", "10"), ""),
+        "A held touch": (("9",), ""),
         "The paper's networks": (tuple(str(k) for k in range(13, 20)), "networks"),
         "The forward map": (tuple(str(k) for k in range(13, 20)), "forward map")}
+SETTINGS = ("6", "7", "8", "10", "12")  # figures of which the paper states what was set, not what was found
 
 
 @dataclass(frozen=True)
@@ -55,11 +58,12 @@ def ratios(sections: Sequence[Section]) -> list[Ratio]:
 
 def table(found: Sequence[Ratio], full: pd.DataFrame | None) -> Table:
     """A row a figure and method, the run at full size next to this one where it is given."""
-    largest = max(found, key=lambda one: one.off)
-    caption = (f"Of every figure, the number that is the farthest from the paper's. The worst is {_named(largest)}, "
-               f"{against(largest.found.value, largest.paper)}.")
-    rows = [[one.figure, one.found.quantity, one.found.method or "–", one.found.unit,
-             shown(one.found.quantity, one.paper), shown(one.found.quantity, one.found.value), number(one.value, 2),
+    caption = "Of every figure, the number that is the farthest from the paper's."
+    if results := [one for one in found if one.figure not in SETTINGS]:
+        largest = max(results, key=lambda one: one.off)
+        caption += f" The worst is {_named(largest)}, {against(largest.found.value, largest.paper)}."
+    rows = [[one.figure, _quantity(one), one.found.method or "–", one.found.unit,
+             shown(one.found.quantity, one.paper), shown(one.found.quantity, one.found.value), number(one.value),
              *([_full(one, full)] if full is not None else [])] for one in found]
     head = ["figure", "quantity", "method", "unit", "paper", "this run", "ratio"]
     return Table(caption, [*head, "ratio, full run"] if full is not None else head, rows,
@@ -69,12 +73,18 @@ def table(found: Sequence[Ratio], full: pd.DataFrame | None) -> Table:
 def _full(one: Ratio, full: pd.DataFrame) -> str:
     rows = rows_where(full, (full["figure"] == one.figure) & (full["quantity"] == one.found.quantity)
                       & (full["method"] == one.found.method))
-    return "–" if rows.empty else number(float(rows["value"].iloc[0]) / one.paper, 2)
+    return "–" if rows.empty else number(float(rows["value"].iloc[0]) / one.paper)
+
+
+def _quantity(one: Ratio) -> str:
+    """The quantity, with the output of a figure that has one."""
+    names = OUTPUTS.get(one.figure, ())
+    return f"{label(names[0])}, {one.found.quantity}" if len(names) == 1 else one.found.quantity
 
 
 def _named(one: Ratio) -> str:
     by = f" by the {one.found.method}" if one.found.method else ""
-    return f"{one.found.quantity}{by} ({'' if one.figure.startswith('T') else 'figure '}{one.figure})"
+    return f"{_quantity(one)}{by} ({'' if one.figure.startswith('T') else 'figure '}{one.figure})"
 
 
 def verdict(found: Sequence[Ratio], synthetic: bool) -> Iterator[Verdict]:

@@ -22,7 +22,7 @@ def plate(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]],
     """RMSE of unseen rows over the level of the noise, one panel an output."""
     columns = min(4, len(by_output))
     lines = -(-len(by_output) // columns)
-    figure = style.sheet(16 + 44 * lines, style.TEXT_WIDTH_MM if columns > 2 else 83 * columns)
+    figure = style.sheet(14 + 36 * lines, style.TEXT_WIDTH_MM if columns > 2 else 83 * columns)
     panels = list(figure.subplots(lines, columns, squeeze=False).flat)
     rows = []
     for axes, (output, parts) in zip(panels, by_output.items(), strict=False):

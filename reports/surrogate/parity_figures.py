@@ -8,13 +8,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from reports.document import style
-from reports.document.numerals import counted, number, percent, r_squared
+from reports.document.numerals import counted, in_figure, number, percent, r_squared
 from reports.document.page import ReportFigure
 
 NAMES = {"x0": "Position x", "y0": "Position y", "d": "Punch diameter", "F": "Force", "sigma_max": "Peak pressure",
          "sigma_ave": "Mean pressure", "A_c": "Contact area", "delta_max": "Depth"}
 # bars that a panel can show separately
-BARS = 200
+BARS = 40
+MANY = 200  # rows above which points are small
+FEW_TARGETS = 12  # values of the targets up to which points are shifted sideways, so that they do not hide each other
 TITLES = {"train": "training rows", "val": "validation rows", "test": "test rows", "new": "new rows", "all": "all rows"}
 
 
@@ -43,15 +45,19 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "")
     as " by the networks"."""
     title, sign = label(name), unit(parts)
     shown = [part for part in ("train", "test") if part in parts] or list(parts)
-    figure = style.sheet(48, 83 * len(shown) if len(shown) < 3 else style.TEXT_WIDTH_MM)
+    figure = style.sheet(42, style.HALF_WIDTH_MM if len(shown) < 3 else style.TEXT_WIDTH_MM)
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     places = rows.loc[rows["part"].isin(shown), ["target", "value"]].to_numpy(dtype=float)
     ends = float(places.min()), float(places.max())
     for axes, part in zip(panels, shown, strict=True):
         chosen = rows.loc[rows["part"] == part]
         _scatter(axes, chosen[["target", "value", "half_width_90"]].to_numpy(dtype=float).T, ends)
-        style.label(axes, f"{title}, target ({sign})", "", TITLES.get(part, part))
-    style.label(panels[0], f"{title}, target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
+        r2 = "" if parts[part]["r2"] is None else f"\nR² {r_squared(parts[part]['r2'])}"
+        axes.text(0.03, 0.97, in_figure(f"RMSE {number(parts[part]['rmse'])} {sign}{r2}"), transform=axes.transAxes,
+                  va="top", zorder=4, fontsize=7, bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 1})
+        style.label(axes, f"Target ({sign})", "", TITLES.get(part, part))
+    style.label(panels[0], f"Target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
+    panels[0].yaxis.label.set_size(7.5)  # the longest name fits the height
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
     return ReportFigure(f"parity_{name}", figure, _caption(f"{title}, predicted{by}", sign, shown, parts),
                         {f"parity_{name}": rows.filter(items=kept)})
@@ -60,23 +66,27 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "")
 def _scatter(axes: Axes, drawn: np.ndarray, ends: Sequence[float]) -> None:
     """Rows of `drawn` are target, value and half width; `ends` are those of the targets and values of all panels."""
     target, value, half_width = drawn
+    target = target + _jitter(target, ends)
     margin = 0.08 * (ends[1] - ends[0]) or 1.0
     axes.set_ylim(ends[0] - margin, ends[1] + margin)
     axes.plot(ends, ends, color=style.GREY, lw=0.7, zorder=1)
     barred = np.unique(np.linspace(0, target.size - 1, BARS).round().astype(int))
     axes.errorbar(target[barred], value[barred], yerr=half_width[barred], fmt="none", ecolor="#9cc6e0", elinewidth=0.6,
                   zorder=2)
-    axes.plot(target, value, "o", ms=2 if target.size <= BARS else 1.4, color=style.ACCENT, mew=0, zorder=3)
+    axes.plot(target, value, "o", ms=2 if target.size <= MANY else 1.4, color=style.ACCENT, mew=0, zorder=3)
+
+
+def _jitter(target: np.ndarray, ends: Sequence[float]) -> np.ndarray:
+    """Shifts that keep the rows of a few targets apart, the same at every drawing; none for targets of many values."""
+    if np.unique(target).size > FEW_TARGETS:
+        return np.zeros(target.size)
+    return 0.02 * (ends[1] - ends[0]) * np.linspace(-1, 1, 7)[np.arange(target.size) % 7]
 
 
 def _caption(predicted: str, sign: str, shown: list[str], parts: Mapping[str, Any]) -> str:
-    said = []
-    for part in shown:
-        score = parts[part]
-        r2 = "" if score["r2"] is None else f", R² {r_squared(score['r2'])}"
-        said.append(f"{TITLES.get(part, part)} MSE {number(score['mse'])} {_squared(sign)}{r2}")
+    said = [f"{TITLES.get(part, part)} MSE {number(parts[part]['mse'])} {_squared(sign)}" for part in shown]
     last, most = parts[shown[-1]], max(parts[part]["n"] for part in shown)
-    drawn = "bars, cut at the frame" if most <= BARS else f"bars of at most {BARS} rows a panel, cut at the frame"
+    drawn = "bars, cut at the frame" if most <= BARS else f"bars of {BARS} rows a panel, cut at the frame"
     return (f"{predicted} against target: {'; '.join(said)}. The 90 % intervals ({drawn}) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 

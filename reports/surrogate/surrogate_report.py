@@ -19,7 +19,7 @@ from reports.surrogate import (
     surrogate_tables,
     training_figures,
 )
-from reports.surrogate.parity_figures import TITLES, label, unit, unseen
+from reports.surrogate.parity_figures import label, unit, unseen
 from surrogate.bounds import bound_files
 from surrogate.learners.registry import METHODS
 
@@ -112,15 +112,7 @@ def _cautions(evaluation: Mapping[str, Any]) -> list[str]:
 
 
 def _findings(model: Mapping[str, Any], evaluation: Mapping[str, Any]) -> list[str]:
-    found = []
-    for name, parts in evaluation["outputs"].items():
-        part = unseen(parts)
-        score = parts[part]
-        r2 = "undefined, the targets do not vary" if score["r2"] is None else r_squared(score["r2"])
-        found.append(f"{label(name)}: RMSE {number(score['rmse'])} {unit(parts)} on {score['n']} {TITLES[part]} "
-                     f"(R² {r2}); {percent(score['coverage_90'])} lie in their 90 % interval.")
-    found.append(f"Training took {number(model['fit_s'])} s of CPU, a frame takes "
-                 f"{number(evaluation['predict_ms'])} ms.")
+    found = [f"Training took {number(model['fit_s'])} s of CPU, a frame takes {number(evaluation['predict_ms'])} ms."]
     if evaluation["dataset"]["sha256"] != model["dataset"]["sha256"]:
         found.append("The scores are of another data set than the one that the model was trained on.")
     networks = {name: net for name, net in model["training"].items() if isinstance(net, dict)}
@@ -133,7 +125,7 @@ def _prose(model: Mapping[str, Any]) -> dict[str, Any]:
     split, words = model["dataset"]["split"], {"train": "train", "val": "calibrate the intervals", "test": "test"}
     rows = ", ".join(f"{counted(split[part], 'row')} {word}" for part, word in words.items())
     method = METHODS.get(model["method"])
-    return {"method": method.description if method else f"Method {model['method']}.",
+    return {"method": typeset(method.description) if method else f"Method {model['method']}.",
             "split": f"{rows}; drawn by the seed.",
             "dataset": f"Data set of {counted(model['dataset']['rows'], 'row')}, sha256 {model['dataset']['sha256']}.",
             "versions": f"Trained with {provenance.version_lines(model['versions'])}."}

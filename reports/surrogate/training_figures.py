@@ -19,9 +19,9 @@ NAME = "history"
 def history(found: Mapping[str, NDArray[np.float64]], rows: int) -> ReportFigure:
     """One line an output in each panel, for histories (steps, 5) of networks trained on so many rows."""
     tables = {output: table(steps, rows) for output, steps in found.items()}
-    figure = style.sheet(112)
+    figure = style.sheet(96)
     panels = figure.subplots(2, 2, sharex=True)
-    shown = (("rms_error", "RMS error over half the span (–)", True), ("gamma", "Effective parameters γ (–)", False),
+    shown = (("rms_error", "RMS error in half spans (–)", True), ("gamma", "Effective parameters γ (–)", False),
              ("alpha", "α, weight of the weights (–)", True), ("beta", "β, weight of the errors (–)", True))
     for axes, (column, words, logarithmic) in zip(panels.flat, shown, strict=True):
         for k, (output, steps) in enumerate(tables.items()):

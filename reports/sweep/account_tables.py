@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from reports.document.numerals import counted, number, percent
+from reports.document.numerals import counted, number, percent, typeset
 from reports.document.page import Table
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def left_out(account: Accounted) -> list[str]:
     said = [_bound(one) for one in bounded]
     if unknown:
         said.append(f"At a cost that is unknown and in no error: {'; '.join(unknown)}.")
-    return said
+    return [*map(typeset, said)]
 
 
 def _bound(one: Omission) -> str:

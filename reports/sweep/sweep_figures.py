@@ -76,7 +76,7 @@ def ranges(ok: Columns, inputs: Sequence[str], outputs: Sequence[str]) -> Report
         for axes in line[len(columns):]:
             axes.set_visible(False)
         style.label(line[0], axis_label(columns[0]), "Scenes (–)")
-    said = [", ".join(f"{LABELS[c][0].lower()} {number(ok[c].min(), 4)} to {number(ok[c].max(), 4)} {LABELS[c][1]}"
+    said = [", ".join(f"{LABELS[c][0].lower()} {number(ok[c].min())} to {number(ok[c].max())} {LABELS[c][1]}"
                       for c in columns) for columns in (inputs, outputs)]
     caption = f"Over {counted(ok['scene'].size, 'scene')}, drawn: {said[0]}; what came out: {said[1]}."
     return ReportFigure("ranges", figure, caption, {"ranges": _frame(ok, ("scene", *inputs, *outputs))})

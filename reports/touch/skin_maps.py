@@ -184,4 +184,5 @@ def _response_caption(skin: SkinMap, maps: Mapping[str, Array], scene: Mapping[s
     pressure, strain, depth = (float(values.max()) for values in maps.values())
     return (f"The touch as a map: contact pressure up to {number(pressure)} kPa, {number(places[0])} mm from the axis "
             f"of its punch; largest in-plane principal strain up to {number(strain)} at {number(places[1])} mm; "
-            f"displacement up to {number(depth)} mm. Drawn on the untouched surface.")
+            f"displacement up to {number(depth)} mm. Drawn on the untouched surface, at points of its mesh, between "
+            "which the peak of the profile may lie.")

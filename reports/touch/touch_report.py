@@ -8,7 +8,7 @@ import numpy as np
 
 from eitsim.simulation.result_json import ERRORS, MECHANICS
 from reports.document import provenance
-from reports.document.numerals import counted, interval, number, percent, volts
+from reports.document.numerals import counted, interval, number, percent, typeset, volts
 from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST, Verdict, graded, real, worst
 from reports.touch import reading_figures, skin_maps, touch_figures
@@ -87,7 +87,8 @@ def _cautions(result: Mapping[str, Any]) -> list[str]:
     """What the run itself says, and decisions whose cost is in no error estimate."""
     said = [result["message"]] if result["outcome"] == "ok" and result.get("message") else []
     unknown = [d["decision"] for d in result["plan"] if "unknown" in d["reason"]]
-    return said + ([f"At a cost that is unknown and in no error: {'; '.join(unknown)}."] if unknown else [])
+    said += [f"At a cost that is unknown and in no error: {'; '.join(unknown)}."] if unknown else []
+    return [*map(typeset, said)]
 
 
 def _findings(result: Mapping[str, Any]) -> list[str]:
@@ -210,13 +211,14 @@ def _change(name: str, first: float, last: float, unit: str) -> str:
 
 
 def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
-    rows = [[d["decision"], d["reason"], percent(d["error_bound"]) if d["error_bound"] else "–"] for d in plan]
+    rows = [[typeset(d["decision"]), typeset(d["reason"]), percent(d["error_bound"]) if d["error_bound"] else "–"]
+            for d in plan]
     total = sum(d["error_bound"] for d in plan)
     largest = max(plan, key=lambda d: d["error_bound"], default=None)
     caption = (f"What the plan decided: {counted(len(plan), 'decision')} that may together cost {percent(total)} of "
                "the signal")
     if largest is not None and largest["error_bound"] > 0:
-        caption += f", most of it by “{largest['decision']}”"
+        caption += f", most of it by “{typeset(largest['decision'])}”"
     return Table(caption + ". A dash: no cost is counted.", ["decision", "reason", "may cost"], rows, "wWr")
 
 

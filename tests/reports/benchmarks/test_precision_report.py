@@ -147,6 +147,18 @@ def test_the_table_of_the_cheapest_counts_what_is_done_once(tmp_path: Path, read
     assert cheapest(near, 1e-5) is None
 
 
+def test_methods_are_named_as_a_stranger_reads_them_and_a_cost_stands_above_a_size(tmp_path: Path) -> None:
+    table = pd.DataFrame({"touch": "near", "method": ["P2 that follows, condensed", "rings that scatter"],
+                          "setting": "", "dv_error": 1e-4, "cpu_ms": 2.0, "kept_ms": 0.0})
+    table.to_csv(tmp_path / "electrics.csv", index=False)
+    pd.DataFrame(SIZES, columns=["triangles", "unknowns", "method", "cpu_s"]).to_csv(tmp_path / "peers_electrics.csv")
+    errors, sizes = report(tmp_path).plates
+    assert set(errors.data["electrics"]["method"]) == {"P2, mesh follows the touch, condensed", "scattering by rings"}
+    assert "that scatter" not in errors.caption
+    (axes,) = sizes.figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Unknowns (–)", "CPU time (s)")
+
+
 def test_what_was_not_run_is_said(tmp_path: Path, read_pdf: Reader) -> None:
     write_electrics(tmp_path)
     write(report, tmp_path, tmp_path / "p.pdf")

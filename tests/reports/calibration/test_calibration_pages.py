@@ -143,7 +143,7 @@ def test_what_the_record_holds_of_each_test_is_stated(cards: dict[str, Path]) ->
     assert row[1] == "ISO 3384-1"
     assert row[2] == "loaded area 1960 mm², length 20.0 mm"
     assert row[3] == "0.77"
-    assert row[4:] == ["mts_testsuite", "1"]
+    assert row[4:] == ["MTS TestSuite", "1"]
     rows = calibration_report.report(cards["replicates"]).tables["recorded"].rows
     assert [row[5] for row in rows] == ["2", "2"]
     assert {row[2] for row in rows} == {"not recorded"}

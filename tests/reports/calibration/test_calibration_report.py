@@ -207,8 +207,11 @@ def test_a_posterior_gives_bands_and_its_checks(tmp_path: Path, card_path: Path,
     lo, hi = np.quantile(9.53 * scale, [0.025, 0.975])
     assert f"{lo:.2f} to {hi:.2f}" in text
     assert "R-hat 1.004" in text
-    assert "Prior: alpha flat." in text
-    assert text.count("95 % band of the long-term law") == 2
+    (drawn_posterior,) = (p for p in calibration_report.report(card_path).plates if p.name == "posterior")
+    assert "orange" not in drawn_posterior.caption
+    assert "Initial shear modulus μ₀" in drawn_posterior.caption
+    assert "Prior: α flat." in text
+    assert text.count("its 95 % band") == 3  # two legends, and the caption of all modes
     assert "60 draws" in text
     assert "8.5 to 10.6" in text
     drawn = pd.read_csv(tmp_path / "c_files" / "shear_band.csv")

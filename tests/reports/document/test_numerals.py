@@ -6,6 +6,7 @@ import pytest
 
 from reports.document.numerals import (
     counted,
+    in_figure,
     interval,
     number,
     pascals,
@@ -53,9 +54,18 @@ def test_an_interval_gives_the_digits_of_its_value() -> None:
 
 
 @pytest.mark.parametrize(("words", "text"), [("strain -0.5 to -0.3", "strain −0.5 to −0.3"), ("1e-05 s", "1 × 10⁻⁵ s"),
-                                             ("ISO 3386-1, x-y", "ISO 3386-1, x-y")])
+                                             ("ISO 3386-1, x-y", "ISO 3386-1, x-y"),
+                                             ("3 kJ/m3 (70%), 20 um", "3 kJ/m³ (70 %), 20 µm"),
+                                             ("g_i >= 0, 1 +- 2", "gᵢ ≥ 0, 1 ± 2"),
+                                             ("mu_0 of alpha and nu = 0", "μ₀ of α and ν = 0"),
+                                             ("--nu 0.3, mu_0_Pa, alpha_1, drum", "--nu 0.3, mu_0_Pa, alpha_1, drum")])
 def test_signs_and_powers_are_set(words: str, text: str) -> None:
     assert typeset(words) == text
+
+
+def test_a_power_in_a_figure_is_one_that_its_font_has() -> None:
+    assert in_figure(f"RMSE {number(4.1e-6, 2)} mm") == "RMSE 4.1 × $10^{-6}$ mm"
+    assert in_figure("10 mm²") == "10 mm²"
 
 
 @pytest.mark.parametrize(("value", "unit"), [(123.0, "Pa"), (9.5e3, "kPa"), (2e8, "MPa"), (0.0, "Pa"), (0.3, "Pa")])

@@ -22,9 +22,9 @@ from reports.document.page import Report, ReportFigure, Table, write_pdf
 Reader = Callable[[Path], Any]
 
 
-def plate(name: str, x: str = "Time (s)") -> ReportFigure:
+def plate(name: str, x: str = "Time (s)", height_mm: float = 40, width_mm: float = style.TEXT_WIDTH_MM) -> ReportFigure:
     with style.house():
-        figure = style.sheet(40)
+        figure = style.sheet(height_mm, width_mm)
         axes = figure.subplots()
         axes.plot([0, 1], [2, -3])
         style.label(axes, x, "Force (N)")
@@ -42,6 +42,22 @@ def make_report(tmp_path: Path, *plates: ReportFigure, **changes: Any) -> Report
 def render(report: Report, out: Path) -> None:
     with style.house():
         write_pdf(report, out)
+
+
+def test_a_report_drawn_again_has_the_same_bytes_and_no_date(tmp_path: Path) -> None:
+    for name in ("a.pdf", "b.pdf"):
+        render(make_report(tmp_path, plate("scene")), tmp_path / name)
+    drawn = (tmp_path / "a.pdf").read_bytes()
+    assert drawn == (tmp_path / "b.pdf").read_bytes()
+    assert b"CreationDate" not in drawn
+
+
+@pytest.mark.parametrize(("width_mm", "pages"), [(style.HALF_WIDTH_MM, 2), (style.TEXT_WIDTH_MM, 3)])
+def test_figures_of_half_the_width_stand_two_in_a_row(tmp_path: Path, width_mm: float, pages: int) -> None:
+    names = [f"figure_{k}" for k in range(6)]
+    plates = [plate(name, height_mm=95, width_mm=width_mm) for name in names]
+    render(make_report(tmp_path, *plates, template="precision", prose={"order": names}), tmp_path / "a.pdf")
+    assert len(PdfReader(tmp_path / "a.pdf").pages) == pages
 
 
 def test_every_font_is_embedded_and_the_page_is_a4(tmp_path: Path) -> None:

@@ -63,7 +63,8 @@ def write_models(folder: Path) -> None:
             value = target + 0.1 * rng.normal(size=count)
             tables.append(pd.DataFrame({"part": part, "scene": range(count), "output": name, "unit": unit,
                                         "target": target, "value": value, "half_width_90": 0.2}))
-            scores.setdefault(name, {})[part] = asdict(score(target, value, np.full((3, count), 0.2), unit))
+            half = np.full((3, count), 0.2)
+            scores.setdefault(name, {})[part] = asdict(score(target, value, half, half, unit))
     net = {"gamma": 25.5, "parameters": 4201, "epochs": 60, "stop": "epochs", "collapsed": False}
     split = {"train": 20, "val": 4, "test": 8}
     (folder / "model.json").write_text(json.dumps({
@@ -105,7 +106,7 @@ def test_what_is_there_is_drawn_and_what_is_not_is_said(run: Run, tmp_path: Path
                   "Not there: the networks were not trained.", "Stale: convergence. See the first page.",
                   "Stale: hold_force, hold_depth, convergence: command, inputs",
                   "Stale: hold_force, hold_depth. See", "quantity unit paper this run",
-                  "figure quantity method unit paper this run ratio ratio, full run", "Meshes, holds and readings"):
+                  "figure quantity method unit paper this run ratio ratio, full run", "A held touch"):
         assert words in text, words
     assert sorted(path.name for path in (tmp_path / "paper_files").glob("*.svg")) == ["figure_8.svg", "figure_9.svg"]
     numbers = pd.read_csv(tmp_path / "numbers.csv", dtype={"figure": str})
@@ -186,6 +187,7 @@ def section(figure: str, *numbers: Number) -> Section:
 
 def test_the_worst_of_every_figure_stands_on_the_first_page() -> None:
     parts = [section("5", Number("modulus left 2 s after a step", "–", 0.8)),
+             section("12", Number("scenes", "–", 4.0)),
              section("T1", Number("μ₁", "kPa", -8.1)),
              section("13", Number("RMSE of x₀, test rows", "mm", 7.5, "networks"),
                      Number("RMSE of y₀, test rows", "mm", 0.55, "networks"),
@@ -196,9 +198,9 @@ def test_the_worst_of_every_figure_stands_on_the_first_page() -> None:
     full = pd.DataFrame({"figure": ["17"], "quantity": ["RMSE, test rows"], "unit": ["kPa"], "method": ["networks"],
                          "value": [1.307]})
     table = ratios.table(found, full)
-    assert [row[0] for row in table.rows] == ["5", "T1", "13", "13", "17"]
-    assert table.rows[2][1:] == ["RMSE of x₀, test rows", "networks", "mm", "0.579", "7.50", "13", "–"]
-    assert table.rows[4][1:] == ["RMSE, test rows", "networks", "kPa", "0.653", "5.69", "8.7", "2.0"]
+    assert [row[0] for row in table.rows] == ["5", "12", "T1", "13", "13", "17"]
+    assert table.rows[3][1:] == ["RMSE of x₀, test rows", "networks", "mm", "0.579", "7.50", "13.0", "–"]
+    assert table.rows[5][1:] == ["Mean pressure, RMSE, test rows", "networks", "kPa", "0.653", "5.69", "8.71", "2.00"]
     assert "The worst is μ₁ (T1), of the other sign" in table.caption
     lines = {line.what: (line.grade, line.why) for line in ratios.verdict(found, synthetic=True)}
     assert lines["Curves of the material"][0] == GOOD

@@ -65,7 +65,7 @@ def test_a_surrogate_report_holds_its_scores(tmp_path: Path, read_pdf: Reader) -
     test = table[(table["output"] == "x0") & (table["part"] == "test")]
     error = test["value"] - test["target"]
     r2 = 1 - np.mean(error**2) / np.var(test["target"])
-    for value in (f"{np.sqrt(np.mean(error**2)):#.3g} mm on 6 test rows", f"MSE {np.mean(error**2):#.3g} mm²",
+    for value in (f"RMSE {np.sqrt(np.mean(error**2)):#.3g} mm", f"MSE {np.mean(error**2):#.3g} mm²",
                   f"R² {r2:.4f}", "12.3 s of CPU", "0.567 ms", "25.5", "77", "the gradient vanished", "seed 4"):
         assert value in text
     assert "Contact area, predicted (mm²)" in text
@@ -90,7 +90,7 @@ def test_a_surrogate_begins_with_its_verdict_and_carries_the_cautions_of_the_ter
                  "Intervals were calibrated on rows without noise.", "Material uncertainty is not in the intervals.",
                  "position x 10.0 to 60.0 mm"):
         assert line in first, line
-    assert first.index("Position x, contact area") < first.index("Position x: RMSE")
+    assert first.index("Position x, contact area") < first.index("12.3 s of CPU")
 
 
 def test_noise_that_was_not_scored_is_said_and_a_scored_one_is_shown(tmp_path: Path, read_pdf: Reader) -> None:
@@ -132,7 +132,7 @@ def test_scores_of_another_data_set_and_constant_targets_are_said(tmp_path: Path
     write(tmp_path / "model", tmp_path / "s.pdf")
     text = read_pdf(tmp_path / "s.pdf").whole
     assert "another data set" in text
-    assert "R² undefined, the targets do not vary" in text
+    assert "Position x not usable no R²: the targets do not vary" in text
 
 
 def test_the_floor_of_the_physics_stands_beside_the_errors_under_noise(tmp_path: Path, read_pdf: Reader) -> None:
@@ -217,7 +217,7 @@ def test_a_folder_that_is_no_model_is_named(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize(
     ("rows", "bars", "words"),
-    [(150, 150, "(bars, cut at the frame)"), (3000, parity_figures.BARS, "(bars of at most 200 rows a panel, cut")],
+    [(30, 30, "(bars, cut at the frame)"), (3000, parity_figures.BARS, "(bars of 40 rows a panel, cut")],
 )
 def test_bars_of_many_rows_stay_apart(rows: int, bars: int, words: str) -> None:
     target = np.linspace(1.0, 2.0, rows)
@@ -231,3 +231,19 @@ def test_bars_of_many_rows_stay_apart(rows: int, bars: int, words: str) -> None:
     assert rows in {np.size(line.get_xdata()) for line in axes.get_lines()}
     assert words in made.caption
     assert len(made.data["parity_F"]) == rows
+
+
+def test_points_of_a_few_targets_stand_apart_and_each_panel_says_its_error() -> None:
+    for target, moved in ((np.repeat([10.0, 12.0, 14.0], 20), True), (np.linspace(10.0, 14.0, 60), False)):
+        table = pd.DataFrame({"part": "test", "scene": range(60), "unit": "mm", "target": target, "value": target + 0.5,
+                              "half_width_90": 1.0})
+        half = np.full((3, 60), 1.0)
+        parts = {"test": asdict(score(target, target + 0.5, half, half, "mm"))}
+        made = parity_figures.plate("d", table, parts)
+        (axes,) = made.figure.axes
+        (points,) = (line for line in axes.get_lines() if np.size(line.get_xdata()) == 60)
+        away = np.abs(np.asarray(points.get_xdata(), float) - target)
+        assert (away.max() > 0) == moved
+        assert away.max() < 0.2
+        assert np.array_equal(made.data["parity_d"]["target"], target)
+        assert [text.get_text() for text in axes.texts] == [f"RMSE 0.500 mm\nR² {parts['test']['r2']:.4f}"]

@@ -151,7 +151,7 @@ def test_a_sweep_report_holds_the_numbers_of_its_set(tmp_path: Path, write_set: 
     text, ok = read_pdf(out).whole, read_dataset(folder).ok
     assert "21 of 24 scenes ended ok; 3 did not" in text
     assert "too near the rim" in text
-    assert f"{ok['delta_max_mm'].max():.3f}" in text
+    assert f"{ok['delta_max_mm'].max():.2f} mm" in text
     assert f"{100 * ok['signal_error'].max():.2g} %" in text
     assert hashlib.sha256((folder / "design.json").read_bytes()).hexdigest()[:16] in text
     assert "seed 7" in text
