@@ -109,7 +109,7 @@ def test_a_tip_that_no_finer_mesh_resolves_ends_the_search(half_angle_deg: float
     force_N = 1.0 if kind is BottomedOut else 0.6
     punch = Punch(profile="cone", half_angle_rad=np.radians(half_angle_deg), force_N=force_N)
     began = time.process_time()
-    with pytest.raises(kind, match="tip stands 0.* thicknesses deep .* Try a smaller force") as caught:
+    with pytest.raises(kind, match=r"tip stands \S+ thicknesses deep .* Try a smaller") as caught:
         solve_touch(TABLE_1, Body(), punch)
     assert isinstance(caught.value, BottomedOut) == (kind is BottomedOut)
     assert time.process_time() - began < 8
