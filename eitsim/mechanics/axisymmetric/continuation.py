@@ -23,6 +23,9 @@ _STEP, _LEAST_STEP, _GROWTH = 0.7, 0.02, 1.5
 _LARGEST_STEP, _SLOW = 0.5, 0.5
 # Depth over thickness from which a touch counts as bottomed out.
 BOTTOM = 0.95
+# Depth over thickness from which a tip must be taken over from a coarser mesh to a finer one within so many iterations:
+# what is found after more, or from rest, took tens of seconds and is turned inside out.
+_SQUEEZED, _TAKEN_OVER = 0.7, 40
 # Iterations of a step.
 _ITERATIONS = 60
 # Shares of a coarser mesh's state that are tried on a finer one: where the foam is squeezed flat, the whole of it may
@@ -77,14 +80,21 @@ def warm_start(model: IndentationProblem, before: Equilibrium, force: float) -> 
 
 
 def carried_over(coarse: IndentationProblem, state: Equilibrium, fine: IndentationProblem) -> Equilibrium:
-    """The equilibrium of a coarse mesh on a finer one; from rest where it cannot start there."""
+    """The equilibrium of a coarse mesh on a finer one; from rest where it cannot start there. NotConverged, which is
+    BottomedOut beyond BOTTOM, where a tip squeezes the foam flat on the coarse mesh and cannot start either."""
     x = indentation.transferred(state.x, coarse.grid, fine.grid)
+    squeezed = state.depth > _SQUEEZED and not fine.punch.profile.is_flat
     for share in _SHARES:
         if np.isfinite(energy(fine, state.force, share * x)):
             try:
-                return equilibrium(fine, state.force, share * x)
+                return equilibrium(fine, state.force, share * x, limit=_TAKEN_OVER if squeezed else 100)
             except NotConverged:
                 break
+    if squeezed:
+        kind = BottomedOut if state.depth > BOTTOM else NotConverged
+        raise kind(f"The punch's tip stands {state.depth:.3f} thicknesses deep on a coarser mesh, and a finer one does "
+                   "not resolve the foam that it squeezes flat. Try a smaller force or depth, or a blunter punch.",
+                   estimate=x, load_fraction=1.0)
     return cold_start(fine, state.force)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,18 @@ def test_a_failure_tells_what_was_reached():
     assert 0 < reached < 1
     assert np.isfinite(energy(model, reached * 1e5, caught.value.estimate))
     assert len(caught.value.residuals) > 0
+
+
+@pytest.mark.parametrize(("half_angle_deg", "kind"), [(20.0, BottomedOut), (8.0, NotConverged)])
+def test_a_tip_that_no_finer_mesh_resolves_ends_the_search(half_angle_deg: float, kind: type[NotConverged]) -> None:
+    """In place of a search from rest, of some 1,000 factorisations on the finest mesh, which ends inside out."""
+    force_N = 1.0 if kind is BottomedOut else 0.6
+    punch = Punch(profile="cone", half_angle_rad=np.radians(half_angle_deg), force_N=force_N)
+    began = time.process_time()
+    with pytest.raises(kind, match=r"tip stands \S+ thicknesses deep .* Try a smaller") as caught:
+        solve_touch(TABLE_1, Body(), punch)
+    assert isinstance(caught.value, BottomedOut) == (kind is BottomedOut)
+    assert time.process_time() - began < 8
 
 
 def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
