@@ -191,7 +191,7 @@ def test_two_cards_are_compared_in_standard_deviations(matcal, card: Path, tmp_p
     assert "4125 +- 40" in text
     assert out.is_file()
     words = " ".join("".join(page.extract_text() for page in PdfReader(out).pages).split())
-    assert "not usable largest difference 2.5 standard deviations, in plateau_Pa" in words
+    assert "not usable largest difference 2.5 standard deviations, in plateau stress at 40 % strain" in words
     drawn = pd.read_csv(tmp_path / "both_files" / "curves.csv")
     assert set(drawn["card"]) == {"a", "b"}
     assert "conductivity" not in set(drawn["kind"])
