@@ -138,11 +138,14 @@ class Losing:
 def test_values_are_kept_as_arrays_and_nothing_of_others_is_run(tmp_path) -> None:
     node = Node(0.1, numpy.asfortranarray(numpy.random.default_rng(1).random((6, 4))), numpy.full((6, 4), numpy.nan),
                 numpy.arange(6.0), numpy.zeros(6), 1 / 3, ())
-    value = ([node], (None, 0.1, "a", True), Deviation(1e-3, numpy.float64(0.2), 0.0), numpy.float32([0.1]))
+    value = ([node], (None, 0.1, "a", True), Deviation(1e-3, numpy.full(3, 0.2), numpy.float64(0.5)),
+             numpy.float32([0.1]))
     numpy.savez(tmp_path / "a.npz", **to_arrays(value))
     with numpy.load(tmp_path / "a.npz", allow_pickle=False) as file:
         found = from_arrays(dict(file))
-    assert found[1:3] == value[1:3]
+    assert found[1] == value[1]
+    assert (found[2].depth, found[2].strain) == (1e-3, 0.5)
+    assert found[2].signals.tolist() == [0.2, 0.2, 0.2]
     assert found[3].dtype == numpy.float32
     for one in fields(Node):
         numpy.testing.assert_array_equal(getattr(found[0][0], one.name), getattr(node, one.name))
