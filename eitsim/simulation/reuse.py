@@ -48,13 +48,16 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
 
 
 def _arrays(table: Table) -> dict[str, Any]:
-    error = table.error
-    return _kept(table, _PATHS) | {"error": np.array([error.depth, *error.signals, error.strain]),
-                                   "checks": np.array(table.checks)}
+    return _kept(table, _PATHS) | {"error": numbers_of(table.error), "checks": np.array(table.checks)}
+
+
+def numbers_of(error: Deviation) -> Array:
+    """(5,) what is kept of a deviation: of depth, signals and stretches."""
+    return np.array([error.depth, *error.signals, error.strain])
 
 
 def deviation_of(kept: Array) -> Deviation:
-    """A deviation from the numbers (5,) that are kept of it: of depth, signals and stretches."""
+    """The deviation of which these numbers (5,) are kept."""
     return Deviation(float(kept[0]), kept[1:-1], float(kept[-1]))
 
 

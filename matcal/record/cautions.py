@@ -163,7 +163,8 @@ def _at_bound(card: MaterialCard) -> Iterator[str]:
     found = card.fit.get("parameters", {})
     if card.hyperfoam is None or not found:
         return
-    kept = [f"alpha_{k} = {found[f'alpha_{k}']['value']:.3g}" for k in dict.fromkeys((1, card.hyperfoam.alpha.size))
+    ends = [k for k in dict.fromkeys((1, card.hyperfoam.alpha.size)) if f"alpha_{k}" in found]
+    kept = [f"alpha_{k} = {found[f'alpha_{k}']['value']:.3g}" for k in ends
             if found[f"alpha_{k}"]["stderr"] is None and found[f"mu_{k}_Pa"]["stderr"] is not None]
     if kept:
         order, tried = card.hyperfoam.alpha.size, card.fit.get("orders", ())

@@ -11,6 +11,7 @@ import pytest
 
 from eitsim.cli.main import app as eitsim
 from matcal.cli.main import app as matcal
+from reports.document.numerals import typeset
 
 Reader = Callable[[Path], Any]
 DATA = Path(__file__).parents[2] / "data_raw"
@@ -40,7 +41,8 @@ def test_a_fit_of_plain_curves_is_reported(folder: Path, read_pdf: Reader) -> No
     for row in card["provenance"]["files"]:
         assert row["sha256"] in text
     for sentence in (s.removeprefix("uniaxial_1: ").removeprefix("shear_1: ") for s in card["provenance"]["decisions"]):
-        assert " ".join(sentence.split()) in text.replace("- ", "-") or sentence in text, sentence
+        printed = typeset(sentence)
+        assert " ".join(printed.split()) in text.replace("- ", "-") or printed in text, printed
     assert "Nominal stress (kPa)" in text
     assert "fitted to shear alone" in text
 

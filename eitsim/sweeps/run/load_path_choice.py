@@ -2,7 +2,7 @@
 or a family of tables where rows have laws of their own; and when these are worth their cost."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, astuple, replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -20,7 +20,7 @@ from eitsim.scene.scene import Punch
 from eitsim.simulation import reuse
 from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import near_rim
-from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, shape_for, table_for
+from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, numbers_of, shape_for, table_for
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
@@ -269,7 +269,7 @@ def _plain(law: Hyperfoam) -> list[list[float]]:
 def _arrays(family: Family) -> dict[str, Any]:
     table = family.table
     return {"values": family.values, "slopes": family.slopes, "count": np.array(len(table.depths)),
-            "checks": np.array(table.checks), "error": np.array(astuple(table.error)), "cpu_s": np.array(table.cpu_s)}
+            "checks": np.array(table.checks), "error": numbers_of(table.error), "cpu_s": np.array(table.cpu_s)}
 
 
 def _rim_error(family: Family) -> dict[str, Any]:

@@ -129,7 +129,9 @@ def test_run_refuses_to_write_over_its_scene_or_its_card(folder: Path) -> None:
     assert {name: (folder / name).read_bytes() for name in before} == before
 
 
-def test_a_run_says_what_each_quantity_is_and_the_plan_in_one_line(command: Command, folder: Path) -> None:
+def test_a_run_says_what_each_quantity_is_and_the_plan_in_one_line(command: Command, folder: Path,
+                                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
     done = command("eitsim", "run", "scene.toml", cwd=folder)
     lines = done.stdout.splitlines()
     for words in ("Depth of the punch face, delta_max_mm", "Contact area on the punch face, A_c_mm2",

@@ -111,7 +111,7 @@ def test_a_scene_says_that_its_law_is_a_mean_and_a_law_beyond_is_solved_directly
 
 
 def test_paths_too_rough_for_a_design_are_left_out_and_it_is_told(family) -> None:
-    rough = replace(family.table, error=replace(family.table.error, signal=0.01))
+    rough = replace(family.table, error=replace(family.table.error, signals=np.array([0.01, 1.0, 1.0])))
     for signal, kept in ((0.02, False), (0.05, True)):
         found, why = fine_enough_for(design_from({"accuracy": {"signal": signal}}, 3), rough)
         assert (found is not None, "up to 1.0e-02 off" in why) == (kept, not kept)

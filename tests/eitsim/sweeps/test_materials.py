@@ -188,7 +188,7 @@ def test_rows_do_not_depend_on_workers_or_stops_and_the_count_may_grow(card: Pat
 
 
 def test_what_emulated_load_paths_cost_is_among_what_is_left_out(card: Path) -> None:
-    table: Any = SimpleNamespace(error=Deviation(2e-4, 3e-4, 1e-3))
+    table: Any = SimpleNamespace(error=Deviation(2e-4, np.array([3e-4, 1.0, 1.0]), 1e-3))
     span: Any = SimpleNamespace(chosen=LAWS)
     design, none = design_from(RAW, 3), np.empty(0)
     told = [omissions(design, cards(card, draws=5), exact=False, table=found)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from matcal.readers.detect import read
@@ -58,6 +58,7 @@ def test_encodings(encoding: str, tmp_path: Path) -> None:
 def test_numbers_survive_any_layout(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]],
                                     layout: tuple[str, str]) -> None:
     delimiter, decimal = layout
+    assume(np.all(np.abs(rows).max(axis=0) > 1e-9))  # columns of less are refused
     body = "".join(f"{e!r}{delimiter}{p!r}\n".replace(".", decimal) for e, p in rows)
     path = _write(tmp_path_factory.mktemp("any"), f"strain{delimiter}stress\n-{delimiter}Pa\n{body}")
     got = read(path).columns
