@@ -38,7 +38,9 @@ class Samples:
     card: NDArray[np.int64]
     # (n, q) what each row's card answers, see `surrogate.data.material_states`; q = 0 where one card serves all
     material: Array
-    signal_error: Array  # (n,) the simulator's own estimate of its relative error of the signal, 2-norm
+    # (n,) standard deviation of the simulator's own relative error of the signal, 2-norm: what it states is at most
+    # that, evenly likely up to it
+    signal_sd: Array
     # (n,) hash of each row's number and targets: the same however its readings were measured
     row_hash: NDArray[np.uint64]
     # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
@@ -85,8 +87,9 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     touch = _touches(data.design["sampler"], scene, rows)
     material = material_states.answers(rows, "hold" in data.design["tables"])
     measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
+    signal_sd = _numbers(folder, rows, ["signal_error"])[:, 0] / np.sqrt(3)
     return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
-                   material, _numbers(folder, rows, ["signal_error"])[:, 0], _hashes(scene, target), measurement,
+                   material, signal_sd, _hashes(scene, target), measurement,
                    data.manifest.get(RELAXATION, {}))
 
 

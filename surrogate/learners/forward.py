@@ -44,7 +44,7 @@ class TouchInversion(Learner):
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
         response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
-        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rms(rows.signal_error)), response,
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rms(rows.signal_sd)), response,
                    np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:

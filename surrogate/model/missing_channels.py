@@ -62,7 +62,7 @@ def without(model: TrainedModel, dead: Mask) -> TrainedModel:
     kept = ~dead
     rows = spread_evenly(len(model.calibration.target), CALIBRATION_ROWS)
     calibration = Calibration(model.calibration.signal_V[rows][:, kept], model.calibration.target[rows],
-                              model.calibration.signal_error[rows])
+                              model.calibration.signal_sd[rows])
     whole = model.ring
     ring = replace(whole, source=whole.source[kept], sink=whole.sink[kept], read=whole.read[kept],
                    ground=whole.ground[kept])

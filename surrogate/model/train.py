@@ -81,7 +81,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     fit_s = _cpu_s() - begun
     target = training.targets(names)
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
-    calibration = Calibration(validation.signal_V, validation.targets(names), validation.signal_error)
+    calibration = Calibration(validation.signal_V, validation.targets(names), validation.signal_sd)
     model = Model(method, samples.ring, names, learner, calibration, _rows(samples, part, other),
                   span, samples.baseline_V.mean(0), seed, fit_s,
                   {**_provenance(samples, part, validation), "training": learner.record(asked)})

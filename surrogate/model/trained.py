@@ -28,7 +28,7 @@ class Calibration:
 
     signal_V: Array  # (n, readings) signals, V
     target: Array  # (n, outputs) targets
-    signal_error: Array  # (n,) relative errors of the signals by the simulator's own estimate
+    signal_sd: Array  # (n,) standard deviations of the simulator's own relative errors of the signals
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,12 @@ def _key(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> str
 
 def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> Array:
     rows, rng = model.calibration, np.random.default_rng(model.seed)
-    drawn = noise_V > 0 or np.any(rows.signal_error > 0)
+    drawn = noise_V > 0 or np.any(rows.signal_sd > 0)
     draws = min(NOISE_DRAWS, -(-NOISY_FRAMES // len(rows.target))) if drawn else 1
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
     noisy = signal + noise_V * rng.normal(size=signal.shape)
     # the simulator's error, as the forward map counts it
-    noisy += signal * (np.tile(rows.signal_error, draws) * rng.normal(size=len(target)))[:, None]
+    noisy += signal * (np.tile(rows.signal_sd, draws) * rng.normal(size=len(target)))[:, None]
     found = estimate(model, noisy, noise_V)
     error, few = found.value - target, model.learner.discrete(model.names)
     sd = np.where(error > 0, found.below, found.above)

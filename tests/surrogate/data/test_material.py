@@ -46,7 +46,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory, ring: Ring, synthetic: Calla
         return replace(samples, ring=ring, scene=plain, touch=plain, signal_V=signal,
                        baseline_V=np.tile(samples.baseline_V[0], (count, 1)),
                        target=np.column_stack([touch, np.ones((count, 4))]), card=number,
-                       material=material_states.answers(rows, False), signal_error=np.zeros(count),
+                       material=material_states.answers(rows, False), signal_sd=np.zeros(count),
                        row_hash=np.arange(count, dtype=np.uint64) + 10000 * seed)
 
     return read

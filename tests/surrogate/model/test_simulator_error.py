@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from surrogate.data.samples import Samples, take
+from surrogate.data.samples import Samples, read_samples, take
 from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare
 from surrogate.model.train import train
@@ -16,7 +18,7 @@ ERROR = 0.01
 def learned(samples: Samples, error: float, method: str) -> Model:
     """A model of touches away from the rim, whose simulator states this error of its signals."""
     inner = take(samples, np.hypot(*samples.target[:, :2].T) < 45)
-    return train(replace(inner, signal_error=np.full(len(inner), error)), method, ("x0", "F"), 1)
+    return train(replace(inner, signal_sd=np.full(len(inner), error)), method, ("x0", "F"), 1)
 
 
 def held(model: Model, samples: Samples) -> tuple[float, float]:
@@ -39,6 +41,11 @@ def test_methods_without_a_covariance_count_it_by_their_calibration(samples: Sam
     assert held(learned(samples, ERROR, "ridge"), samples)[1] > held(learned(samples, 0.0, "ridge"), samples)[1]
 
 
-def test_the_error_is_that_of_the_training_rows(samples: Samples) -> None:
-    assert np.all(samples.signal_error == 0)
+def test_the_error_is_that_of_the_training_rows(samples: Samples, make_dataset: Callable[..., Path],
+                                                tmp_path: Path) -> None:
+    assert np.all(samples.signal_sd == 0)
+    stated = np.linspace(0.001, 0.02, 30)
+    uniform = np.random.default_rng(0).uniform(-1, 1, 100_000)  # what is at most so large, evenly likely
+    np.testing.assert_allclose(read_samples(make_dataset(tmp_path / "set", 30, 4, signal_error=stated)).signal_sd,
+                               stated * uniform.std(), rtol=0.01)
     assert learned(samples, ERROR, "forward").record["training"]["simulator_error"] == pytest.approx(ERROR)
