@@ -1,5 +1,9 @@
 """Section C: what the paper leaves open of skin and punch, and what that does to what the models read."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 import pandas as pd
 
 from eitsim.sweeps.dataset.parquet import MANIFEST, read_dataset, read_manifest
@@ -9,7 +13,7 @@ from reports.paper import touches, variants
 from reports.paper.learning import METHODS
 from reports.paper.networks_table import OUTPUTS
 from reports.paper.section import Number, Section
-from reports.paper.stages_plan import CHOICES, FOLLOWED, FORWARD, NETWORKS, Run
+from reports.paper.stages_plan import CHOICES, FOLLOWED, Run
 
 TITLE = "insulated or conducting punch, and which strain drives the skin"
 NAMES = tuple(name for names in OUTPUTS.values() for name in names)
@@ -34,10 +38,11 @@ def section(run: Run) -> Section:
     tables, said = [], NOT_FOLLOWED.format(FOLLOWED)
     if followed.is_file():
         table = pd.read_csv(followed)
-        tables.append(read_by(table, own))
-        said = misread(table, own)
-    if search is not None:
-        tables.append(variants.table(search, list(NAMES)))
+        found = readings(table)
+        tables.append(read_by(found, dict(zip(table["output"], table["unit"], strict=True)), own))
+        said = misread(found, own)
+    if search:
+        tables.append(variants.table(search, NAMES))
     return Section("C", TITLE,
                    "Steel of 10⁷ S/m touches the skin, and the conductivity follows “the normal stretch ratio”; "
                    "neither is taken further.",
@@ -45,38 +50,59 @@ def section(run: Run) -> Section:
                    "through the thickness, so that with that strain the signal lives under the punch.",
                    f"A conducting punch changes the signal by {number(min(shares.values()))} to "
                    f"{number(max(shares.values()))} % (RMS) of what it is insulated. {said} "
-                   + ("" if search is not None else variants.NOT_RUN),
+                   + ("" if search else variants.NOT_RUN),
                    (CHOICES, FOLLOWED), (touches.choices("figure_C", rows, 16, own),), tuple(numbers), tuple(tables))
 
 
-def read_by(table: pd.DataFrame, own: tuple[str, int]) -> Table:
-    """A row a model and choice, a column an output: what is read of the touch, and in the first row what it is."""
-    first = table.drop_duplicates("output").set_index("output").reindex(NAMES)
-    rows = [["the touch itself", *(number(value) for value in first["target"])]]
-    for model in (NETWORKS, FORWARD):
-        for choice, part in table[table["model"] == model].groupby(list(touches.CHOICE), sort=False):
-            value = part.set_index("output")["value"].reindex(NAMES)
-            strain, conductor = choice
-            mark = " (own)" if (strain, int(conductor)) == own else ""
-            rows.append([f"{METHODS[model]}, {touches.STRAINS.get(strain, strain)}, "
-                         f"{touches.PUNCHES[int(conductor)]}{mark}",
-                         *("–" if pd.isna(one) else number(one) for one in value)])
-    units = [str(unit).replace("2", "²") for unit in first["unit"]]
-    heads = [f"{variants.short(name)} ({unit})" for name, unit in zip(NAMES, units, strict=True)]
+@dataclass(frozen=True)
+class Reading:
+    """What one model reads of the touch on a sensor of one choice."""
+
+    model: str  # stage of the model
+    choice: tuple[str, int]  # strain that drives the skin, and whether the punch conducts
+    value: Mapping[str, float]  # output -> value; without those that cannot be read
+    target: Mapping[str, float]  # output -> what it is
+
+
+def readings(table: pd.DataFrame) -> list[Reading]:
+    """The readings of a table of `followed`, in its order."""
+    found: dict[tuple[str, tuple[str, int]], Reading] = {}
+    for row in table.to_dict("records"):
+        choice = (str(row[touches.CHOICE[0]]), int(row[touches.CHOICE[1]]))
+        one = found.setdefault((row["model"], choice), Reading(row["model"], choice, {}, {}))
+        found[row["model"], choice] = replace(
+            one, target={**one.target, row["output"]: row["target"]},
+            value={**one.value, row["output"]: row["value"]} if np.isfinite(row["value"]) else one.value)
+    return list(found.values())
+
+
+def read_by(found: Sequence[Reading], units: Mapping[str, str], own: tuple[str, int]) -> Table:
+    """A row a model and choice, a column an output: what is read of the touch, below units and what it is."""
+    rows = [["unit", "", *(units[name].replace("2", "²") for name in NAMES)],
+            ["the touch itself", "", *_cells(found[0].target)]]
+    for one in found:
+        strain, conductor = one.choice
+        rows.append([METHODS[one.model], f"{strain}, {touches.PUNCHES[conductor]}" + " (own)" * (one.choice == own),
+                     *_cells(one.value)])
+    heads = [variants.SHORT.get(name, name) for name in NAMES]
     return Table("The touch of figure 10 on sensors of each choice, read by models that were trained on touches of "
-                 f"this report's own ({touches.in_words(*own)}): a wrong choice is read as another touch.",
-                 ["read by, strain, punch", *heads], rows, "w" + "r" * len(heads))
+                 f"this report's own ({touches.in_words(*own)}): a wrong choice is read as another touch. Strains: "
+                 f"{'; '.join(f'{key}, {words}' for key, words in touches.STRAINS.items() if key != words)}.",
+                 ["read by", "strain, punch", *heads], rows, "lw" + "r" * len(heads))
 
 
-def misread(table: pd.DataFrame, own: tuple[str, int]) -> str:
+def _cells(value: Mapping[str, float]) -> list[str]:
+    return [number(value[name]) if name in value else "–" for name in NAMES]
+
+
+def misread(found: Sequence[Reading], own: tuple[str, int]) -> str:
     """The largest error of the force that each model reads from the other choices, in words."""
     said = []
-    for model in (NETWORKS, FORWARD):
-        force = table[(table["model"] == model) & (table["output"] == "F")]
-        error = (force["value"] - force["target"]).abs()
-        mine = (force[touches.CHOICE[0]] == own[0]) & (force[touches.CHOICE[1]].astype(int) == own[1])
-        if mine.any() and (~mine).any():
-            said.append(f"the {METHODS[model]} by up to {number(error[~mine].max(), 2)} N "
-                        f"({number(error[mine].iloc[0], 2)} N on their own)")
+    for model in METHODS:
+        error = {one.choice: abs(one.value["F"] - one.target["F"]) for one in found
+                 if one.model == model and "F" in one.value}
+        if own in error and len(error) > 1:
+            most = max(value for choice, value in error.items() if choice != own)
+            said.append(f"the {METHODS[model]} by up to {number(most, 2)} N ({number(error[own], 2)} N on their own)")
     return ("A model of one choice misreads the force of a touch on a sensor of another: " + ", ".join(said) + "."
             if said else "")

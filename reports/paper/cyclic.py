@@ -26,8 +26,10 @@ def record(files: Sequence[Path], specimen: Path) -> pd.DataFrame:
                   for quantity in ("displacement", "current"))
     stroke, time = find_stroke(frame.columns["displacement"]), pot.columns["time"] - shift
     inside = (time >= frame.columns["time"][0]) & (time <= frame.columns["time"][-1])
-    return pd.DataFrame({"time_s": time, "resistance_Ohm": pot.columns["potential"] / pot.columns["current"],
-                         "displacement_mm": 1e3 * np.interp(time, frame.columns["time"], stroke.travel)})[inside]
+    resistance = pot.columns["potential"] / pot.columns["current"]
+    moved = np.interp(time, frame.columns["time"], stroke.travel)
+    return pd.DataFrame({"time_s": time[inside], "resistance_Ohm": resistance[inside],
+                         "displacement_mm": 1e3 * moved[inside]})
 
 
 def over_time(name: str, rows: pd.DataFrame) -> ReportFigure:
@@ -39,9 +41,9 @@ def over_time(name: str, rows: pd.DataFrame) -> ReportFigure:
     lower.plot(rows["time_s"], rows["displacement_mm"], color=style.SECOND, lw=0.8)
     style.label(upper, "", f"Resistance ({unit})")
     style.label(lower, "Time (s)", "Stretch (mm)")
-    most = rows["displacement_mm"].max()
-    ends = [float(factor * part["resistance_Ohm"].max()) for part in (rows.iloc[: len(rows) // 10],
-                                                                    rows.iloc[-len(rows) // 10:])]
+    most, tenth = rows["displacement_mm"].to_numpy().max(), len(rows) // 10
+    drawn = factor * rows["resistance_Ohm"].to_numpy()
+    ends = drawn[:tenth].max(), drawn[-tenth:].max()
     caption = (f"Resistance under cycles of {number(most)} mm, and the displacement that is applied, over time: the "
                f"resistance peaks at {number(ends[0])} {unit} in the first tenth of the record and at "
                f"{number(ends[1])} {unit} in the last.")

@@ -19,7 +19,7 @@ def table(choices: Path, models: Sequence[Path]) -> pd.DataFrame:
     chosen = read_dataset(choices).ok[["scene", *CHOICE]]
     read = [evaluate(load(model), choices).predictions.assign(model=model.name) for model in models]
     kept = ["model", *CHOICE, "output", "unit", "target", "value"]
-    return pd.concat(read).merge(chosen, on="scene")[kept]
+    return pd.DataFrame(pd.concat(read).merge(chosen, on="scene"), columns=kept)
 
 
 def main(choices: str, out: str, *models: str) -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 
 from matcal.card import read_card
 from matcal.record.compare import quoted
+from reports.benchmarks.stored_tables import Rows
 from reports.document.numerals import number, percent, r_squared
 from reports.document.page import ReportFigure
 from reports.paper import network, variants
@@ -67,11 +68,12 @@ def modulus_spread(run: Run) -> float | None:
     return None if row is None else row["sd"] / row["value"]
 
 
-def followed(names: tuple[str, ...], predictions: pd.DataFrame, search: pd.DataFrame | None,
-             spread: float | None) -> str:
+def followed(names: tuple[str, ...], predictions: pd.DataFrame, search: Rows, spread: float | None) -> str:
     """What another sensor, and what is not known of the foam's modulus, do to the errors of some outputs, in words."""
-    said = [] if search is None else [variants.followed(search, names)]
-    for name in (name for name in names if name in STRESSES and spread is not None):
+    said = [words] if (words := variants.followed(search, names)) else []
+    for name in names:
+        if name not in STRESSES or spread is None:
+            continue
         rows = parity_figures.points(predictions, name)
         target = rows.loc[rows["part"] == "test", "target"].to_numpy(dtype=float)
         said.append("Forces and pressures of one deformation are in proportion to the foam's moduli, which the tests "

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from eitsim.mechanics.axisymmetric.hold import solve_hold
 from eitsim.mechanics.solid.grid import default_element_m
@@ -50,7 +50,7 @@ def time_that_loses(fraction: float, lost: Callable[[float], float], near_s: tup
     lost = functools.cache(lost)
     for low, high in (near_s, (SHORTEST_S, LONGEST_S)):
         if lost(low) >= fraction >= lost(high):
-            return float(brentq(lambda loading_s: lost(loading_s) - fraction, low, high, rtol=ACCURACY))
+            return root_scalar(lambda loading_s: lost(loading_s) - fraction, bracket=(low, high), rtol=ACCURACY).root
     raise NotConverged(f"no loading within {SHORTEST_S:g} to {LONGEST_S:g} s loses {100 * fraction:g} % in "
                        f"{WITHIN_S:g} s.", estimate=np.array([lost(SHORTEST_S), lost(LONGEST_S)]))
 

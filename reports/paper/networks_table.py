@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from reports.benchmarks.stored_tables import Rows
 from reports.document.numerals import number, r_squared
 from reports.document.page import Table
 from reports.paper import variants
@@ -61,16 +62,16 @@ def _cell(value: float, digits: int = 3) -> str:
     return number(value, digits) if np.isfinite(value) else "–"
 
 
-def causes(scores: Mapping[str, Mapping[str, Any]], search: pd.DataFrame, own: tuple[str, int]) -> Table:
+def causes(scores: Mapping[str, Mapping[str, Any]], search: Rows, own: tuple[str, int]) -> Table:
     """Of each output far off the paper: its ratio here, under the own choice of sensor in the search, and under the
     best sensor of the search, and what follows."""
-    best, known, rows = variants.best(search), search.set_index(["variant", "output"])["over_paper"], []
-    mine = f"{own[0]}, {PUNCHES[own[1]]}"
+    mine, rows = f"{own[0]}, {PUNCHES[own[1]]}", []
     for name, ratio in far_off(scores).items():
-        if name in best.index:
-            there, row = known.get((mine, name), np.nan), best.loc[name]
-            rows.append([label(name), number(ratio, 2), _cell(there, 2), variants.words(row["variant"]),
-                         number(row["over_paper"], 2), cause(there, row["over_paper"])])
+        if best := variants.best(search, name):
+            there = variants.ratio(search, mine, name)
+            rows.append([label(name), number(ratio, 2), "–" if there is None else number(there, 2),
+                         variants.words(best["variant"]), number(best[variants.RATIO], 2),
+                         cause(there, best[variants.RATIO])])
     explained = sum(row[-1] == SENSOR for row in rows)
     caption = (f"Tested causes of ratios above {FAR:g}: of {len(rows)}, {explained} fall below it under another "
                f"sensor. “In the search” is this report's sensor ({mine}) on the search's touches.")
@@ -78,9 +79,9 @@ def causes(scores: Mapping[str, Mapping[str, Any]], search: pd.DataFrame, own: t
                  "lrrwrl")
 
 
-def cause(own: float, best: float) -> str:
-    """What the search says of an output that is far off: ratios of the own sensor there, nan where it is not, and of
+def cause(own: float | None, best: float) -> str:
+    """What the search says of an output that is far off: ratios of the own sensor there, None where it is not, and of
     the best."""
-    if own <= FAR:
+    if own is not None and own <= FAR:
         return "touches or training"
     return SENSOR if best <= FAR else "none of these sensors"

@@ -17,7 +17,7 @@ from reports.document.style import house
 from reports.paper import choices, learning, material, networks_table, ratios, simulation, variants
 from reports.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
 from reports.paper.stages import LOG, content, made, read_record, state
-from reports.paper.stages_plan import CARD, FULL, NETWORKS, SEED, SWEEP, Run, stale, write_scenes
+from reports.paper.stages_plan import CARD, COST, FULL, NETWORKS, SEED, SWEEP, Run, stale, write_scenes
 
 NUMBERS, STAGES = "numbers.csv", "stages.csv"
 PNG_DPI = 200
@@ -102,9 +102,9 @@ def _networks(run: Run) -> tuple[dict[str, Table], str]:
         return {}, ""
     scores = found[1]["outputs"]
     tables = {"networks": networks_table.errors(scores, pd.read_parquet(found[2]))}
-    if search is not None and networks_table.far_off(scores):
+    if search and networks_table.far_off(scores):
         tables["causes"] = networks_table.causes(scores, search, choices.taken(run))
-    return tables, networks_table.PAPER_R + ("" if search is not None else f" {variants.NOT_RUN}")
+    return tables, networks_table.PAPER_R + ("" if search else f" {variants.NOT_RUN}")
 
 
 def _synthetic(run: Run) -> bool:
@@ -116,6 +116,7 @@ def _words(section: Section, old: Mapping[str, str]) -> dict[str, str]:
     marks = [stage for stage in section.stages if stage in old]
     return {f"title_{section.figure}": f"{name}: {section.title}", f"says_{section.figure}": section.says,
             f"chosen_{section.figure}": section.chosen, f"differs_{section.figure}": section.differs,
+            f"followed_{section.figure}": section.followed,
             f"stale_{section.figure}": f"Stale: {', '.join(marks)}. See the first page." if marks else "",
             f"name_{section.figure}": name if name.startswith("T") else name[0].lower() + name[1:],
             f"plates_{section.figure}": ",".join(plate.name for plate in section.plates),
@@ -201,7 +202,8 @@ def _stage_words(run: Run, old: Mapping[str, str]) -> Table:
     rows = [[str(row["stage"]), str(row["state"]), *(_known(row.get(key)) for key in ("cpu_s", "wall_s")),
              row["results"][:12] if isinstance(row["results"], str) else "–"] for row in table.to_dict("records")]
     spent = sum((read_record(stage.folder) or {}).get("cpu_s", 0.0) for stage in run.stages.values())
-    return Table(f"The stages of this run, {number(spent)} CPU s in all, and the hash of what each wrote.",
+    return Table(f"The stages of this run, {number(spent / 60, 2)} CPU minutes in all (a quick run from nothing takes "
+                 f"{COST}), and the hash of what each wrote.",
                  ["stage", "state", "CPU (s)", "wall (s)", "results, sha256"], rows, "wlrrr")
 
 

@@ -156,7 +156,7 @@ def holds(run: Run) -> Section:
                    f"that only what follows tests it, and {number(later_slow)} % in 180 s are not the little change "
                    "that the paper has. Under a kept force the mean pressure stays and the punch sinks "
                    f"{number(value_of(numbers, f'change of the depth in {LAST_S:g} s, hold at force'))} % deeper.",
-                   (*HOLDS.values(), LOADING), (touches.holds("figure_9", found),), tuple(numbers))
+                   (*HOLDS.values(), LOADING), (touches.holds("figure_9", found, 1 - paper / 100),), tuple(numbers))
 
 
 def touched(run: Run) -> list[Section]:

@@ -11,8 +11,6 @@ from eitsim.scene.scene import Punch, Skin
 from reports.document import style
 from reports.document.numerals import number, volts
 from reports.document.page import ReportFigure
-from reports.paper.loading import LOST
-from reports.paper.section import paper_value
 from reports.touch import reading_figures
 
 Array = NDArray[np.float64]
@@ -57,8 +55,9 @@ def hold_words(result: Mapping[str, Any]) -> str:
     return f"{hold['control']} kept, loaded {loaded}"
 
 
-def holds(name: str, results: Mapping[str, Mapping[str, Any]]) -> ReportFigure:
-    """Mean contact pressure and one potential of holds, by what is kept (paper, figure 9)."""
+def holds(name: str, results: Mapping[str, Mapping[str, Any]], left_over: float) -> ReportFigure:
+    """Mean contact pressure and one potential of holds, by what is kept (paper, figure 9); `left_over` is the share of
+    the pressure that the paper has left after 2 s."""
     found = {hold_words(result): course(result) for result in results.values()}
     reading = followed(next(iter(results.values())))
     factor, unit = volts(np.concatenate([rows[reading].to_numpy() for rows in found.values()]))
@@ -70,8 +69,8 @@ def holds(name: str, results: Mapping[str, Mapping[str, Any]]) -> ReportFigure:
         left.plot(rows["time_s"], rows["sigma_ave_kPa"], **look)
         right.plot(rows["time_s"], factor * rows[reading], **look)
     first = next(iter(found.values()))
-    left.axhline((1 - paper_value("9", LOST.format("depth")) / 100) * first["sigma_ave_kPa"].iloc[0], color=style.GREY,
-                 lw=0.8, ls=":", label="what the paper has left after 2 s")
+    left.axhline(left_over * first["sigma_ave_kPa"].iloc[0], color=style.GREY, lw=0.8, ls=":",
+                 label="what the paper has left after 2 s")
     style.label(left, "Time from the end of loading (s)", "Mean contact pressure (kPa)")
     style.label(right, "Time from the end of loading (s)", f"Voltage ({unit})")
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
