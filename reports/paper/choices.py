@@ -16,7 +16,7 @@ from reports.paper.section import Number, Section
 from reports.paper.stages_plan import CHOICES, FOLLOWED, Run
 
 TITLE = "insulated or conducting punch, and which strain drives the skin"
-NAMES = tuple(name for names in OUTPUTS.values() for name in names)
+NAMES: tuple[str, ...] = tuple(name for names in OUTPUTS.values() for name in names)
 NOT_FOLLOWED = "What a model of one choice reads from a sensor of another is not there: {} was not run."
 
 

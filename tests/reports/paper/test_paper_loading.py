@@ -19,7 +19,7 @@ from reports.paper.stages_plan import DATA, SCENES
 from reports.paper.stated_law import table_1
 from touchcal.errors import NotConverged
 
-ONE = Prony([0.3], [4.0])
+ONE = Prony(np.array([0.3]), np.array([4.0]))
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3), "longterm")
 
 

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from reports.document import style
-from reports.document.numerals import percent
+from reports.document.numerals import percent, r_squared
 from reports.surrogate import parity_figures, surrogate_tables
 from reports.surrogate.surrogate_report import report, write
 from surrogate.model.store import save_evaluation
@@ -257,4 +257,5 @@ def test_points_of_a_few_targets_stand_apart_and_each_panel_says_its_error() -> 
         assert (away.max() > 0) == moved
         assert away.max() < 0.2
         assert np.array_equal(made.data["parity_d"]["target"], target)
-        assert [text.get_text() for text in axes.texts] == [f"RMSE 0.500 mm\nR² {parts['test']['r2']:.4f}"]
+        r = r_squared(parity_figures.correlations(table)["test"])
+        assert [text.get_text() for text in axes.texts] == [f"RMSE 0.500 mm\nR² {parts['test']['r2']:.4f}, R {r}"]
