@@ -15,8 +15,8 @@ from reports.paper.touches import PUNCHES
 from reports.surrogate.parity_figures import correlations, label, points, unit
 
 # figure -> its outputs; what positions are called; radius by which the paper divides them, mm
-OUTPUTS: dict[str, tuple[str, ...]] = {"13": ("x0", "y0"), "14": ("d",), "15": ("F",), "16": ("sigma_max",), "17": ("sigma_ave",),
-           "18": ("delta_max",), "19": ("A_c",)}
+OUTPUTS: dict[str, tuple[str, ...]] = {"13": ("x0", "y0"), "14": ("d",), "15": ("F",), "16": ("sigma_max",),
+                                       "17": ("sigma_ave",), "18": ("delta_max",), "19": ("A_c",)}
 SYMBOLS = {"x0": "x₀", "y0": "y₀"}
 RADIUS_MM = paper_value("7", "radius of the disc")
 SENSOR = "the sensor"  # cause of an output that only another sensor brings to the paper's
