@@ -104,7 +104,9 @@ def _networks(run: Run) -> tuple[dict[str, Table], str]:
     tables = {"networks": networks_table.errors(scores, pd.read_parquet(found[2]))}
     if search and networks_table.far_off(scores):
         tables["causes"] = networks_table.causes(scores, search, choices.taken(run))
-    return tables, networks_table.PAPER_R + ("" if search else f" {variants.NOT_RUN}")
+    learned = (f" These networks learned from {counted(found[0]['dataset']['split']['train'], 'row')} in at most "
+               f"{run.setting.epochs} steps.")
+    return tables, networks_table.PAPER_R + learned + ("" if search else f" {variants.NOT_RUN}")
 
 
 def _synthetic(run: Run) -> bool:
