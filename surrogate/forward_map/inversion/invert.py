@@ -205,15 +205,15 @@ def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: 
 
 def _along_ridge(found: Inversion) -> Inversion:
     """With d and F over the posterior of punches where that may speak, and one-sided standard deviations."""
-    punches, k = drawn(found.punches, found.punches.table.touch[None]), found.broad
-    mean, covariance = moments(punches)
+    nodes, k = found.punches.table.touch[None], found.broad
+    mean, covariance = moments(drawn(found.punches, nodes))
     widened = np.maximum(found.misfit, 1.0)[:, None]
     touch, spread = found.touch.copy(), found.covariance.copy()
     touch[k, 2:] = mean[k]
     spread[k, :2, 2:], spread[k, 2:, :2] = 0.0, 0.0
     spread[k, 2:, 2:] = covariance[k] * widened[k, :, None]
     sides = np.repeat(np.sqrt(np.einsum("npp->np", spread))[None], 2, axis=0)
-    sides[:, k, 2:] = np.maximum(one_sided(punches) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
+    sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
                                  )[:, k]
     return replace(found, touch=touch, covariance=spread, below=sides[0], above=sides[1])
 
