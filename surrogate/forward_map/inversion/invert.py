@@ -216,7 +216,8 @@ def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
     sides = np.repeat(np.sqrt(np.einsum("npp->np", spread))[None], 2, axis=0)
     sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
                                  )[:, k]
-    return replace(found, touch=touch, covariance=spread, inside=_inside(forward, touch), below=sides[0], above=sides[1])
+    inside = _inside(forward, touch)
+    return replace(found, touch=touch, covariance=spread, inside=inside, below=sides[0], above=sides[1])
 
 
 def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: float) -> Inversion:
