@@ -6,7 +6,10 @@ accepted step (MacKay 1992, doi:10.1162/neco.1992.4.3.415; Foresee and Hagan 199
 
 E_W does not change where the inputs are turned, and inputs that never vary leave their weights at zero. So a network is
 trained in the directions that its inputs take, and is the same network; then the smaller of the N x N and p x p systems
-is solved. 208 readings take 104 directions where driving and reading pairs are interchangeable (reciprocity).
+is solved. 208 readings take 104 directions where driving and reading pairs are interchangeable (reciprocity), of which
+some 66 vary by more than LEAST_SPREAD of the widest. The others lie far below what the simulator knows of a signal; to
+train without them is three times as fast from 2,800 rows, and changed errors on unseen rows by -5 to 2 %, no more than
+another start does (1,400 rows, x0, d and F).
 """
 
 import math
@@ -24,6 +27,7 @@ from touchcal.arrays import Array
 # A network that leaves more than this part of the targets' variance unexplained has collapsed onto their mean.
 COLLAPSED = 0.9
 WARM_ALPHA = 0.01  # alpha of a warm-up, with beta = 1
+LEAST_SPREAD = 1e-5  # Directions that the inputs spread along by less than that of the widest are left out.
 
 
 @dataclass(frozen=True)
@@ -104,9 +108,9 @@ def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None,
 
 
 def _directions(x: Tensor) -> Tensor:
-    """(q, r) orthonormal axes that span the rows of x, but for what rounding takes from J J'."""
+    """(q, r) orthonormal axes along which the rows of x spread by more than LEAST_SPREAD of the widest."""
     _, singular, axes = torch.linalg.svd(x, full_matrices=False)
-    kept = singular > laplace.ROUNDING**0.5 * singular[0]
+    kept = singular > LEAST_SPREAD * singular[0]
     return axes[kept].T.contiguous()
 
 
