@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.sheet.sheet_conductance import FoldedSkin
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.load_paths.law_family import Family, table_of
 from eitsim.mechanics.load_paths.types import Table
@@ -195,11 +196,13 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
         check_positive(skin_law, scene.skin.strain, touches)
     except ValueError as error:
         raise _Refused(str(error)) from None
-    return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
-                 tuple(zip(scene.punches, touches, strict=True)), skin_law,
-                 signal=ELECTRICS_SHARE * max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain)
-                                                            for touch in touches)),
-                 method="mesh" if exact else "auto")
+    worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
+    try:
+        return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
+                     tuple(zip(scene.punches, touches, strict=True)), skin_law, signal=ELECTRICS_SHARE * worst,
+                     method="mesh" if exact else "auto")
+    except FoldedSkin as error:
+        raise _Refused(str(error)) from None
 
 
 def _moments(material: Material, skin_law: Conductivity, scene: Scene, exact: bool) -> tuple[Moment, ...]:

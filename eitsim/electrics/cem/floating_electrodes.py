@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, Floating, SkinMesh, area_points, joined_over_areas
-from eitsim.electrics.sheet.sheet_conductance import added_metric
+from eitsim.electrics.sheet.sheet_conductance import added_metric, areal_stretch
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch
 
@@ -47,7 +47,7 @@ def shunts(points_m: Array, touches: Touches) -> Array:
     for k, (punch, touch) in enumerate(conducting):
         radius = np.hypot(points_m[..., 0] - punch.x_m, points_m[..., 1] - punch.y_m)
         near = shunt(punch, touch, radius, np.ones_like(radius)) > 0
-        areal = np.sqrt(np.linalg.det(added_metric(points_m[near], touches)[0]))
+        areal = areal_stretch(added_metric(points_m[near], touches)[0])
         out[k, near] = shunt(punch, touch, radius[near], areal)
     return out
 

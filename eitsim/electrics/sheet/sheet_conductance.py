@@ -20,6 +20,10 @@ _ON_PLANE = 1e-9
 _TINY = float(np.finfo(float).tiny)
 
 
+class FoldedSkin(ValueError):
+    """A surface whose area vanishes or turns over somewhere, as what the rim changes is interpolated."""
+
+
 def driving_strain(strain: str, stretch_1: ArrayLike, stretch_2: ArrayLike, stretch_normal: ArrayLike) -> Array:
     """Strain e that drives c(e): normal l_n - 1, principal max(l_1, l_2) - 1 or areal l_1 l_2 - 1; ValueError else."""
     first, second = np.asarray(stretch_1, dtype=float), np.asarray(stretch_2, dtype=float)
@@ -137,11 +141,20 @@ def local_axes(punch: Punch, touch: Touch) -> Array:
     return np.array([outwards, [-outwards[1], outwards[0]]])
 
 
+def areal_stretch(metric: Array) -> Array:
+    """(...) square root of det C_s of in-plane metrics (..., 2, 2); FoldedSkin where that is not positive."""
+    squared = metric[..., 0, 0] * metric[..., 1, 1] - metric[..., 0, 1] ** 2
+    if not np.all(squared > 0):
+        raise FoldedSkin(f"the skin folds at {np.sum(~(squared > 0))} of {squared.size} points, where a deep punch "
+                         "squeezes it out over the rim. Move the punch inwards, or press less.")
+    return np.sqrt(squared)
+
+
 def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity) -> Array:
     """c t J_s C_s^-1 of a metric C_s and the stretch normal to the surface."""
     xx, xy, yy = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
     first = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
-    areal = np.sqrt(xx * yy - xy**2)
+    areal = areal_stretch(metric)
     sheet = _current_sheet(law, skin, first, areal / first, normal) / areal
     return np.stack([sheet * yy, -sheet * xy, -sheet * xy, sheet * xx], axis=-1).reshape(metric.shape)
 

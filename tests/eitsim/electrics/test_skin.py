@@ -11,6 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from eitsim.electrics.cem.assembly import SkinMesh, impedance, quadrature_points
 from eitsim.electrics.sheet.sheet_conductance import (
+    FoldedSkin,
+    areal_stretch,
     changes,
     driving_strain,
     extrapolated_fraction,
@@ -194,3 +196,12 @@ def test_the_metric_of_a_touch_far_from_the_rim_has_its_stretches_as_axes():
         np.testing.assert_allclose(metric @ away, 1.5**2 * away, atol=1e-13)
         np.testing.assert_allclose(metric @ [-away[1], away[0]], 0.9**2 * np.array([-away[1], away[0]]), atol=1e-13)
         assert normal == pytest.approx(0.8)
+
+
+def test_a_surface_that_turns_over_is_refused_by_name():
+    """A metric of negative determinant has no area; one of a stretched surface has the product of its stretches."""
+    stretched = np.diag([1.2**2, 0.9**2])[None]
+    assert areal_stretch(stretched) == pytest.approx(1.2 * 0.9)
+    folded = np.array([[0.93, 0.43], [0.43, 0.17]])[None]
+    with pytest.raises(FoldedSkin, match=r"folds at 1 of 2 points.*Move the punch inwards"):
+        areal_stretch(np.concatenate([stretched, folded]))

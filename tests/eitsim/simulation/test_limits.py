@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
+from eitsim.electrics.sheet.sheet_conductance import FoldedSkin
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import Body, Punch, scene_from
+from eitsim.simulation import simulate
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.validity import check_positive, positive_from
 from matcal.card import MaterialCard
@@ -75,3 +78,9 @@ def test_places_that_cannot_be_written_are_noticed_before_any_work(tmp_path: Pat
         check_out(folder / "result.json")
     check_out(tmp_path / "result.json")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_skin_that_folds_is_a_refusal_and_no_crash() -> None:
+    with patch.object(simulate, "solve", side_effect=FoldedSkin("the skin folds")):
+        result = simulate.solve_scene(scene_from({"punch": {"force_N": 0.1}}), CARD)
+    assert (result.outcome, result.message) == ("refused", "the skin folds")
