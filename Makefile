@@ -2,7 +2,8 @@
 # make lint   ruff and pyright                     make test-slow   the slow ones
 # make bench  every benchmark, for hours           make bench QUICK=1   a few cases of each, within half an hour
 # make docs   the API from its docstrings, reports/out/api
-# make paper  the source paper walked through, in ten CPU minutes; make paper FULL=1 with 4,000 scenes, two hours
+# make paper  the source paper walked through: seven CPU minutes, within five minutes on two idle cores;
+#             make paper FULL=1 with 4,000 scenes, up to two hours
 .PHONY: demo test test-slow lint bench docs paper clean install
 .DELETE_ON_ERROR:
 

@@ -102,9 +102,9 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
     """Set the source paper's figures and table next to our own.
 
     Fits the card, solves touches and a sweep, trains the networks and writes paper.pdf with figures 1, 3 to 19 and
-    Table 1 next to what the paper states, its figures (SVG, PNG, CSV) and its numbers; ten CPU minutes. It is made from
-    the checkout's data_raw and examples. A run that was stopped goes on where it was: stages whose inputs, code and
-    command are the same are kept.
+    Table 1 next to what the paper states, its figures (SVG, PNG, CSV) and its numbers: seven CPU minutes, within five
+    minutes on two idle cores. It is made from the checkout's data_raw and examples. A run that was stopped goes on
+    where it was: stages whose inputs, code and command are the same are kept.
 
     Example: python -m reports paper --out reports/out/paper
 

@@ -19,6 +19,7 @@ from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
 from touchcal.arrays import Array
+from touchcal.code_version import MECHANICS
 
 TABLE_SHARE = 0.25  # Part of the requested signal error that a table's own may use up.
 # Arrays of a table and of what the rim changes.
@@ -35,14 +36,14 @@ def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False)
     """The table of a shape, with what the rim changes where that is asked for, from the cache or solved and put there,
     and a note where the cache cannot be used."""
     key = {"shape": asdict(shape), "depths": DEPTHS}
-    arrays, note = cache.kept(cache.key_of(key), lambda: _arrays(build(shape, run, DEPTHS)))
+    arrays, note = cache.kept(cache.key_of(key, MECHANICS), lambda: _arrays(build(shape, run, DEPTHS)))
     part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _PATHS}
     table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["error_estimate"],
                   deviation_of(arrays["error"]), int(arrays["checks"]), float(arrays["cpu_s"]))
     if not rim:
         return table, note
     key |= {"rim": asdict(GRID)}
-    arrays, words = cache.kept(cache.key_of(key), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
+    arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
     part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _CHANGES}
     return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note or words
 

@@ -128,7 +128,7 @@ def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fa
         decision(paths, touch, scene) if paths is not None and touch is not None else None
         for touch in stored])
     result = Result("refused", made, message=made.refusal) if made.refusal else _solved(
-        made, material, skin_law, scene, stored, exact)
+        made, material, skin_law, scene, stored, exact, keep=paths is not None)
     return replace(result, cost={
         "cpu_s": cpu_s() - cpu, "compilation_cpu_s": compilation_s() - compiling, "wall_s": time.perf_counter() - wall,
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
@@ -149,13 +149,13 @@ class _Refused(ValueError):
 
 
 def _solved(plan: Plan, material: Material, skin_law: Conductivity, scene: Scene, stored: list[Touch | None],
-            exact: bool) -> Result:
+            exact: bool, *, keep: bool) -> Result:
     """A planned scene, solved; without a cost yet."""
     try:
         if scene.hold.time_s:
             moments = _moments(material, skin_law, scene, exact)
             return _result(scene, plan, (moments[-1].touch,), moments[-1].readings, moments, exact)
-        touches = solved_touches(material.law, scene, stored, together(scene, exact=exact), exact)
+        touches = solved_touches(material.law, scene, stored, together(scene, exact=exact), exact, keep=keep)
         return _result(scene, plan, touches, readings_of(scene, touches, skin_law, exact), (), exact)
     except _Refused as error:
         return Result("refused", plan, message=str(error))

@@ -1,7 +1,16 @@
-"""The touches of a scene, each solved as finely as the scene asks, alone, together with a neighbour, or held."""
+"""The touches of a scene, each solved as finely as the scene asks, alone, together with a neighbour, or held.
 
-from collections.abc import Sequence
+Where load paths are reused, touches that these do not serve are kept as well, by content: the skin's law, its
+electrodes and whether the punch conducts are no part of their mechanics, so that another skin takes them as they are.
+"""
+
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import asdict, replace
+from functools import partial
+from typing import Any
+
+from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM
 from eitsim.mechanics.axisymmetric.hold import kept, solve_hold
@@ -10,20 +19,28 @@ from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, rim_problem, solve
 from eitsim.mechanics.rim.two_punches import FINEST, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch, of_strain
-from eitsim.scene.scene import Punch, Scene
+from eitsim.scene.scene import Body, Punch, Scene
 from eitsim.simulation.plan import near_rim
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
+from touchcal import cache
+from touchcal.array_store import from_arrays, to_arrays
+from touchcal.code_version import MECHANICS
+from touchcal.jit import cpu_s
 
 MECHANICS_SHARE = 0.8  # Part of the requested signal error that the mechanics may use up.
 _MOST_NODES = 6000  # Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
+_ELECTRIC = ("conductor", "contact_impedance_Ohm_m2")  # Fields of a punch that change no touch.
+# law, body, punch -> its touch
+Solve = Callable[[Hyperfoam, Body, Punch], Touch]
 
 
 def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], groups: Sequence[tuple[int, ...]],
-                   exact: bool) -> tuple[Touch, ...]:
-    """All touches, each alone, and what those of a group, solved together, change of each other."""
-    touches = [kept or _touch(law, scene, punch, exact, paired=any(i in group for group in groups))
-               for i, (punch, kept) in enumerate(zip(scene.punches, stored, strict=True))]
+                   exact: bool, *, keep: bool = False) -> tuple[Touch, ...]:
+    """All touches, each alone, and what those of a group, solved together, change of each other; `keep` keeps those
+    that are solved alone and takes those that were."""
+    touches = [found or _touch(law, scene, punch, exact, paired=any(i in group for group in groups), keep=keep)
+               for i, (punch, found) in enumerate(zip(scene.punches, stored, strict=True))]
     for i, j in groups:
         touches[i], touches[j] = solved_together(
             (touches[i], touches[j]), law, scene.body, (scene.punches[i], scene.punches[j]),
@@ -31,25 +48,48 @@ def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None],
     return tuple(touches)
 
 
-def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: bool = False) -> Touch:
+def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: bool = False,
+           keep: bool = False) -> Touch:
     """A touch on the default mesh, and on one of half its element size where that misses the requested error or is not
     exact; in three dimensions near the rim and, where that is built and no neighbour is solved together with it, to be
     exact."""
     if near_rim(scene, punch) or (exact and not paired and not rim_problem(scene.body, punch)):
-        return solve_near_rim(law, scene.body, punch, whole=exact)
+        return _kept("near the rim", partial(solve_near_rim, whole=exact), law, scene.body, punch, keep)[0]
     if not exact:
         with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge or tip
-            touch = solve_touch(law, scene.body, punch)
-            if fine_enough([touch], scene) or not _refinable(touch, punch):
+            touch, nodes = _kept("default mesh", solve_touch, law, scene.body, punch, keep)
+            if fine_enough([touch], scene) or not _refinable(nodes, punch):
                 return touch
-    return solve_touch(law, scene.body, punch, element_m=default_element_m(scene.body, punch) / 2)
+    finer = partial(solve_touch, element_m=default_element_m(scene.body, punch) / 2)
+    return _kept("finer mesh", finer, law, scene.body, punch, keep)[0]
 
 
-def _refinable(touch: Touch, punch: Punch) -> bool:
+def _kept(how: str, solve: Solve, law: Hyperfoam, body: Body, punch: Punch, keep: bool) -> tuple[Touch, int]:
+    """A touch solved this way and the nodes of its section; where it is to be kept the one that was before, with the
+    CPU time that it took now and without displacements inside the foam."""
+    if not keep:
+        touch = solve(law, body, punch)
+        return touch, _nodes(touch)
+    begun = cpu_s()
+    key = {"touch": how, "law": [law.mu_Pa.tolist(), law.alpha.tolist(), law.nu.tolist()], "body": asdict(body),
+           "punch": {name: value for name, value in asdict(punch).items() if name not in _ELECTRIC}}
+    arrays, _ = cache.kept(cache.key_of(key, MECHANICS), lambda: _bare(solve(law, body, punch)))
+    touch, nodes = from_arrays(arrays)
+    return replace(touch, cpu_s=cpu_s() - begun), nodes
+
+
+def _bare(touch: Touch) -> dict[str, NDArray[Any]]:
+    return to_arrays((replace(touch, section=None, volume=None), _nodes(touch)))
+
+
+def _nodes(touch: Touch) -> int:
+    return 0 if touch.section is None else len(touch.section.nodes_m)
+
+
+def _refinable(nodes: int, punch: Punch) -> bool:
     """Whether half the element size is in reach: of the memory, and not at the end of a load path with friction, which
     may have to be loaded again from rest on the finer mesh at fifty times the cost."""
-    within_memory = touch.section is None or len(touch.section.nodes_m) <= _MOST_NODES
-    return within_memory and punch.friction == "none"
+    return nodes <= _MOST_NODES and punch.friction == "none"
 
 
 def held_touch(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch, exact: bool) -> list[tuple[float, Touch]]:

@@ -35,15 +35,16 @@ def write(card_path: Path, out: Path) -> None:
         write_pdf(report(card_path), out)
 
 
-def report(card_path: Path) -> Report:
-    """Everything that the template `calibration.typ` shows of a card."""
+def report(card_path: Path, stated: stress_figures.StatedLaw | None = None) -> Report:
+    """Everything that the template `calibration.typ` shows of a card; `stated` is drawn over its tests of stress."""
     record = read_record(card_path)
     card, absent = record.card, {}
     draws, why = posterior_figures.draws_of(card_path, card)
     if draws is None:
         absent["posterior"] = why
-    plates = [*mode_figures.strip(record), *_mode_plates(record, absent), *_relaxation_plates(record, absent),
-              *_skin_plates(record, absent), *_predicted_plates(record), *_cycle_plates(record)]
+    plates = [*mode_figures.strip(record), *_mode_plates(record, absent, stated),
+              *_relaxation_plates(record, absent, stated), *_skin_plates(record, absent),
+              *_predicted_plates(record), *_cycle_plates(record)]
     if card.hyperfoam and len(tried := card.fit.get("orders", ())) > 1:
         plates.append(mode_figures.orders(tried, card.hyperfoam.mu_Pa.size))
     if (bands := record.tables.get("bands")) is not None:
@@ -77,7 +78,8 @@ def _alone(card: MaterialCard) -> dict[str, Hyperfoam]:
     return {mode: Hyperfoam(law["mu_Pa"], law["alpha"], law["nu"], "longterm") for mode, law in found.items()}
 
 
-def _mode_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
+def _mode_plates(record: Record, absent: dict[str, str],
+                 stated: stress_figures.StatedLaw | None) -> list[ReportFigure]:
     card = record.card
     if card.hyperfoam is None:
         absent["modes"] = NOT_FITTED["hyperfoam"]
@@ -92,7 +94,8 @@ def _mode_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
         here = {mode: found["relative_rms"][kind] for mode, found in errors.items()}
         band = None if bands is None else rows_where(bands, bands["mode"] == kind)
         plates.append(stress_figures.mode(record.fitted(kind), law, card.prony, _alone(card),
-                                          {"all": relative_rms(card, kind)} | here, band, _band_source(card)))
+                                          {"all": relative_rms(card, kind)} | here, band, _band_source(card),
+                                          stated))
     return plates
 
 
@@ -112,7 +115,8 @@ def _cycle_plates(record: Record) -> list[ReportFigure]:
             if len(table)]
 
 
-def _relaxation_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
+def _relaxation_plates(record: Record, absent: dict[str, str],
+                       stated: stress_figures.StatedLaw | None) -> list[ReportFigure]:
     card = record.card
     tests = [t for t in record.fitted("relaxation") if t.time_s is not None]
     if card.prony is None:
@@ -120,7 +124,8 @@ def _relaxation_plates(record: Record, absent: dict[str, str]) -> list[ReportFig
     elif not tests:
         absent["relaxation"] = record.missing or "The card's folder holds no fitted relaxation test."
     else:
-        return [stress_figures.relaxing(tests, card.prony, [card.fit[t.label]["relative_rms"] for t in tests])]
+        errors = [card.fit[t.label]["relative_rms"] for t in tests]
+        return [stress_figures.relaxing(tests, card.prony, errors, stated)]
     return []
 
 

@@ -1,6 +1,7 @@
 """Figures of stress: each mode with its fits and residuals (paper, figures 3b and 4b), and the relaxation (5b)."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,17 @@ from reports.document.page import ReportFigure
 
 STRAIN = {"shear": "Shear strain γ (–)", "volumetric": "Volume ratio J (–)"}
 MARKS = ("o", "s", "^", "D", "v", "P")  # one mark a specimen
+# look of a law that was stated elsewhere
+_STATED: dict[str, Any] = {"color": style.SERIES[3], "lw": 0.9, "marker": "x", "ms": 3.2, "mew": 0.8, "zorder": 2.5}
+
+
+@dataclass(frozen=True)
+class StatedLaw:
+    """A law that others stated, to be drawn over the data and the fit."""
+
+    words: str  # whose it is, as "the paper's Table 1"
+    foam: Hyperfoam
+    series: Prony
 
 
 def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
@@ -28,10 +40,11 @@ def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
 
 
 def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapping[str, Hyperfoam],
-         errors: Mapping[str, float], band: pd.DataFrame | None, source: str) -> ReportFigure:
+         errors: Mapping[str, float], band: pd.DataFrame | None, source: str,
+         stated: StatedLaw | None = None) -> ReportFigure:
     """One mode: data, the law of all modes with its band, the laws of single modes, residuals. `law` and `alone` (mode
     -> law) are long-term; `errors`: "all" or mode -> relative RMS in this mode; `band`: the mode's rows of
-    bands.parquet, from `source` in words."""
+    bands.parquet, from `source` in words; `stated`: a law of others, drawn as it stands."""
     kind = tests[0].kind
     factor, unit = pascals(np.concatenate([test.value for test in tests]))
     figure = style.sheet(72, style.HALF_WIDTH_MM)
@@ -45,13 +58,17 @@ def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapp
                        zorder=1.9, label=f"fitted to {name} alone" if i == 0 else None)  # below the law of all modes
             data[test.label][f"{name}_alone_stress_Pa"] = stress
     data |= _draw_longterm(upper, kind, law, tests, factor, band)
+    caption = _mode_caption(kind, tests, errors, prony, band, source)
+    if stated is not None:
+        data[f"{kind}_stated"] = _draw_stated(upper, kind, stated, law, tests, factor)
+        caption += _stated_caption(stated, data[f"{kind}_stated"])
     _frame_data(upper, [factor * test.value for test in tests])
     for name in alone:
         _mark_ends(upper, tests[0].strain, factor * data[tests[0].label][f"{name}_alone_stress_Pa"].to_numpy())
     style.label(upper, "", f"Nominal stress ({unit})")
     style.label(lower, STRAIN.get(kind, "Nominal strain (–)"), f"Residual ({fine_unit})")
     upper.legend(loc="lower left", bbox_to_anchor=(-0.15, 1), ncols=2, borderaxespad=0.2, columnspacing=1.0)
-    return ReportFigure(kind, figure, _mode_caption(kind, tests, errors, prony, band, source), data)
+    return ReportFigure(kind, figure, caption, data)
 
 
 def predicted(name: str, row: Mapping[str, Any], table: pd.DataFrame) -> ReportFigure:
@@ -116,6 +133,22 @@ def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test],
     return {f"{kind}_band": rows.drop(columns="mode")}
 
 
+def _draw_stated(axes: Axes, kind: str, stated: StatedLaw, law: Hyperfoam, tests: Sequence[Test],
+                 factor: float) -> pd.DataFrame:
+    """The stated law over the strains of the tests, next to the long-term law of all modes."""
+    strain = np.linspace(min(t.strain.min() for t in tests), max(t.strain.max() for t in tests), 200)
+    stress = nominal_stress(stated.foam, kind, strain)
+    axes.plot(strain, factor * stress, markevery=20, label=stated.words, **_STATED)
+    return pd.DataFrame({"strain": strain, "stated_stress_Pa": stress,
+                         "longterm_stress_Pa": nominal_stress(law, kind, strain)})
+
+
+def _stated_caption(stated: StatedLaw, rows: pd.DataFrame) -> str:
+    theirs, ours = rows["stated_stress_Pa"].to_numpy(), rows["longterm_stress_Pa"].to_numpy()
+    off = np.sqrt(np.mean((theirs - ours) ** 2) / np.mean(ours**2))
+    return f" From the long-term law, {stated.words} is {percent(off)} off (relative RMS over these strains)."
+
+
 def _frame_data(axes: Axes, values: Sequence[Array]) -> None:
     """Limits that hold the data; a law that runs away leaves the frame."""
     low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
@@ -155,8 +188,10 @@ def half_width(rows: pd.DataFrame) -> float:
     return float(half.max() / np.abs(rows["stress_Pa"].to_numpy()).max())
 
 
-def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> ReportFigure:
-    """Stress over the stress of an ideal step, measured and fitted with the recorded ramp, against time."""
+def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float],
+             stated: StatedLaw | None = None) -> ReportFigure:
+    """Stress over the stress of an ideal step, measured and fitted with the recorded ramp, against time; the series of
+    a `stated` law as it stands."""
     figure = style.sheet(72, style.HALF_WIDTH_MM)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
     data, ramps = {}, []
@@ -174,6 +209,14 @@ def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> Re
     last = max(float(test.history()[0][-1]) for test in tests)
     time = np.geomspace(0.02 * min(ramps), last, 300)
     upper.plot(time, relaxation(prony, time), color=style.SECOND, ls="--", label="G(t)/G$_0$ after an ideal step")
+    theirs = ""
+    if stated is not None:
+        left = relaxation(stated.series, time)
+        upper.plot(time, left, markevery=25, label=f"the same of {stated.words}", **_STATED)
+        data["relaxation_stated"] = pd.DataFrame({"time_s": time, "stated_relaxation": left,
+                                                  "fit_relaxation": relaxation(prony, time)})
+        most = float(np.max(np.abs(left / relaxation(prony, time) - 1)))
+        theirs = f" After an ideal step the series of {stated.words} is at most {percent(most)} off the fitted one."
     lower.axhline(0, color=style.GREY, lw=0.6)
     upper.set_xscale("log")
     upper.legend(loc="lower right")
@@ -183,7 +226,7 @@ def relaxing(tests: Sequence[Test], prony: Prony, errors: Sequence[float]) -> Re
     caption = (f"Relaxation: the series misses the hold by {percent(max(errors))} (relative RMS). After a ramp of "
                f"{', '.join(number(r) for r in ramps)} s the stress peaks at {number(peak)} of that after an ideal "
                f"step, and {number(prony.g_infinity)} of it stays for good. Stress is normalised where fit and ideal "
-               "step meet, at the end of the hold.")
+               f"step meet, at the end of the hold.{theirs}")
     return ReportFigure("relaxation", figure, caption, data)
 
 

@@ -12,7 +12,7 @@ from touchcal import number_words
 _ASCII = ((r"\bmu_0\b", "μ₀"), (r"\bmu_i\b", "μᵢ"), (r"\bE_0\b", "E₀"), (r"\bg_i\b", "gᵢ"), (r"\bln tau\b", "ln τ"),
           (r"\bln sigma\b", "ln σ"), (r"(?<![-\w])alpha\b(?!_)", "α"), (r"(?<![-\w])nu (?== )", "ν "), (">=", "≥"),
           ("<=", "≤"), (r"\+-", "±"), (r"(?<=\d)%", " %"), (r"(?<=\d )um\b", "µm"), (r"\bm3\b", "m³"))
-_DIGITS, _RAISED = "-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
+_DIGITS, _RAISED, _LOWERED = "-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "₀₁₂₃₄₅₆₇₈₉"
 _SUPERSCRIPTS = str.maketrans(_DIGITS, _RAISED)
 
 
@@ -47,8 +47,10 @@ def typeset(words: str) -> str:
 
 
 def in_figure(words: str) -> str:
-    """Words with powers of ten as the figures' mathematics has them, since their font lacks a raised minus."""
-    plain = str.maketrans(_RAISED, _DIGITS)
+    """Words with powers of ten and lowered digits as the figures' mathematics has them, since their font lacks a raised
+    minus and these digits."""
+    plain = str.maketrans(_RAISED + _LOWERED, _DIGITS + _DIGITS[1:])
+    words = re.sub(f"([{_LOWERED}]+)", lambda m: f"$_{{{m[1].translate(plain)}}}$", words)
     return re.sub(f"10([{_RAISED}]+)", lambda m: f"$10^{{{m[1].translate(plain)}}}$", words)
 
 

@@ -2,26 +2,33 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from matcal.card import read_card
+from matcal.record.compare import quoted
+from reports.benchmarks.stored_tables import Rows
 from reports.document.numerals import number, percent, r_squared
-from reports.paper import network
+from reports.document.page import ReportFigure
+from reports.paper import network, variants
+from reports.paper.networks_table import OUTPUTS, RADIUS_MM, SYMBOLS
 from reports.paper.section import Number, Section, against, paper_value, renamed, value_of
 from reports.paper.stages_plan import FORWARD, NETWORKS, SWEEP, Run
-from reports.surrogate import parity_figures
+from reports.surrogate import amplitude_figures, parity_figures
 from reports.surrogate.surrogate_report import DESCRIPTION, EVALUATION, PREDICTIONS
+from surrogate.statistics.metrics import rms
 
-OUTPUTS = {"13": ("x0", "y0"), "14": ("d",), "15": ("F",), "16": ("sigma_max",), "17": ("sigma_ave",),
-           "18": ("delta_max",), "19": ("A_c",)}
 # what the methods are called next to each other
 METHODS = {NETWORKS: "networks", FORWARD: "forward map"}
-SYMBOLS = {"x0": "x₀", "y0": "y₀"}
+STRESSES = ("F", "sigma_max", "sigma_ave")  # outputs in proportion to the moduli of one deformation
 PARTS = {"train": "training rows", "test": "test rows"}
-RADIUS_MM = 100.0
-OPEN = {"13": "Positions are normalised with the radius for the error, as in the paper, and drawn in mm.",
+SQUARED = ("mse",)  # scores that carry the unit squared
+LENGTHS = ("rmse", "mae", "half_width_90")  # scores that carry the unit
+OPEN = {"13": "Positions are divided by the radius of the disc, as in the paper, whose MSE is of x₀/r and y₀/r. The "
+              "table has the RMSE in mm as well.",
         "16": "The caption's unit, kPa, is read as MPa²: nothing else agrees with its scale. Peak pressure is that of "
               "a filleted punch.",
         "17": "The caption's unit, kPa, is read as MPa². Mean pressure is force over contact area.",
@@ -45,11 +52,52 @@ def sections(run: Run) -> list[Section]:
     if NETWORKS not in found:
         why = "Not there: the networks were not trained."
         return [Section(figure, "the networks", "", "", "", (NETWORKS,), missing=why) for figure in ("12", *OUTPUTS)]
-    predictions = pd.read_parquet(found[NETWORKS][2])
     scores = {METHODS[name]: one[1]["outputs"] for name, one in found.items()}
-    model = found[NETWORKS][0]
-    return [_structure(model, run), *(_scored(figure, names, predictions, scores, _collapsed(model, names))
-                                      for figure, names in OUTPUTS.items())]
+    by_method = {METHODS[name]: pd.read_parquet(one[2]) for name, one in found.items()}
+    model, search, spread = found[NETWORKS][0], variants.read(), modulus_spread(run)
+    return [_structure(model, run),
+            *(replace(_scored(figure, names, by_method, scores, _collapsed(model, names)),
+                      followed=followed(names, by_method[METHODS[NETWORKS]], search, spread))
+              for figure, names in OUTPUTS.items())]
+
+
+def modulus_spread(run: Run) -> float | None:
+    """Relative standard deviation of the card's mu_0; None where the card does not tell it."""
+    card = read_card(run.card) if run.card.is_file() else None
+    row = None if card is None else quoted(card, "mu_0_Pa")
+    return None if row is None else row["sd"] / row["value"]
+
+
+def followed(names: tuple[str, ...], predictions: pd.DataFrame, search: Rows, spread: float | None) -> str:
+    """What another sensor, and what is not known of the foam's modulus, do to the errors of some outputs, in words."""
+    said = [words] if (words := variants.followed(search, names)) else []
+    for name in names:
+        if name not in STRESSES or spread is None:
+            continue
+        rows = parity_figures.points(predictions, name)
+        target = rows.loc[rows["part"] == "test", "target"].to_numpy(dtype=float)
+        said.append("Forces and pressures of one deformation are in proportion to the foam's moduli, which the tests "
+                    f"leave open by {percent(spread)} (standard deviation of μ₀): that alone is "
+                    f"{number(spread * rms(target))} {rows['unit'].iloc[0]} (RMS of the test rows), for any method.")
+    return " ".join(said)
+
+
+def amplitude(run: Run) -> Section:
+    """Section A: how the signal grows with force and diameter, by the trained forward map."""
+    title = "size of the signal over force and diameter"
+    found = model_of(run, FORWARD)
+    if found is None or not (own := found[1].get("amplitude")):
+        return Section("A", title, "", "", "", (FORWARD,), missing="Not there: no forward map was trained or scored.")
+    turned = [one for one in own["diameters"] if one["peak_N"] is not None]
+    numbers = tuple(Number(f"force of the largest signal, punch of {number(one['d_mm'])} mm", "N", one["peak_N"])
+                    for one in turned)
+    differs = ("" if not turned else
+               f"Under {len(turned)} of {len(own['diameters'])} diameters the signal turns back within the paper's "
+               "forces, so that its size alone has two answers there: what tells d and F apart is the small change of "
+               "its shape, which a network on min–max voltages must find (figures 14 to 19).")
+    return Section("A", title, "Nothing: the paper shows no signal over force or diameter.",
+                   "RMS of all readings by the forward map, at the trained place nearest to the centre.", differs,
+                   (FORWARD,), (renamed(amplitude_figures.plate(own), "figure_A"),), numbers)
 
 
 def _collapsed(model: Mapping[str, Any], names: tuple[str, ...]) -> str:
@@ -79,14 +127,15 @@ def _structure(model: Mapping[str, Any], run: Run) -> Section:
                    (network.structure("figure_12", model),), numbers)
 
 
-def _scored(figure: str, names: tuple[str, ...], predictions: pd.DataFrame,
+def _scored(figure: str, names: tuple[str, ...], predictions: Mapping[str, pd.DataFrame],
             scores: Mapping[str, Mapping[str, Any]], collapsed: str) -> Section:
     networks, numbers = scores[METHODS[NETWORKS]], []
     for method, outputs in scores.items():
         for name in names:
-            numbers += _numbers(name, outputs[name], method)
-    drawn = [parity_figures.plate(name, parity_figures.points(predictions, name), networks[name],
-                                  f" by the {METHODS[NETWORKS]}") for name in names]
+            rows = parity_figures.points(predictions[method], name)
+            numbers += _numbers(name, outputs[name], method, parity_figures.correlations(rows))
+    drawn = [_plate(name, parity_figures.points(predictions[METHODS[NETWORKS]], name), networks[name])
+             for name in names]
     plates = tuple(renamed(plate, f"figure_{figure}{'ab'[k] if len(names) > 1 else ''}")
                    for k, plate in enumerate(drawn))
     title = " and ".join(parity_figures.label(name).lower() for name in names)
@@ -96,7 +145,22 @@ def _scored(figure: str, names: tuple[str, ...], predictions: pd.DataFrame,
                    tuple(numbers))
 
 
-def _numbers(name: str, parts: Mapping[str, Any], method: str) -> list[Number]:
+def _plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any]) -> ReportFigure:
+    by = f" by the {METHODS[NETWORKS]}"
+    if name not in SYMBOLS:
+        return parity_figures.plate(name, rows, parts, by)
+    own = rows.assign(unit="–", **{column: rows[column] / RADIUS_MM for column in ("target", "value", "half_width_90")})
+    return parity_figures.plate(name, own, {part: over_radius(score) for part, score in parts.items()}, by,
+                                f"{SYMBOLS[name]}/r")
+
+
+def over_radius(score: Mapping[str, Any]) -> dict[str, Any]:
+    """Scores of a position in mm as those of the position over the radius."""
+    return {**score, "unit": "–"} | {key: score[key] / RADIUS_MM for key in LENGTHS if key in score} | {
+        key: score[key] / RADIUS_MM**2 for key in SQUARED}
+
+
+def _numbers(name: str, parts: Mapping[str, Any], method: str, correlation: Mapping[str, float]) -> list[Number]:
     sign, of = parity_figures.unit(parts), f" of {SYMBOLS[name]}" if name in SYMBOLS else ""
     scale, over, squared = (RADIUS_MM**-2, "/r", "–") if of else (1.0, "", {"mm²": "mm⁴"}.get(sign, f"{sign}²"))
     found = [Number(f"MSE{of}{over}, {words}", squared, scale * parts[part]["mse"], method)
@@ -105,6 +169,8 @@ def _numbers(name: str, parts: Mapping[str, Any], method: str) -> list[Number]:
         found.append(Number(f"RMSE{of}, test rows", sign, parts["test"]["rmse"], method))
         if parts["test"]["r2"] is not None:
             found.append(Number(f"R²{of}, test rows", "–", parts["test"]["r2"], method))
+        if "test" in correlation:
+            found.append(Number(f"R{of}, test rows", "–", correlation["test"], method))
         found.append(Number(f"test rows{of} in their 90 % interval", "%", 100 * parts["test"]["coverage_90"], method))
     return found
 

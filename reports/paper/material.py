@@ -1,7 +1,6 @@
 """Sections of the material: fits, parameters and the skin's conductivity (paper, figures 3 to 6 and table 1)."""
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 
@@ -12,8 +11,11 @@ from reports.calibration import calibration_report, calibration_tables, cycle_fi
 from reports.calibration.card_record import Array, Record, read_record
 from reports.document.numerals import number, percent
 from reports.document.page import ReportFigure
+from reports.paper import cyclic
 from reports.paper.section import Number, Section, against, paper_value, renamed, value_of
+from reports.paper.stages import Stage
 from reports.paper.stages_plan import CARD, CYCLES, Run
+from reports.paper.stated_law import SUBSCRIPTS, table_1
 
 SYNTHETIC = ("The paper publishes no raw data; the tests here are synthetic machine files made from its Table 1 plus "
              "small terms that stiffen the foam a little, so that agreement checks the program, not the foam.")
@@ -24,7 +26,6 @@ SAYS = {"3": "The fit to compression alone is best there, the combined one overa
              "shear alone is unstable in compression.",
         "4": "The combined model captures the shear test; no error is given."}
 TITLES = {"3": "uniaxial compression and three fits", "4": "simple shear and three fits"}
-SUBSCRIPTS = "₁₂₃₄₅₆₇₈₉"
 
 
 def sections(run: Run) -> list[Section]:
@@ -33,9 +34,9 @@ def sections(run: Run) -> list[Section]:
         why = "Not there: the card was not fitted."
         return [_absent(figure, why) for figure in ("3", "4", "5", "T1", "6")]
     record = read_record(run.card)
-    plates = {plate.name: plate for plate in calibration_report.report(run.card).plates}
+    plates = {plate.name: plate for plate in calibration_report.report(run.card, table_1()).plates}
     return [_mode("3", record, plates), _mode("4", record, plates), _relaxing(record, plates), _parameters(record),
-            _skin(record, plates, run.stages[CYCLES].folder / "card.json")]
+            _skin(record, plates, run.stages[CYCLES])]
 
 
 def _absent(figure: str, why: str) -> Section:
@@ -66,8 +67,8 @@ def _mode(figure: str, record: Record, plates: dict[str, ReportFigure]) -> Secti
                f"the fit to {worst} misses this test most, by {percent((errors[worst] or 0.0), 2)}.")
     return Section(figure, TITLES[figure], SAYS[figure],
                    "The fit follows the test's own rate through the Prony series; what is compared is the long-term "
-                   f"law, with the paper's Table 1 put into its own equation. {tests}", differs, (CARD,),
-                   _named(plates, kind, f"figure_{figure}"), tuple(numbers))
+                   f"law, with the paper's Table 1 put into its own equation and drawn (crosses). {tests}", differs,
+                   (CARD,), _named(plates, kind, f"figure_{figure}"), tuple(numbers))
 
 
 def _named(plates: dict[str, ReportFigure], name: str, new: str) -> tuple[ReportFigure, ...]:
@@ -119,13 +120,15 @@ def _paper_order(alpha: Array) -> tuple[int, ...]:
     return min(itertools.permutations(range(paper.size)), key=lambda order: np.abs(alpha[list(order)] - paper).sum())
 
 
-def _skin(record: Record, plates: dict[str, ReportFigure], cycled: Path) -> Section:
+def _skin(record: Record, plates: dict[str, ReportFigure], cycles: Stage) -> Section:
     numbers: list[Number] = []
     drawn: list[ReportFigure] = []
-    if cycled.is_file():
+    if (cycled := cycles.folder / "card.json").is_file():
         own = read_record(cycled)
         table, row = own.tables["conductivity_1_cycles"], own.card.fit["conductivity_1"]
-        drawn.append(renamed(cycle_figures.cycles("conductivity_1", table, row), "figure_6b"))
+        *files, specimen = cycles.inputs
+        drawn += [cyclic.over_time("figure_6b", cyclic.record(files, specimen)),
+                  renamed(cycle_figures.cycles("conductivity_1", table, row), "figure_6b-cycles")]
         numbers = [Number("largest strain of the cycles", "–", float(own.tests["conductivity_1"].strain.max())),
                    Number("resistance at rest, first cycle", "kΩ", float(table["resistance_rest_Ohm"].iloc[0]) / 1e3),
                    Number("resistance at rest, last cycle", "kΩ", float(table["resistance_rest_Ohm"].iloc[-1]) / 1e3)]

@@ -14,16 +14,16 @@ from reports.document import provenance
 from reports.document.numerals import counted, number
 from reports.document.page import CONTENTS, Report, ReportFigure, Table, read_contents, write_pdf
 from reports.document.style import house
-from reports.paper import learning, material, ratios, simulation
+from reports.paper import choices, learning, material, networks_table, ratios, simulation, variants
 from reports.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
 from reports.paper.stages import LOG, content, made, read_record, state
-from reports.paper.stages_plan import CARD, FULL, SEED, SWEEP, Run, stale, write_scenes
+from reports.paper.stages_plan import CARD, COST, FULL, NETWORKS, SEED, SWEEP, Run, stale, write_scenes
 
 NUMBERS, STAGES = "numbers.csv", "stages.csv"
 PNG_DPI = 200
-# order of the figures on the pages; C is what the paper has no figure of
-ORDER = ("1", "3", "4", "5", "T1", "6", "7", "8", "9", "10", "11", "C", *(str(k) for k in range(12, 20)))
-NAMES = {"T1": "Table 1", "C": "Open choices"}
+# order of the figures on the pages; C and A are what the paper has no figure of
+ORDER = ("1", "3", "4", "5", "T1", "6", "7", "8", "9", "10", "11", "C", "A", *(str(k) for k in range(12, 20)))
+NAMES = {"T1": "Table 1", "C": "Open choices", "A": "Amplitude"}
 ELSEWHERE = "Figure 2 is a photograph of the test set-up and has no counterpart here."
 # whose difference stands in words on the first page, next to the ratios of all
 SUMMARISED = ("T1", "8", "9")
@@ -65,7 +65,7 @@ def sections(run: Run) -> list[Section]:
     """All sections, in the order of the paper."""
     found = [*material.sections(run), simulation.potentials(run), simulation.meshes(run),
              simulation.convergence(run), simulation.holds(run), *simulation.touched(run),
-             simulation.open_choices(run), *learning.sections(run)]
+             choices.section(run), learning.amplitude(run), *learning.sections(run)]
     return sorted(found, key=lambda section: ORDER.index(section.figure))
 
 
@@ -77,12 +77,15 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
     known = ratios.ratios(parts)
     if known:
         tables["ratios"] = ratios.table(known, full)
+    summary, networks_words = _networks(run)
+    tables |= summary
     for section in parts:
         if (table := comparison(section, full)) is not None:
             tables[f"numbers_{section.figure}"] = table
         tables |= {f"table_{section.figure}_{k}": table for k, table in enumerate(section.tables)}
     plates = [plate for section in parts for plate in section.plates]
-    prose = {"order": [section.figure for section in parts], "elsewhere": ELSEWHERE, "full": _full_words(run, full)}
+    prose = {"order": [section.figure for section in parts], "elsewhere": ELSEWHERE, "full": _full_words(run, full),
+             "networks": networks_words}
     for section in parts:
         prose |= _words(section, old)
     absent = {section.figure: section.missing for section in parts if section.missing}
@@ -90,6 +93,20 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
                 for why in dict.fromkeys(old.values())]
     return Report("paper", "The paper, walked through", _subtitle(run), _footer(run), _findings(parts, old), plates,
                   tables, absent, prose, cautions, verdict=[*ratios.verdict(known, _synthetic(run))])
+
+
+def _networks(run: Run) -> tuple[dict[str, Table], str]:
+    """The tables of the paper's networks for the first pages, and what is to be said of them."""
+    found, search = learning.model_of(run, NETWORKS), variants.read()
+    if found is None:
+        return {}, ""
+    scores = found[1]["outputs"]
+    tables = {"networks": networks_table.errors(scores, pd.read_parquet(found[2]))}
+    if search and networks_table.far_off(scores):
+        tables["causes"] = networks_table.causes(scores, search, choices.taken(run))
+    learned = (f" These networks learned from {counted(found[0]['dataset']['split']['train'], 'row')} in at most "
+               f"{run.setting.epochs} steps.")
+    return tables, networks_table.PAPER_R + learned + ("" if search else f" {variants.NOT_RUN}")
 
 
 def _synthetic(run: Run) -> bool:
@@ -101,6 +118,7 @@ def _words(section: Section, old: Mapping[str, str]) -> dict[str, str]:
     marks = [stage for stage in section.stages if stage in old]
     return {f"title_{section.figure}": f"{name}: {section.title}", f"says_{section.figure}": section.says,
             f"chosen_{section.figure}": section.chosen, f"differs_{section.figure}": section.differs,
+            f"followed_{section.figure}": section.followed,
             f"stale_{section.figure}": f"Stale: {', '.join(marks)}. See the first page." if marks else "",
             f"name_{section.figure}": name if name.startswith("T") else name[0].lower() + name[1:],
             f"plates_{section.figure}": ",".join(plate.name for plate in section.plates),
@@ -129,7 +147,7 @@ def _footer(run: Run) -> dict[str, Any]:
 
 def _findings(parts: Sequence[Section], old: Mapping[str, str]) -> list[str]:
     there = [section for section in parts if not section.missing]
-    drawn = sum(section.figure not in ("C", "T1") for section in there)
+    drawn = sum(section.figure not in NAMES for section in there)
     table = "and its Table 1" if any(section.figure == "T1" for section in there) else "but not its Table 1"
     said = [f"{drawn} of the paper's {FIGURES} figures of data {table} are set next to our own; "
             f"{counted(len(old), 'stage')} {'is' if len(old) == 1 else 'are'} stale."]
@@ -186,7 +204,8 @@ def _stage_words(run: Run, old: Mapping[str, str]) -> Table:
     rows = [[str(row["stage"]), str(row["state"]), *(_known(row.get(key)) for key in ("cpu_s", "wall_s")),
              row["results"][:12] if isinstance(row["results"], str) else "–"] for row in table.to_dict("records")]
     spent = sum((read_record(stage.folder) or {}).get("cpu_s", 0.0) for stage in run.stages.values())
-    return Table(f"The stages of this run, {number(spent)} CPU s in all, and the hash of what each wrote.",
+    return Table(f"The stages of this run, {number(spent / 60, 2)} CPU minutes in all (a quick run from nothing takes "
+                 f"{COST}), and the hash of what each wrote.",
                  ["stage", "state", "CPU (s)", "wall (s)", "results, sha256"], rows, "wlrrr")
 
 

@@ -43,6 +43,7 @@ class Section:
     numbers: tuple[Number, ...] = ()
     tables: tuple[Table, ...] = ()  # further tables
     missing: str = ""  # why it is empty; "" where it is not
+    followed: str = ""  # what the open choices of section C, and what is not known of the material, do to it
 
 
 @functools.cache
@@ -116,8 +117,8 @@ def _cell(table: pd.DataFrame, quantity: str, unit: str, method: str) -> str:
 
 
 def shown(quantity: str, value: float) -> str:
-    """A number of a comparison; whole ones in full, R² with what it lacks to 1."""
-    if quantity.startswith("R²"):
+    """A number of a comparison; whole ones in full, R² and R with what they lack to 1."""
+    if quantity.startswith(("R²", "R,", "R of")):
         return r_squared(value)
     return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else number(value)
 

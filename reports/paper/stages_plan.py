@@ -9,6 +9,7 @@ from eitsim.sweeps.dataset.parquet import read_manifest
 from eitsim.sweeps.design.design import read_design, tables_at
 from matcal.card import card_identity, read_card
 from reports.document.provenance import source
+from reports.paper.section import PUBLISHED
 from reports.paper.stages import Stage, state
 from touchcal.code_version import ROOT, code_hash
 
@@ -16,8 +17,10 @@ DATA, EXAMPLES, SCENES = ROOT / "data_raw", ROOT / "examples", Path(__file__).pa
 SEED = "1"
 # names of the stages, in the order in which they are made
 CARD, CYCLES, TOUCH, FIRST, SECOND = "card", "cycles", "touch", "first_scene", "second_scene"
-HOLDS = {"force": "hold_force", "depth": "hold_depth"}
-CHOICES, CONVERGENCE, SWEEP, NETWORKS, FORWARD = "choices", "convergence", "sweep", "networks", "forward"
+# what is kept -> its stage; the last is loaded in the time that LOADING finds
+HOLDS = {"force": "hold_force", "depth": "hold_depth", "depth after slow loading": "hold_loaded"}
+LOADING, CHOICES, CONVERGENCE, SWEEP = "loading", "choices", "convergence", "sweep"
+NETWORKS, FORWARD, FOLLOWED = "networks", "forward", "followed"
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,8 @@ class Setting:
     epochs: int  # most steps of the paper's networks
 
 
+# what a quick run takes where nothing is kept, as Makefile, README and the command's help say
+COST = "seven CPU minutes, within five minutes on two idle cores"
 QUICK, FULL = Setting("quick", 200, 60), Setting("full", 4000, 100)
 
 
@@ -58,6 +63,8 @@ def planned(setting: Setting, work: Path, *, card: Path | None = None, sweep: Pa
         made[SWEEP] = _sweep(work, setting, card_file, workers)
     made[NETWORKS] = _trained(work, NETWORKS, folder, workers, ("--method", "trainbr", "--epochs", str(setting.epochs)))
     made[FORWARD] = _trained(work, FORWARD, folder, workers, ("--method", "forward"))
+    made[FOLLOWED] = _own(work, FOLLOWED, "followed.csv", (work / CHOICES,), (work / NETWORKS, work / FORWARD),
+                          code_hash(("surrogate.cli.main",)))
     return Run(setting, made, card_file, folder, sweep is not None)
 
 
@@ -82,12 +89,15 @@ def _cycles(work: Path) -> Stage:
 
 
 def _touches(work: Path, card: Path) -> dict[str, Stage]:
-    """Single touches: the one of figures 10 and 11, two of the sweep's, two holds, and the open choices."""
+    """Single touches: the one of figures 10 and 11, two of the sweep's, three holds, and the open choices."""
     skin = ("--skin-patterns", "0,4")
+    force, depth, loaded = HOLDS.values()
     return {TOUCH: _touch(work, TOUCH, EXAMPLES / "scene.toml", card, skin),
             FIRST: _touch(work, FIRST, work / "scenes" / "first.toml", card, skin),
             SECOND: _touch(work, SECOND, work / "scenes" / "second.toml", card, skin),
-            **{name: _touch(work, name, SCENES / f"{name}.toml", card) for name in HOLDS.values()},
+            **{name: _touch(work, name, SCENES / f"{name}.toml", card) for name in (force, depth)},
+            LOADING: _own(work, LOADING, f"{loaded}.toml", (SCENES / f"{depth}.toml", card), (), _solvers(), PUBLISHED),
+            loaded: _touch(work, loaded, work / LOADING / f"{loaded}.toml", card),
             CHOICES: _choices(work, card)}
 
 
@@ -105,10 +115,20 @@ def _choices(work: Path, card: Path) -> Stage:
 
 
 def _convergence(work: Path, card: Path) -> Stage:
-    out = work / CONVERGENCE / "convergence.csv"
-    scene, own = EXAMPLES / "scene.toml", source(Path(__file__).with_name("convergence.py")).sha256
-    return Stage(CONVERGENCE, work / CONVERGENCE, ("reports.paper.convergence", scene, card, out), (scene, card),
-                 code_hash(("eitsim.cli.main",)) + own)
+    return _own(work, CONVERGENCE, "convergence.csv", (EXAMPLES / "scene.toml", card), (), _solvers())
+
+
+def _solvers() -> str:
+    return code_hash(("eitsim.cli.main",))
+
+
+def _own(work: Path, name: str, out: str, inputs: tuple[Path, ...], more: tuple[Path, ...], code: str,
+         *read: Path) -> Stage:
+    """The stage of a module of this room that is called as the stage is: `inputs`, the file to write, `more` inputs;
+    what it reads besides these is `read`."""
+    own = source(Path(__file__).with_name(f"{name}.py")).sha256
+    return Stage(name, work / name, (f"reports.paper.{name}", *inputs, work / name / out, *more),
+                 (*inputs, *more, *read), code + own)
 
 
 def _sweep(work: Path, setting: Setting, card: Path, workers: int) -> Stage:

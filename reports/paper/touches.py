@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from eitsim.scene.scene import Punch, Skin
 from reports.document import style
 from reports.document.numerals import number, volts
 from reports.document.page import ReportFigure
@@ -17,6 +18,18 @@ Array = NDArray[np.float64]
 PATTERN = 0
 STRAINS = {"normal": "through the thickness", "principal": "largest in plane", "areal": "areal"}
 PUNCHES = {0: "insulated", 1: "conducting"}
+CHOICE = ("skin_strain", "punch_conductor")  # columns of what was chosen
+
+
+def taken(tables: Mapping[str, Any]) -> tuple[str, int]:
+    """The strain that drives the skin and whether the punch conducts (0 or 1) in a scene or design of these tables."""
+    skin, punch = tables.get("skin", {}), tables.get("punch", {})
+    return (str(skin.get("strain", Skin().strain)), int(bool(punch.get("conductor", Punch().conductor))))
+
+
+def in_words(strain: str, conductor: int) -> str:
+    """A choice on a page."""
+    return f"strain {STRAINS.get(strain, strain)}, {PUNCHES[conductor]} punch"
 
 
 def course(result: Mapping[str, Any]) -> pd.DataFrame:
@@ -35,37 +48,47 @@ def followed(result: Mapping[str, Any]) -> str:
     return f"reading_{int(np.nanargmax(np.abs(signal[PATTERN])))}_V"
 
 
-def holds(name: str, results: Mapping[str, Mapping[str, Any]]) -> ReportFigure:
-    """Mean contact pressure and one potential of holds, by what is kept (paper, figure 9)."""
-    found = {kept: course(result) for kept, result in results.items()}
+def hold_words(result: Mapping[str, Any]) -> str:
+    """What a hold keeps and how long its loading takes, in words."""
+    hold = result["scene"]["hold"]
+    loaded = f"over {number(hold['loading_s'])} s" if hold["loading_s"] else "at once"
+    return f"{hold['control']} kept, loaded {loaded}"
+
+
+def holds(name: str, results: Mapping[str, Mapping[str, Any]], left_over: float) -> ReportFigure:
+    """Mean contact pressure and one potential of holds, by what is kept (paper, figure 9); `left_over` is the share of
+    the pressure that the paper has left after 2 s."""
+    found = {hold_words(result): course(result) for result in results.values()}
     reading = followed(next(iter(results.values())))
     factor, unit = volts(np.concatenate([rows[reading].to_numpy() for rows in found.values()]))
-    figure = style.sheet(62)
+    figure = style.sheet(70)
     left, right = figure.subplots(1, 2)
-    for k, (kept, rows) in enumerate(found.items()):
-        look: dict[str, Any] = {"color": style.SERIES[k], "ls": style.DASHES[k], "marker": "os"[k], "ms": 3,
-                                "label": f"{kept} kept"}
+    for k, (words, rows) in enumerate(found.items()):
+        look: dict[str, Any] = {"color": style.SERIES[k], "ls": style.DASHES[k], "marker": "os^"[k], "ms": 3,
+                                "label": words}
         left.plot(rows["time_s"], rows["sigma_ave_kPa"], **look)
         right.plot(rows["time_s"], factor * rows[reading], **look)
     first = next(iter(found.values()))
-    left.axhline(0.9 * first["sigma_ave_kPa"].iloc[0], color=style.GREY, lw=0.8, ls=":", label="10 % less (paper, 2 s)")
+    left.axhline(left_over * first["sigma_ave_kPa"].iloc[0], color=style.GREY, lw=0.8, ls=":",
+                 label="what the paper has left after 2 s")
     style.label(left, "Time from the end of loading (s)", "Mean contact pressure (kPa)")
     style.label(right, "Time from the end of loading (s)", f"Voltage ({unit})")
-    left.legend()
-    right.legend()
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     number_of = reading.split("_")[1]
-    said = [f"with the {kept} kept it goes from {number(rows['sigma_ave_kPa'].iloc[0])} to "
-            f"{number(rows['sigma_ave_kPa'].iloc[-1])} kPa and the voltage from "
+    said = [f"{words}, from {number(rows['sigma_ave_kPa'].iloc[0])} to "
+            f"{number(rows['sigma_ave_kPa'].iloc[-1])} kPa and from "
             f"{number(factor * rows[reading].iloc[0], 5)} to {number(factor * rows[reading].iloc[-1], 5)} {unit}"
-            for kept, rows in found.items()]
-    caption = (f"Mean contact pressure (left) and the voltage of pattern {PATTERN}, reading {number_of} (right): "
-               f"{'; '.join(said)}.")
-    data = pd.concat([rows.assign(kept=kept) for kept, rows in found.items()], ignore_index=True)
+            for words, rows in found.items()]
+    marked = ", ".join(f"{t:g}" for t in first["time_s"] if t > 0)
+    caption = (f"Mean contact pressure (left) and the voltage of pattern {PATTERN}, reading {number_of} (right), at "
+               f"{marked} s and at the end of loading: {'; '.join(said)}.")
+    data = pd.concat([rows.assign(kept=words) for words, rows in found.items()], ignore_index=True)
     return ReportFigure(name, figure, caption, {name: data})
 
 
-def choices(name: str, rows: pd.DataFrame, patterns: int) -> ReportFigure:
-    """Signals of one touch by the strain that drives the skin, under an insulated and a conducting punch."""
+def choices(name: str, rows: pd.DataFrame, patterns: int, own: tuple[str, int]) -> ReportFigure:
+    """Signals of one touch by the strain that drives the skin, under an insulated and a conducting punch; `own` is the
+    choice of this report."""
     signals = {(row["skin_strain"], int(row["punch_conductor"])): signal_of(row).reshape(patterns, -1)
                for row in rows.to_dict("records")}
     pattern, _ = reading_figures.largest(next(iter(signals.values())))
@@ -79,11 +102,11 @@ def choices(name: str, rows: pd.DataFrame, patterns: int) -> ReportFigure:
         style.label(axes, "Reading (–)", f"Signal ΔV ({unit})", words)
         axes.legend(title="punch", title_fontsize=7.5)
     sizes = {key: float(np.sqrt(np.nanmean(signal**2))) for key, signal in signals.items()}
-    base = sizes["normal", 0]
-    said = ", ".join(f"{words} {number(sizes[strain, 0] / base, 2)} (insulated) and "
-                     f"{number(sizes[strain, 1] / base, 2)} (conducting)" for strain, words in STRAINS.items())
-    caption = (f"Signal of pattern {pattern} by the strain that drives the skin. RMS of all readings over that of the "
-               f"strain through the thickness under an insulated punch: {said}. Each panel has its own scale.")
+    base = own if own in sizes else next(iter(sizes))
+    said = ", ".join(f"{words} {number(sizes[strain, 0] / sizes[base], 2)} (insulated) and "
+                     f"{number(sizes[strain, 1] / sizes[base], 2)} (conducting)" for strain, words in STRAINS.items())
+    caption = (f"Signal of pattern {pattern} by the strain that drives the skin. RMS of all readings over that of "
+               f"{in_words(*base)}: {said}. Each panel has its own scale.")
     table = pd.DataFrame({f"dV_V {strain}, {PUNCHES[punch]}": signal.ravel() for (strain, punch), signal
                           in signals.items()})
     return ReportFigure(name, figure, caption, {name: table})

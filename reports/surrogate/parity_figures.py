@@ -40,10 +40,18 @@ def points(predictions: pd.DataFrame, name: str) -> pd.DataFrame:
     return pd.DataFrame(predictions.loc[predictions["output"] == name])
 
 
-def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "") -> ReportFigure:
+def correlations(rows: pd.DataFrame) -> dict[str, float]:
+    """Part -> Pearson's correlation R of target and value of one output, what MATLAB's regression plot prints; parts
+    where either does not vary are left out."""
+    pairs = {str(part): own[["target", "value"]].to_numpy(dtype=float) for part, own in rows.groupby("part")}
+    return {part: float(np.corrcoef(pair.T)[0, 1]) for part, pair in pairs.items() if np.ptp(pair, axis=0).min() > 0}
+
+
+def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "",
+          title: str | None = None) -> ReportFigure:
     """Value over target of one output with its 90 % intervals; `parts` are its scores, `by` may say what predicted it,
-    as " by the networks"."""
-    title, sign = label(name), unit(parts)
+    as " by the networks", `title` what it is, where not what it is called on a page."""
+    title, sign, correlation = title or label(name), unit(parts), correlations(rows)
     shown = [part for part in ("train", "test") if part in parts] or list(parts)
     figure = style.sheet(42, style.HALF_WIDTH_MM if len(shown) < 3 else style.TEXT_WIDTH_MM)
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
@@ -52,11 +60,13 @@ def plate(name: str, rows: pd.DataFrame, parts: Mapping[str, Any], by: str = "")
     for axes, part in zip(panels, shown, strict=True):
         chosen = rows.loc[rows["part"] == part]
         _scatter(axes, chosen[["target", "value", "half_width_90"]].to_numpy(dtype=float).T, ends)
-        r2 = "" if parts[part]["r2"] is None else f"\nR² {r_squared(parts[part]['r2'])}"
-        axes.text(0.03, 0.97, in_figure(f"RMSE {number(parts[part]['rmse'])} {sign}{r2}"), transform=axes.transAxes,
+        r2 = [] if parts[part]["r2"] is None else [f"R² {r_squared(parts[part]['r2'])}"]
+        r = [f"R {r_squared(correlation[part])}"] if part in correlation else []
+        words = "\n".join([f"RMSE {_in(sign, parts[part]['rmse'])}", ", ".join(r2 + r)]).strip()
+        axes.text(0.03, 0.97, in_figure(words), transform=axes.transAxes,
                   va="top", zorder=4, fontsize=7, bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 1})
         style.label(axes, f"Target ({sign})", "", TITLES.get(part, part))
-    style.label(panels[0], f"Target ({sign})", f"{title}, predicted ({sign})", panels[0].get_title("left"))
+    style.label(panels[0], f"Target ({sign})", in_figure(f"{title}, predicted ({sign})"), panels[0].get_title("left"))
     panels[0].yaxis.label.set_size(7.5)  # the longest name fits the height
     kept = ["part", "scene", "unit", "target", "value", "half_width_90"]
     return ReportFigure(f"parity_{name}", figure, _caption(f"{title}, predicted{by}", sign, shown, parts),
@@ -84,12 +94,17 @@ def _jitter(target: np.ndarray, ends: Sequence[float]) -> np.ndarray:
 
 
 def _caption(predicted: str, sign: str, shown: list[str], parts: Mapping[str, Any]) -> str:
-    said = [f"{TITLES.get(part, part)} MSE {number(parts[part]['mse'])} {_squared(sign)}" for part in shown]
+    said = [f"{TITLES.get(part, part)} MSE {_in(_squared(sign), parts[part]['mse'])}" for part in shown]
     last, most = parts[shown[-1]], max(parts[part]["n"] for part in shown)
     drawn = "bars, cut at the frame" if most <= BARS else f"bars of {BARS} rows a panel, cut at the frame"
     return (f"{predicted} against target: {'; '.join(said)}. The 90 % intervals ({drawn}) hold "
             f"{percent(last['coverage_90'])} of the {counted(last['n'], 'row')} on the right.")
 
 
+def _in(sign: str, value: float) -> str:
+    """A value with its unit, of which a number has none."""
+    return number(value) if sign == "–" else f"{number(value)} {sign}"
+
+
 def _squared(sign: str) -> str:
-    return {"mm²": "mm⁴"}.get(sign, f"{sign}²")
+    return {"mm²": "mm⁴", "–": "–"}.get(sign, f"{sign}²")

@@ -50,7 +50,8 @@ def report(model_dir: Path) -> Report:
         plates.append(training_figures.history(trained, model["dataset"]["split"]["train"]))
     if amplitude := evaluation.get("amplitude"):
         plates.append(amplitude_figures.plate(amplitude))
-    tables = {"scores": surrogate_tables.scores(scores), "training": surrogate_tables.training(model["training"])}
+    tables = {"scores": surrogate_tables.scores(scores, predictions),
+              "training": surrogate_tables.training(model["training"])}
     absent = {}
     if (found := bound_files.read_map(model_dir)) is not None:
         sources.append(provenance.source(model_dir / bound_files.MAP))

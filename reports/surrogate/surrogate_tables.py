@@ -7,17 +7,19 @@ import pandas as pd
 
 from reports.document.numerals import counted, number, percent, r_squared
 from reports.document.page import Table
-from reports.surrogate.parity_figures import TITLES, label, unit, unseen
+from reports.surrogate.parity_figures import TITLES, correlations, label, points, unit, unseen
 from surrogate.bounds.bound_files import MATERIALS, floor
 
 
-def scores(by_output: Mapping[str, Any]) -> Table:
+def scores(by_output: Mapping[str, Any], predictions: pd.DataFrame) -> Table:
     """One row an output and part of the rows."""
+    r = {name: correlations(points(predictions, name)) for name in by_output}
     rows = [[label(name), unit(parts), TITLES.get(part, part), str(s["n"]), number(s["mse"]), number(s["rmse"]),
-             number(s["mae"]), "–" if s["r2"] is None else r_squared(s["r2"]), percent(s["coverage_90"])]
+             number(s["mae"]), "–" if s["r2"] is None else r_squared(s["r2"]),
+             r_squared(r[name][part]) if part in r[name] else "–", percent(s["coverage_90"])]
             for name, parts in by_output.items() for part, s in parts.items() if part != "val" or len(parts) == 1]
-    head = ["output", "unit", "rows", "n", "MSE", "RMSE", "MAE", "R²", "in 90 %"]
-    return Table(_scores_caption(by_output), head, rows, "wllrrrrrr")
+    head = ["output", "unit", "rows", "n", "MSE", "RMSE", "MAE", "R²", "R", "in 90 %"]
+    return Table(_scores_caption(by_output), head, rows, "wllrrrrrrr")
 
 
 def _scores_caption(by_output: Mapping[str, Any]) -> str:
@@ -26,8 +28,9 @@ def _scores_caption(by_output: Mapping[str, Any]) -> str:
     if not known:
         return "Scores; MSE is in the unit squared. R² is undefined: no target varies."
     best, worst = max(known, key=known.__getitem__), min(known, key=known.__getitem__)
-    return (f"Scores; MSE is in the unit squared. On unseen rows R² is {r_squared(known[worst])} "
-            f"at the least ({label(worst).lower()}) and {r_squared(known[best])} at the most ({label(best).lower()}).")
+    return ("Scores; MSE is in the unit squared, R is the correlation of target and value. On unseen rows R² is "
+            f"{r_squared(known[worst])} at the least ({label(worst).lower()}) and {r_squared(known[best])} at the most "
+            f"({label(best).lower()}).")
 
 
 def noise(by_output: Mapping[str, Any], levels: Sequence[Mapping[str, Any]],

@@ -25,7 +25,7 @@ class Estimate:
     misfit: Array
     # (n,) whether the touch lies among the trained ones; True for learners that only map signals to outputs
     inside: Mask
-    # (n, outputs) one-sided standard deviations: distances of the value to the ends of the central 90 % interval, in
+    # (n, outputs) one-sided standard deviations: distances of the value to the ends of the 90 % interval, in
     # those of the normal variable
     below: Array
     above: Array

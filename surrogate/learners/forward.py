@@ -107,12 +107,13 @@ def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tupl
     """Mechanical outputs, their standard deviations and the one-sided ones (2, n, outputs); over the posterior of the
     punches where that speaks."""
     carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
-    of_table, discrepancy = (drawn(found.punches, part) for part in _table_response(learner))
-    mean, covariance = moments(of_table)
+    nodes, variance = _table_response(learner)
+    discrepancy = drawn(found.punches, variance)
+    mean, covariance = moments(drawn(found.punches, nodes))
     own, widened = np.maximum(discrepancy.mean(axis=1), 0.0), np.maximum(found.misfit, 1.0)[:, None]
     k, peak = found.broad[:, None], np.sqrt(carried + answer.sd**2)
     whole = np.where(k, np.sqrt(np.einsum("npp->np", covariance) * widened + own), peak)
-    sides = np.where(k, np.sqrt(one_sided(of_table) ** 2 * widened + own), peak)
+    sides = np.where(k, np.sqrt(one_sided(found.punches, nodes, mean) ** 2 * widened + own), peak)
     return np.where(k, mean, answer.value), whole, sides
 
 

@@ -28,6 +28,7 @@ from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.posterior.draws import card_of
 from touchcal import cache
+from touchcal.code_version import MECHANICS
 from touchcal.errors import NotConverged
 from touchcal.parallel.checkpoint import CheckpointedMap
 from touchcal.parallel.pool import WorkerPool
@@ -248,7 +249,7 @@ def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, 
            "laws": [_plain(law) for law in (span.central, *span.chosen)],
            "held_out": [_plain(law) for law in span.held_out]}
     alone = replace(table, rim=None)
-    arrays, words = cache.kept(cache.key_of(key), lambda: _arrays(build_family(alone, span, run)))
+    arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _arrays(build_family(alone, span, run)))
     note = note or words
     deep = replace(as_deep_as(alone, int(arrays["count"])), error=deviation_of(arrays["error"]),
                    checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
@@ -256,7 +257,7 @@ def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, 
     if table.rim is None:
         return family, note
     key |= {"rim": asdict(reuse.GRID)}
-    arrays, words = cache.kept(cache.key_of(key), lambda: _rim_error(with_rim(family, table, run)))
+    arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _rim_error(with_rim(family, table, run)))
     changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
     return replace(family, table=replace(family.table, rim=changes)), note or words
 

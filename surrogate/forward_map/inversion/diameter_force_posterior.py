@@ -3,7 +3,9 @@
 The strengths of a located touch have a normal likelihood under those of a table of punches, whose own errors count node
 by node. Along the load g the strengths are taken as linear between nodes, so that the likelihood integrates over each
 interval in closed form however narrow it is. The prior is uniform over the F of the training touches; over their d too,
-or, where training rows share a few diameters, almost all of it on these.
+or, where training rows share a few diameters, almost all of it on these. Means are over this posterior. Intervals hold
+every punch whose likelihood, maximised over what else is unknown, is not too far below the largest: of a posterior that
+several punches share, the part that is cut off would always be that of the smallest or largest.
 """
 
 from dataclasses import dataclass
@@ -38,6 +40,7 @@ class Table:
     force_N: Array  # (D, G) their forces
     strengths: Array  # (RADII, D, G, orders) log |p_1 / V|, p_2 / p_1 ...
     variance: Array  # (RADII, D, G, orders) of their own errors
+    log_diameter: Array  # (D,) log of the prior of each diameter
     log_prior: Array  # (D, G - 1) of each interval
 
     @property
@@ -55,6 +58,8 @@ class Posterior:
     log_weight: Array  # (n, D, G - 1) log probability of each interval
     along: Array  # (n, D, G - 1) mean place along each interval, 0 to 1
     spread: Array  # (n, D, G - 1) standard deviation of that place
+    # (2, n, D, G - 1) places on each interval, 0 to 1, between which its punches are likely; NaN where none is
+    likely: Array
     cost: Array  # (n,) least squared distance of the strengths from the table's, in standard deviations
 
     @cached_property
@@ -82,10 +87,12 @@ def make_table(forward: ForwardMap) -> Table:
     unknown[..., 2], unknown[..., 3] = np.log(d)[:, None], load
     flat, shape = unknown.reshape(-1, 4), (*unknown.shape[:3], -1)
     force_N = force(np.log(d)[:, None], load, forward.p0)
-    of_force = np.diff(force_N, axis=1) / (f_hi - f_lo)
-    log_prior = np.log(_diameter_prior(forward, len(others))[:, None] * of_force)
+    diameter = _diameter_prior(forward, len(others))
+    log_prior = np.log(diameter[:, None] * np.diff(force_N, axis=1) / (f_hi - f_lo))
+    # an end of the trapezoidal rule counts half, and is as likely as the others
+    log_diameter = np.log(np.r_[diameter[:len(known)], np.full(len(others), diameter[len(known):].max())])
     return Table(d, len(known), load, force_N, log_strengths(forward, flat).reshape(shape),
-                 strength_discrepancy(forward, flat).reshape(shape) ** 2, log_prior)
+                 strength_discrepancy(forward, flat).reshape(shape) ** 2, log_diameter, log_prior)
 
 
 def _diameter_prior(forward: ForwardMap, others: int) -> Array:
@@ -112,11 +119,22 @@ def posterior(forward: ForwardMap, table: Table, located: Located) -> Posterior:
     best, width = -np.sum(weighed * miss, axis=-1) / curvature, 1 / np.sqrt(curvature)
     cost = np.einsum("nijp,nijpq,nijq->nij", miss, precision, miss, optimize=True) - best**2 * curvature
     mass = _log_mass(-best / width, (1 - best) / width)
-    log_weight = -0.5 * (cost + np.linalg.slogdet(covariance)[1]) + mass + np.log(width) + table.log_prior
+    size = np.linalg.slogdet(covariance)[1]
+    log_weight = -0.5 * (cost + size) + mass + np.log(width) + table.log_prior
     log_weight -= log_weight.max(axis=(1, 2), keepdims=True)
     log_weight -= np.log(np.sum(np.exp(log_weight), axis=(1, 2), keepdims=True))
-    nearest = np.min(cost + (best - np.clip(best, 0, 1)) ** 2 * curvature, axis=(1, 2))
-    return Posterior(table, radial, log_weight, *_truncated(best, width, mass), nearest)
+    nearest = cost + ((best - np.clip(best, 0, 1)) / width) ** 2
+    likely = _likely(nearest, cost, size - 2 * table.log_diameter[:, None], best, width)
+    return Posterior(table, radial, log_weight, *_truncated(best, width, mass), likely, nearest.min(axis=(1, 2)))
+
+
+def _likely(nearest: Array, cost: Array, added: Array, best: Array, width: Array) -> Array:
+    """(2, n, D, G - 1) places between which punches are within the profile likelihood's interval of COVERAGE: the cost,
+    what is `added` to it with it, exceeds the least one by at most that of a normal variable (Pawitan, In All
+    Likelihood, 2001, sections 2.6 and 3.4)."""
+    most = np.min(nearest + added, axis=(1, 2), keepdims=True) + normal(COVERAGE) ** 2
+    half = width * np.sqrt(np.maximum(most - cost - added, 0.0))
+    return np.where(nearest + added <= most, np.clip([best - half, best + half], 0.0, 1.0), np.nan)
 
 
 def _cut(covariance: Array) -> Array:
@@ -176,11 +194,13 @@ def moments(values: Array) -> tuple[Array, Array]:
     return mean, off.transpose(0, 2, 1) @ off / values.shape[1]
 
 
-def one_sided(values: Array) -> Array:
-    """(2, n, k) distances, down and up, of the mean of drawn values (n, DRAWS, k) to the ends of the central interval
-    that holds COVERAGE of them, in those of the normal variable; 0 where the mean lies outside it."""
-    mean, (low, high) = values.mean(axis=1), np.quantile(values, [(1 - COVERAGE) / 2, (1 + COVERAGE) / 2], axis=1)
-    return np.maximum([mean - low, high - mean], 0.0) / normal(COVERAGE)
+def one_sided(found: Posterior, values: Array, mean: Array) -> Array:
+    """(2, n, k) distances, down and up, of means (n, k) to the ends of values (RADII or 1, D, G, k) of the table's
+    nodes over the likely punches, in those of the normal variable; 0 where a mean lies outside."""
+    at_node = np.tensordot(found.radial, values, 1) if len(values) > 1 else values
+    reached = at_node[:, :, :-1] + np.diff(at_node, axis=2) * found.likely[..., None]
+    return np.maximum([mean - np.nanmin(reached, axis=(0, 2, 3)), np.nanmax(reached, axis=(0, 2, 3)) - mean], 0.0
+                      ) / normal(COVERAGE)
 
 
 def resolved(found: Posterior) -> Mask:

@@ -101,7 +101,7 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
         selected = _selected(forward, signal[rest], of(sd, rest), _rows(free, rest), tried)
         known = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, punches, noise_V), selected))
         found = _with_rows(found, known, rest)
-    return _along_ridge(found)
+    return _along_ridge(forward, found)
 
 
 def _rows(ends: Minimum, rows: Index) -> Minimum:
@@ -203,19 +203,21 @@ def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: 
     return replace(found, punches=punches, broad=usable & resolved(punches))
 
 
-def _along_ridge(found: Inversion) -> Inversion:
-    """With d and F over the posterior of punches where that may speak, and one-sided standard deviations."""
-    punches, k = drawn(found.punches, found.punches.table.touch[None]), found.broad
-    mean, covariance = moments(punches)
+def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
+    """With d and F over the posterior of punches where that may speak, and one-sided standard deviations; a punch among
+    the trained ones fits there, wherever about an end of their range the peak lies."""
+    nodes, k = found.punches.table.touch[None], found.broad
+    mean, covariance = moments(drawn(found.punches, nodes))
     widened = np.maximum(found.misfit, 1.0)[:, None]
     touch, spread = found.touch.copy(), found.covariance.copy()
     touch[k, 2:] = mean[k]
     spread[k, :2, 2:], spread[k, 2:, :2] = 0.0, 0.0
     spread[k, 2:, 2:] = covariance[k] * widened[k, :, None]
     sides = np.repeat(np.sqrt(np.einsum("npp->np", spread))[None], 2, axis=0)
-    sides[:, k, 2:] = np.maximum(one_sided(punches) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
+    sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
                                  )[:, k]
-    return replace(found, touch=touch, covariance=spread, below=sides[0], above=sides[1])
+    inside = _inside(forward, touch)
+    return replace(found, touch=touch, covariance=spread, inside=inside, below=sides[0], above=sides[1])
 
 
 def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: float) -> Inversion:

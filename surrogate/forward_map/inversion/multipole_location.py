@@ -15,6 +15,8 @@ from touchcal.arrays import Array, Index
 CANDIDATES, PLACES, STEPS = 400, 2, 15
 MARGIN_MM, MARGIN = 10.0, 0.1  # how far outside the training touches one may lie: its place, mm, and log d and log F
 RIM = 0.97  # part of the disc's radius outside which no place is sought
+# Least part of what is known of a strength, the prior of the search with it, that the signal is taken to tell.
+LEAST_TOLD = 1e-6
 
 
 @dataclass(frozen=True)
@@ -22,14 +24,15 @@ class Located:
     """Touches by place and strengths."""
 
     place_mm: Array  # (n, 2) x, y, mm
-    strengths: Array  # (n, orders) log |p_1 / V|, p_2 / p_1 ...
-    covariance: Array  # (n, orders, orders) their covariance
+    strengths: Array  # (n, orders) log |p_1 / V|, p_2 / p_1 ... by the signal alone
+    covariance: Array  # (n, orders, orders) their covariance by the signal alone
 
 
 def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
     """Fit place and free strengths to signals (n, readings) of standard deviation sd (n,) a reading, V.
 
-    The ratios of the strengths are held by a prior as wide as the training touches, so that noise cannot blow them up.
+    The ratios of the strengths are held by a prior as wide as the training touches, so that noise cannot blow them up;
+    it is taken out of what is returned, which is a likelihood.
     """
     starts = _starts(forward, signal)
     frames = np.repeat(np.arange(len(signal)), PLACES)
@@ -41,7 +44,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
     found = minimise(residuals, starts, STEPS,
                      lambda state: np.column_stack([on_disc(forward, state[:, :2]), state[:, 2:]]))
     best = np.argmin(found.cost.reshape(-1, PLACES), axis=1) + PLACES * np.arange(len(signal))
-    return _as_ratios(forward, found.state[best], inverse(found.normal[best])[:, 2:, 2:])
+    return _as_ratios(forward, found.state[best], inverse(found.normal[best])[:, 2:, 2:], size[best])
 
 
 def _starts(forward: ForwardMap, signal: Array) -> Array:
@@ -107,7 +110,7 @@ def on_range(forward: ForwardMap, unknown: Array) -> Array:
     return held
 
 
-def _as_ratios(forward: ForwardMap, state: Array, covariance: Array) -> Located:
+def _as_ratios(forward: ForwardMap, state: Array, covariance: Array, size: Array) -> Located:
     strength = state[:, 2:]
     weakest = 1e-6 * np.exp(forward.strengths[0].values.min())
     first = forward.sign * np.maximum(forward.sign * strength[:, 0], weakest)
@@ -117,4 +120,21 @@ def _as_ratios(forward: ForwardMap, state: Array, covariance: Array) -> Located:
     slope[:, rest, 0] = -strength[:, 1:] / first[:, None] ** 2
     slope[:, rest, rest] = 1 / first[:, None]
     values = np.column_stack([np.log(np.abs(first)), strength[:, 1:] / first[:, None]])
-    return Located(state[:, :2], values, slope @ covariance @ slope.transpose(0, 2, 1))
+    mean, spread = _ratios(forward)
+    prior = (first / size)[:, None] / spread
+    return Located(state[:, :2], *_by_signal_alone(values, slope @ covariance @ slope.transpose(0, 2, 1), mean, prior))
+
+
+def _by_signal_alone(values: Array, covariance: Array, mean: Array, prior: Array) -> tuple[Array, Array]:
+    """Means (n, k) and covariances (n, k, k) of the normal likelihoods that make these posteriors of a normal prior of
+    all values but the first, of this mean (k - 1,) and these roots of its precisions (n, k - 1)."""
+    precision = inverse(covariance)
+    scale = np.sqrt(np.einsum("npp->np", precision))
+    told = precision / scale[:, :, None] / scale[:, None, :]
+    held = np.zeros_like(values)
+    held[:, 1:] = (prior / scale[:, 1:]) ** 2
+    right = (told @ (scale * values)[..., None])[..., 0]
+    right[:, 1:] -= held[:, 1:] * scale[:, 1:] * mean
+    part, axes = np.linalg.eigh(told - held[:, :, None] * np.eye(values.shape[1]))
+    spread = (axes / np.maximum(part, LEAST_TOLD)[:, None]) @ axes.transpose(0, 2, 1)
+    return (spread @ right[..., None])[..., 0] / scale, spread / scale[:, :, None] / scale[:, None, :]

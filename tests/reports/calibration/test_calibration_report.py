@@ -25,7 +25,8 @@ from matcal.reduction.experiment import Experiment
 from reports.calibration import calibration_report
 from reports.calibration.calibration_report import write
 from reports.calibration.card_record import Test
-from reports.calibration.stress_figures import along_history
+from reports.calibration.stress_figures import StatedLaw, along_history
+from reports.document.style import house
 from touchcal.errors import InputFileError
 
 Reader = Callable[[Path], Any]
@@ -128,6 +129,24 @@ def test_a_calibration_report_holds_the_numbers_of_its_card(tmp_path: Path, card
     assert "12" * 32 in text
     for line in json.loads(card_path.read_text())["provenance"]["decisions"]:
         assert line in text
+
+
+def test_a_law_of_others_is_drawn_as_it_stands_and_labelled_as_theirs(card_path: Path) -> None:
+    theirs = StatedLaw("a stiffer law", replace(LAW, mu_Pa=1.1 * LAW.mu_Pa), replace(PRONY, g=0.5 * PRONY.g))
+    with house():
+        plates = {plate.name: plate for plate in calibration_report.report(card_path, theirs).plates}
+    for mode in ("uniaxial", "shear"):
+        drawn = plates[mode].data[f"{mode}_stated"]
+        assert np.allclose(drawn["stated_stress_Pa"], 1.1 * nominal_stress(LAW, mode, drawn["strain"]))
+        assert "a stiffer law is 10 % off" in plates[mode].caption
+        (line,) = [one for one in plates[mode].figure.axes[0].get_lines() if one.get_label() == "a stiffer law"]
+        assert np.allclose(np.asarray(line.get_ydata()), drawn["stated_stress_Pa"] / 1e3)
+    drawn = plates["relaxation"].data["relaxation_stated"]
+    assert np.allclose(drawn["stated_relaxation"] - 1, 0.5 * (drawn["fit_relaxation"] - 1))
+    assert "the series of a stiffer law is at most" in plates["relaxation"].caption
+    with house():
+        plain = {plate.name: plate for plate in calibration_report.report(card_path).plates}
+    assert not [stem for plate in plain.values() for stem in plate.data if stem.endswith("_stated")]
 
 
 def test_a_calibration_begins_with_its_verdict(tmp_path: Path, card_path: Path, read_pdf: Reader) -> None:

@@ -66,6 +66,7 @@ def test_signs_and_powers_are_set(words: str, text: str) -> None:
 def test_a_power_in_a_figure_is_one_that_its_font_has() -> None:
     assert in_figure(f"RMSE {number(4.1e-6, 2)} mm") == "RMSE 4.1 × $10^{-6}$ mm"
     assert in_figure("10 mm²") == "10 mm²"
+    assert in_figure("x₀/r, a₁₂ (–)") == "x$_{0}$/r, a$_{12}$ (–)"
 
 
 @pytest.mark.parametrize(("value", "unit"), [(123.0, "Pa"), (9.5e3, "kPa"), (2e8, "MPa"), (0.0, "Pa"), (0.3, "Pa")])

@@ -16,7 +16,7 @@ from eitsim.sweeps.run.folder import sole_writer
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
-from reports.__main__ import app
+from reports.__main__ import app, paper
 from reports.document.verdict import GOOD, NOT_USABLE
 from reports.paper import paper_report, ratios
 from reports.paper.learning import OUTPUTS
@@ -24,9 +24,10 @@ from reports.paper.meshes import course
 from reports.paper.network import hidden_units
 from reports.paper.section import FULL, KEY, Number, Section, comparison, paper_value, published
 from reports.paper.stages import RECORD, content, key
-from reports.paper.stages_plan import QUICK, Run, planned
+from reports.paper.stages_plan import COST, QUICK, Run, planned
 from reports.paper.touches import conducting_share
 from surrogate.statistics.metrics import score
+from touchcal.code_version import ROOT
 
 Reader = Callable[[Path], Any]
 Writer = Callable[..., Path]
@@ -45,9 +46,10 @@ def write_convergence(folder: Path) -> None:
     pd.concat(rows).to_csv(folder / "convergence.csv", index=False)
 
 
-def write_hold(folder: Path, write_result: Writer, relaxes: bool) -> None:
+def write_hold(folder: Path, write_result: Writer, relaxes: bool, **hold: Any) -> None:
     """A hold whose pressure falls by Table 1's series, or stays."""
     result = json.loads(write_result().read_text())
+    result["scene"]["hold"] |= hold
     block = {name: result[name] for name in ("force_N", "delta_max_mm", "readings_V")}
     result["times"] = [block | {"time_s": t, "sigma_ave_kPa": 6.5 * float(relaxation(SERIES, t) if relaxes else 1.0)}
                        for t in (0.0, 2.0, 5.0, 60.0, 120.0, 180.0)]
@@ -70,7 +72,9 @@ def write_models(folder: Path) -> None:
     (folder / "model.json").write_text(json.dumps({
         "method": "trainbr", "seed": 1, "dataset": {"sha256": "cd" * 32, "rows": 32, "split": split},
         "training": dict.fromkeys(UNITS, net)}))
-    (folder / "evaluation.json").write_text(json.dumps({"outputs": scores, "noise": []}))
+    turned = {"d_mm": 10.0, "rms_V": [1e-3, 4e-3, 2e-3], "peak_N": 0.5, "two_answers_N": [0.2, 2.0]}
+    amplitude = {"radius_mm": 0.0, "force_N": [0.1, 0.5, 2.0], "diameters": [turned]}
+    (folder / "evaluation.json").write_text(json.dumps({"outputs": scores, "noise": [], "amplitude": amplitude}))
     pd.concat(tables).to_parquet(folder / "predictions.parquet", index=False)
 
 
@@ -86,13 +90,15 @@ def finished(run: Run, name: str, write: Callable[[Path], None]) -> None:
 
 @pytest.fixture
 def run(tmp_path: Path, write_result: Writer) -> Run:
-    """A run with a card's place, a convergence and two holds."""
+    """A run with a card's place, a convergence and three holds."""
     card = tmp_path / "foam.json"
     made = planned(QUICK, tmp_path / "stages", card=card)
     card.write_text("{}")
     finished(made, "convergence", write_convergence)
     finished(made, "hold_force", lambda folder: write_hold(folder, write_result, relaxes=False))
-    finished(made, "hold_depth", lambda folder: write_hold(folder, write_result, relaxes=True))
+    finished(made, "hold_depth", lambda folder: write_hold(folder, write_result, relaxes=True, control="depth"))
+    finished(made, "hold_loaded", lambda folder: write_hold(folder, write_result, relaxes=True, control="depth",
+                                                            loading_s=1.25))
     card.unlink()  # a card that is no card: its sections say so, and what was made from it is stale
     return made
 
@@ -104,8 +110,11 @@ def test_what_is_there_is_drawn_and_what_is_not_is_said(run: Run, tmp_path: Path
                   "Figure 9: a held touch", "Mean contact pressure (kPa)", "Time from the end of loading (s)",
                   f"{lost:.1f} % are lost in 2 s", "Not there: the card was not fitted.",
                   "Not there: the networks were not trained.", "Stale: convergence. See the first page.",
-                  "Stale: hold_force, hold_depth, convergence: command, inputs",
-                  "Stale: hold_force, hold_depth. See", "quantity unit paper this run",
+                  "force kept, loaded at once", "depth kept, loaded at once", "depth kept, loaded over 1.25 s",
+                  "at 2, 5, 60, 120, 180 s and at the end of loading", "constant rate of force in 1.25 s",
+                  "Stale: hold_force, hold_depth, hold_loaded, convergence: command, inputs",
+                  "Stale: hold_force, hold_depth, hold_loaded. See", f"a quick run from nothing takes {COST}",
+                  "quantity unit paper this run",
                   "figure quantity method unit paper this run ratio ratio, full run", "A held touch"):
         assert words in text, words
     assert sorted(path.name for path in (tmp_path / "paper_files").glob("*.svg")) == ["figure_8.svg", "figure_9.svg"]
@@ -125,7 +134,9 @@ def test_every_figure_of_the_networks_is_drawn(tmp_path: Path, read_pdf: Reader)
     for figure in ("12", *OUTPUTS):
         assert f"Figure {figure}: " in text
         assert list((tmp_path / "paper_files").glob(f"figure_{figure}*.png"))
-    for words in ("Force, predicted (N)", "Contact area, predicted (mm²)", "20 hidden units",
+    for words in ("Force, predicted (N)", "Contact area, predicted (mm²)", "/r, predicted (–)", "20 hidden units",
+                  "Networks next to the paper", "learned from 20 rows in at most 60 steps",
+                  "Amplitude: size of the signal", "it is largest at 0.50 N",
                   "paper networks networks, full forward map forward map, full",
                   "8 of 8 networks stopped at 60 steps", "Stale: networks"):
         assert words in text, words
@@ -235,6 +246,15 @@ def test_a_conducting_punch_is_measured_against_an_insulated_one() -> None:
     rows = pd.DataFrame({"skin_strain": "normal", "punch_conductor": [0.0, 1.0], "dv_000": [3.0, 3.0],
                          "dv_001": [4.0, 9.0]})
     assert conducting_share(rows, "normal") == pytest.approx(1.0)
+
+
+def test_a_quick_run_costs_the_same_in_every_place() -> None:
+    places = {"Makefile": (ROOT / "Makefile").read_text(), "README": (ROOT / "README.md").read_text(),
+              "help": str(paper.__doc__)}
+    for name, words in places.items():
+        said = " ".join(words.replace("\n#", " ").split())
+        assert COST in said, name
+        assert "up to two hours" in said or name == "help", name
 
 
 def test_results_that_are_not_there_are_refused_before_any_work(tmp_path: Path) -> None:

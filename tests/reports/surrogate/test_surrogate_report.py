@@ -13,7 +13,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from reports.document import style
-from reports.document.numerals import percent
+from reports.document.numerals import percent, r_squared
 from reports.surrogate import parity_figures, surrogate_tables
 from reports.surrogate.surrogate_report import report, write
 from surrogate.model.store import save_evaluation
@@ -65,8 +65,11 @@ def test_a_surrogate_report_holds_its_scores(tmp_path: Path, read_pdf: Reader) -
     test = table[(table["output"] == "x0") & (table["part"] == "test")]
     error = test["value"] - test["target"]
     r2 = 1 - np.mean(error**2) / np.var(test["target"])
+    r = np.corrcoef(test["target"], test["value"])[0, 1]
+    assert f"{r:.4f}" != f"{r2:.4f}"
     for value in (f"RMSE {np.sqrt(np.mean(error**2)):#.3g} mm", f"MSE {np.mean(error**2):#.3g} mm²",
-                  f"R² {r2:.4f}", "12.3 s of CPU", "0.567 ms", "25.5", "77", "the gradient vanished", "seed 4"):
+                  f"R² {r2:.4f}, R {r:.4f}", f"{r2:.4f} {r:.4f} ", "12.3 s of CPU", "0.567 ms", "25.5",
+                  "77", "the gradient vanished", "seed 4"):
         assert value in text
     assert "Contact area, predicted (mm²)" in text
     assert "mm⁴" in text
@@ -74,6 +77,14 @@ def test_a_surrogate_report_holds_its_scores(tmp_path: Path, read_pdf: Reader) -
         assert hashlib.sha256((tmp_path / "model" / name).read_bytes()).hexdigest()[:16] in text
     drawn = pd.read_csv(tmp_path / "s_files" / "parity_x0.csv")
     assert np.allclose(drawn["value"], table.loc[table["output"] == "x0", "value"])
+
+
+def test_the_correlation_knows_neither_scale_nor_shift_and_none_where_nothing_varies() -> None:
+    target = np.array([1.0, 2.0, 4.0])
+    rows = pd.concat([pd.DataFrame({"part": part, "target": target, "value": value}) for part, value in
+                      (("train", 3 * target + 5), ("val", -target), ("test", np.ones(3)))])
+    found = parity_figures.correlations(rows)
+    assert found == {"train": pytest.approx(1.0), "val": pytest.approx(-1.0)}
 
 
 def test_a_surrogate_begins_with_its_verdict_and_carries_the_cautions_of_the_terminal(tmp_path: Path,
@@ -246,4 +257,5 @@ def test_points_of_a_few_targets_stand_apart_and_each_panel_says_its_error() -> 
         assert (away.max() > 0) == moved
         assert away.max() < 0.2
         assert np.array_equal(made.data["parity_d"]["target"], target)
-        assert [text.get_text() for text in axes.texts] == [f"RMSE 0.500 mm\nR² {parts['test']['r2']:.4f}"]
+        r = r_squared(parity_figures.correlations(table)["test"])
+        assert [text.get_text() for text in axes.texts] == [f"RMSE 0.500 mm\nR² {parts['test']['r2']:.4f}, R {r}"]

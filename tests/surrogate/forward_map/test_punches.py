@@ -32,15 +32,15 @@ def measured(learned: ForwardMap, d_mm: float, force_N: float, sd: Array) -> Loc
 
 
 def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tuple[Array, Array]:
-    """(points^2, 2) d and F on a fine grid, and their probabilities, uniform in d and F."""
+    """(points^2, 2) d and F on a fine grid, and their likelihoods over the largest."""
     (_, d_lo, f_lo), (_, d_hi, f_hi) = learned.bounds
     d, force = (g.ravel() for g in np.meshgrid(np.linspace(d_lo, d_hi, points), np.linspace(f_lo, f_hi, points)))
     unknown = to_unknown(np.column_stack([np.repeat(located.place_mm, len(d), axis=0), d, force]), learned.p0)
     miss, error = log_strengths(learned, unknown) - located.strengths, strength_discrepancy(learned, unknown)
     covariance = located.covariance + error[..., None] ** 2 * np.eye(error.shape[1])
     log_weight = -0.5 * np.einsum("np,npq,nq->n", miss, np.linalg.inv(covariance), miss)
-    weight = np.exp(log_weight - 0.5 * np.linalg.slogdet(covariance)[1] - log_weight.max())
-    return np.column_stack([d, force]), weight / weight.sum()
+    log_weight -= 0.5 * np.linalg.slogdet(covariance)[1]
+    return np.column_stack([d, force]), np.exp(log_weight - log_weight.max())
 
 
 @pytest.mark.parametrize(("d_mm", "force_N", "sd"), [(14.0, 1.0, [0.02, 2e-4, 1.0]), (11.0, 0.4, [0.1, 4e-4, 1.0]),
@@ -50,17 +50,19 @@ def test_the_posterior_equals_brute_force(learned: ForwardMap, d_mm: float, forc
     found = diameter_force_posterior.posterior(learned, diameter_force_posterior.make_table(learned), located)
     punches = diameter_force_posterior.drawn(found, found.table.touch[None])
     mean, covariance = diameter_force_posterior.moments(punches)
-    values, weight = brute_force(learned, located)
+    values, likelihood = brute_force(learned, located)
+    weight = likelihood / likelihood.sum()
     expected_mean = weight @ values
     expected_sd = np.sqrt(weight @ (values - expected_mean) ** 2)
     assert np.allclose(mean[0], expected_mean, atol=0.05 * expected_sd)
     assert np.allclose(np.sqrt(np.diagonal(covariance[0])), expected_sd, rtol=0.06)
     assert np.exp(found.log_weight).sum() == pytest.approx(1.0)
     assert diameter_force_posterior.resolved(found)[0]
-    below, above = 1.6449 * diameter_force_posterior.one_sided(punches)[:, 0, 1]
-    order = np.argsort(values[:, 1])
-    ends = np.interp([0.05, 0.95], np.cumsum(weight[order]), values[order, 1])
-    assert np.allclose([mean[0, 1] - below, mean[0, 1] + above], ends, atol=0.08 * expected_sd[1])
+    below, above = 1.6449 * diameter_force_posterior.one_sided(found, found.table.touch[None], mean)[:, 0]
+    likely = values[likelihood > np.exp(-0.5 * 1.6449**2)]
+    ends = [mean[0] - below, mean[0] + above]
+    assert np.allclose(ends, [likely.min(axis=0), likely.max(axis=0)],
+                       atol=[np.diff(found.table.d_mm[:2])[0], 0.15 * expected_sd[1]])
 
 
 def test_strengths_of_which_nothing_is_known_leave_the_prior(learned: ForwardMap) -> None:
@@ -82,10 +84,25 @@ def test_known_punches_keep_every_branch(learned: ForwardMap) -> None:
     found = diameter_force_posterior.posterior(known, diameter_force_posterior.make_table(known), located)
     punches = diameter_force_posterior.drawn(found, found.table.touch[None])
     mean = punches.mean(axis=1)
-    below, above = 1.6449 * diameter_force_posterior.one_sided(punches)[:, 0, 1]
+    below, above = 1.6449 * diameter_force_posterior.one_sided(found, found.table.touch[None], mean)[:, 0, 1]
     assert mean[0, 1] - below < 1.6 < mean[0, 1] + above
     assert np.exp(found.log_weight)[0, :5].sum() > 0.9
     assert diameter_force_posterior.resolved(found)[0]
+
+
+@pytest.mark.parametrize("d_mm", [10.0, 14.0, 18.0])
+def test_intervals_hold_the_smallest_and_the_largest_punch_as_often_as_others(learned: ForwardMap, d_mm: float) -> None:
+    """All of five punches explain the signal, each by another force; a part of the posterior that is cut off is always
+    that of the smallest or the largest."""
+    known, frames, sd = replace(learned, known_mm=np.array([10.0, 12, 14, 16, 18])), 400, np.array([3e-2, 2e-3, 1.0])
+    exact = measured(known, d_mm, 0.3, sd)
+    strengths = exact.strengths + sd * np.random.default_rng(3).normal(size=(frames, 3))
+    located = Located(np.repeat(exact.place_mm, frames, 0), strengths, np.repeat(exact.covariance, frames, 0))
+    found = diameter_force_posterior.posterior(known, diameter_force_posterior.make_table(known), located)
+    nodes = found.table.touch[None]
+    force = diameter_force_posterior.drawn(found, nodes).mean(axis=1)
+    below, above = 1.6449 * diameter_force_posterior.one_sided(found, nodes, force)[..., 1]
+    assert np.mean((force[:, 1] - below <= 0.3) & (force[:, 1] + above >= 0.3)) > 0.85
 
 
 def test_strengths_of_no_punch_of_the_table_are_left_to_the_peak(learned: ForwardMap) -> None:
@@ -103,15 +120,16 @@ def test_a_sharp_posterior_is_left_to_its_peak(learned: ForwardMap) -> None:
     assert np.abs(start[:, 0] - 14).min() < 0.2
 
 
-def test_strengths_are_located_within_their_covariance(learned: ForwardMap, synthetic: Synthetic) -> None:
-    """Where the series stands alone; further out what the rim adds counts as strength."""
+@pytest.mark.parametrize("noise", [2e-5, 1e-3])
+def test_strengths_are_located_within_their_covariance(learned: ForwardMap, synthetic: Synthetic, noise: float) -> None:
+    """Where the series stands alone; further out what the rim adds counts as strength. In much noise, too, of which the
+    training touches leave less of the ratios than the signals do."""
     touch, signal = synthetic(200, 1, (), 100 * INTERIOR)
-    noise = 2e-5
     found = locate(learned, signal + noise * np.random.default_rng(0).normal(size=signal.shape), np.full(200, noise))
     truth = log_strengths(learned, to_unknown(touch, learned.p0))
     z = (found.strengths - truth)[:, :2] / np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))[:, :2]
     assert np.all(np.abs(np.mean(z**2, axis=0) - 1) < 0.3)
-    assert np.sqrt(np.mean((found.place_mm - touch[:, :2]) ** 2)) < 0.1
+    assert np.sqrt(np.mean((found.place_mm - touch[:, :2]) ** 2)) < 5e3 * noise
 
 
 def test_many_problems_are_minimised_at_once() -> None:
