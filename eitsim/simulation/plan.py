@@ -39,8 +39,8 @@ _CONTACT_SHARE = 0.6
 # What the foam's mesh may cost of dV by the end of a conducting punch's contact: half the element size changed it by at
 # most that under flat punches of 14 mm, 0.1 and 1 N, and 10 mm, 2 N, and a sphere of 14 mm, 1 N, down to 1e-9 Ohm m^2.
 _CONTACT_END = 0.0105
-# Dipole moment of the touch, over the square of the punch's radius, by the strain that drives the skin: 14 mm, insulated,
-# under DIPOLE_FORCES_N, on Table 1's foam.
+# Dipole moment of the touch, over the square of the punch's radius, by the strain that drives the skin: 14 mm,
+# insulated, under DIPOLE_FORCES_N, on Table 1's foam.
 DIPOLE_FORCES_N = (0.1, 1.0, 2.0)
 DIPOLE = {"normal": (-0.04, -0.42, -0.38), "principal": (0.04, 0.69, 1.42), "areal": (0.00, 0.49, 0.96)}
 _DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its largest strain in plane",
@@ -243,8 +243,8 @@ def _strain_decision(scene: Scene) -> Decision:
     others = "; ".join(f"{sizes[strain]} by strain = \"{strain}\"" for strain in DIPOLE if strain != own)
     shunted = "" if not any(punch.conductor for punch in scene.punches) else (
         "; a conducting punch lowers it by up to 0.8, and the place of a touch whose moment is near 0 is hardly seen")
-    return Decision(f"the skin's conductivity follows {_DRIVEN_BY[own]}", "a coating is measured against the stretch in "
-                    f"its plane; the dipole moment of an insulated 14 mm punch at {forces} N, over its radius squared, "
+    return Decision(f"the skin's conductivity follows {_DRIVEN_BY[own]}", "a coating is measured against the stretch "
+                    f"in its plane; the dipole moment of an insulated 14 mm punch at {forces} N, over its radius squared, "
                     f"is {sizes[own]}; {others}{shunted} (Table 1); the cost is unknown and not in the bound", 0.0,
                     unbounded=True)
 
