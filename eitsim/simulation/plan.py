@@ -207,9 +207,9 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
     if len(scene.punches) > 2 or (len(scene.punches) == 2 and not groups):
         yield _neighbour_decision(scene, groups)
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, material)]
-    yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
-                   "may compress the foam further than its test; the result holds both strains, the cost is unknown "
-                   "and not in the bound", 0.0, unbounded=True)
+    yield Decision("laws used beyond their fits", "touches strain the skin and may compress the foam further than "
+                   "their tests did, through the thickness in compression where the skin's law was fitted in tension; "
+                   "the result holds both strains, the cost is unknown and not in the bound", 0.0, unbounded=True)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Decision("the skin's law is positive over part of what touches reach", f"its cubic is 0 at the strain "
                        f"{least:.3g}; whether the touch compresses the skin that far is known once its mechanics is "
@@ -244,9 +244,9 @@ def _strain_decision(scene: Scene) -> Decision:
     shunted = "" if not any(punch.conductor for punch in scene.punches) else (
         "; a conducting punch lowers it by up to 0.8, and the place of a touch whose moment is near 0 is hardly seen")
     return Decision(f"the skin's conductivity follows {_DRIVEN_BY[own]}", "a coating is measured against the stretch "
-                    f"in its plane; the dipole moment of an insulated 14 mm punch at {forces} N, over its radius squared, "
-                    f"is {sizes[own]}; {others}{shunted} (Table 1); the cost is unknown and not in the bound", 0.0,
-                    unbounded=True)
+                    f"in its plane; the dipole moment of an insulated 14 mm punch at {forces} N, over its radius "
+                    f"squared, is {sizes[own]}; {others}{shunted} (Table 1); the cost is unknown and not in the "
+                    "bound", 0.0, unbounded=True)
 
 
 def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[Decision]:
