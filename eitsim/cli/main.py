@@ -26,8 +26,8 @@ app = application("Touch a foam disc with a conductive skin: contact mechanics, 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 CardOption = Annotated[Path | None, typer.Option("--card", help="Material card; else the scene's own `card` key.")]
 
-GROWTH = ("note: the signal need not grow with the force; under a small punch it may be largest at some force and fall "
-          "again, so that two forces give one amplitude. `surrogate evaluate` of a model of a sweep over forces shows "
+GROWTH = ("note: the signal need not grow with the force where strain = \"normal\" drives the skin or the punch "
+          "conducts: two forces may give one amplitude. `surrogate evaluate` of a model of a sweep over forces shows "
           "where.")
 
 

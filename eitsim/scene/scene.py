@@ -65,7 +65,7 @@ class Skin:
     """Conductive coating of the top surface."""
 
     thickness_m: float = 20e-6
-    strain: str = "normal"  # the strain that drives its conductivity, one of STRAINS
+    strain: str = "principal"  # the strain that drives its conductivity, one of STRAINS
 
 
 @dataclass(frozen=True)

@@ -39,12 +39,18 @@ _CONTACT_SHARE = 0.6
 # What the foam's mesh may cost of dV by the end of a conducting punch's contact: half the element size changed it by at
 # most that under flat punches of 14 mm, 0.1 and 1 N, and 10 mm, 2 N, and a sphere of 14 mm, 1 N, down to 1e-9 Ohm m^2.
 _CONTACT_END = 0.0105
+# Dipole moment of the touch, over the square of the punch's radius, by the strain that drives the skin: 14 mm,
+# insulated, under DIPOLE_FORCES_N, on Table 1's foam.
+DIPOLE_FORCES_N = (0.1, 1.0, 2.0)
+DIPOLE = {"normal": (-0.04, -0.42, -0.38), "principal": (0.04, 0.69, 1.42), "areal": (0.00, 0.49, 0.96)}
+_DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its largest strain in plane",
+              "areal": "its change of area"}
 # Prescribed depth over the thickness up to which equilibria are found in seconds.
 _DEEPEST = 0.97
 _RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
 
 
-def rim_effect(gap_m: float, thickness_m: float, strain: str = "normal") -> float:
+def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
     """Largest relative change by the rim, gap_m from the punch's edge; a table, see above.
 
     strain: what drives the skin, one of scene.STRAINS.
@@ -201,13 +207,14 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
     if len(scene.punches) > 2 or (len(scene.punches) == 2 and not groups):
         yield _neighbour_decision(scene, groups)
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, material)]
-    yield Decision("laws used beyond their fits", "touches compress the skin while its law was fitted in tension, and "
-                   "may compress the foam further than its test; the result holds both strains, the cost is unknown "
-                   "and not in the bound", 0.0, unbounded=True)
+    yield Decision("laws used beyond their fits", "touches strain the skin and may compress the foam further than "
+                   "their tests did, through the thickness in compression where the skin's law was fitted in tension; "
+                   "the result holds both strains, the cost is unknown and not in the bound", 0.0, unbounded=True)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Decision("the skin's law is positive over part of what touches reach", f"its cubic is 0 at the strain "
                        f"{least:.3g}; whether the touch compresses the skin that far is known once its mechanics is "
                        "solved, and refused then", 0.0)
+    yield _strain_decision(scene)
     yield Decision(ONE_CARD, "the card's own laws are taken as exact; not in the bound", 0.0, unbounded=True)
     yield from (_friction_decision(punch, near_rim(scene, punch)) for punch in scene.punches)
     yield Decision("coating of constant thickness, real currents", "fixed choices of this version; the bound does not "
@@ -227,6 +234,19 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
     patterns, _ = protocol(scene.drive, scene.electrodes.count).shape
     yield Decision(f"one impedance matrix serves all {patterns} patterns", "every pattern is a linear read-out of it",
                    0.0)
+
+
+def _strain_decision(scene: Scene) -> Decision:
+    """What the choice of the strain does to the signal."""
+    sizes = {strain: ", ".join(f"{moment:.2f}" for moment in moments) for strain, moments in DIPOLE.items()}
+    own, forces = scene.skin.strain, ", ".join(f"{force:g}" for force in DIPOLE_FORCES_N)
+    others = "; ".join(f"{sizes[strain]} by strain = \"{strain}\"" for strain in DIPOLE if strain != own)
+    shunted = "" if not any(punch.conductor for punch in scene.punches) else (
+        "; a conducting punch lowers it by up to 0.8, and the place of a touch whose moment is near 0 is hardly seen")
+    return Decision(f"the skin's conductivity follows {_DRIVEN_BY[own]}", "a coating is measured against the stretch "
+                    f"in its plane; the dipole moment of an insulated 14 mm punch at {forces} N, over its radius "
+                    f"squared, is {sizes[own]}; {others}{shunted} (Table 1); the cost is unknown and not in the "
+                    "bound", 0.0, unbounded=True)
 
 
 def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[Decision]:

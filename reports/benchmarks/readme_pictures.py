@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eitsim.electrics.sheet.sheet_conductance import driving_strain
 from reports.benchmarks.catalogue import BENCHES, by_problem, points
 from reports.benchmarks.precision_figures import panel
 from reports.document import style
@@ -18,6 +19,8 @@ from reports.touch.touch_report import read_result
 # benchmarks drawn, of each its first problem
 DRAWN = ("fit", "peers_mechanics", "peers_signal")
 SIDE, DOTS_PER_INCH = 400, 160
+LABELS = {"normal": "Strain through the thickness (%)", "principal": "Largest strain in plane (%)",
+          "areal": "Change of area (%)"}
 
 
 def write(result: Path, results: Path, out: Path) -> list[Path]:
@@ -32,12 +35,13 @@ def write(result: Path, results: Path, out: Path) -> list[Path]:
 
 
 def touch(result: Mapping[str, Any]) -> Figure:
-    """Normal strain of the skin over the disc of the first touch, as if alone, and the readings of all."""
+    """Strain that drives the skin, over the disc, of the first touch, as if alone, and the readings of all."""
     scene, block = result["scene"], result["profile"][0]
     figure = style.sheet(66)
     left, right = figure.subfigures(1, 2, width_ratios=[1, 1.45], squeeze=False)[0]
     axes = left.subplots()
-    _strain(left, axes, scene, np.array(block["radius_mm"]), 100 * (np.array(block["stretch_normal"]) - 1))
+    along = (block[f"stretch_{name}"] for name in ("meridian", "hoop", "normal"))
+    _strain(left, axes, scene, np.array(block["radius_mm"]), 100 * driving_strain(scene["skin"]["strain"], *along))
     upper, lower = right.subplots(2, 1, sharex=True)
     curve_panels(upper, lower, *(np.array(result[key], dtype=float) for key in ("readings_V", "baseline_V")))
     return figure
@@ -52,7 +56,7 @@ def _strain(figure: Any, axes: Axes, scene: Mapping[str, Any], radius_mm: np.nda
     image = axes.imshow(strain, origin="lower", extent=(-disc_mm, disc_mm, -disc_mm, disc_mm), cmap=style.DIVERGING,
                         vmin=-most, vmax=most, zorder=1.2)
     sensor(axes, disc_mm, scene["electrodes"])
-    figure.colorbar(image, ax=axes, label="Normal strain (%)", shrink=0.8)
+    figure.colorbar(image, ax=axes, label=LABELS[scene["skin"]["strain"]], shrink=0.8)
 
 
 def precision(results: Path) -> Figure:

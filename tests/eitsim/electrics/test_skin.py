@@ -31,6 +31,7 @@ from eitsim.scene.scene import Body, Punch, Skin
 from matcal.laws.conductivity import Conductivity, conductivity, strip_conductivity
 
 LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
+SKIN = Skin(strain="normal")
 
 
 def touch(radius, meridian, hoop, normal) -> Touch:
@@ -65,7 +66,7 @@ def test_a_stretched_strip_has_the_resistance_that_calibration_read(strain, e):
 
 
 def test_the_determinant_of_the_conductance_knows_no_stretch():
-    along, across = principal_conductances(LAW, Skin(), 1.7, 0.6, 0.5)
+    along, across = principal_conductances(LAW, SKIN, 1.7, 0.6, 0.5)
     assert along * across == pytest.approx((float(conductivity(LAW, -0.5)) * 20e-6) ** 2, rel=1e-14)
     assert along / across == pytest.approx((0.6 / 1.7) ** 2, rel=1e-14)
 
@@ -73,10 +74,10 @@ def test_the_determinant_of_the_conductance_knows_no_stretch():
 def test_the_tensor_turns_with_the_direction_from_the_punch():
     pressed = touch([0.0, 0.05], 1.5, 0.9, 0.8)
     punch = Punch(x_m=0.01, y_m=-0.02)
-    along, across = principal_conductances(LAW, Skin(), 1.5, 0.9, 0.8)
+    along, across = principal_conductances(LAW, SKIN, 1.5, 0.9, 0.8)
     for angle in (0.0, 0.7, 2.5):
         direction = np.array([math.cos(angle), math.sin(angle)])
-        tensor = sheet_conductance(np.array([0.01, -0.02]) + 0.02 * direction, punch, pressed, Skin(), LAW)
+        tensor = sheet_conductance(np.array([0.01, -0.02]) + 0.02 * direction, punch, pressed, SKIN, LAW)
         np.testing.assert_allclose(tensor, tensor.T)
         np.testing.assert_allclose(tensor @ direction, along * direction, rtol=1e-13)
         assert np.trace(tensor) == pytest.approx(float(along + across))
@@ -86,7 +87,7 @@ def test_interpolation_keeps_the_kink_of_an_edge_and_ends_at_rest():
     r = np.array([0.0, 2e-3, 6e-3, 7e-3, 7.2e-3, 9e-3])
     normal = np.array([0.6, 0.6, 0.5, 0.3, 1.0, 1.0])
     points = np.column_stack([np.linspace(0, 0.012, 500), np.zeros(500)])
-    tensor = sheet_conductance(points, Punch(), touch(r, 1.0, 1.0, normal), Skin(), LAW)
+    tensor = sheet_conductance(points, Punch(), touch(r, 1.0, 1.0, normal), SKIN, LAW)
     low, high = (float(conductivity(LAW, e)) * 20e-6 for e in (0.0, -0.7))
     assert tensor[..., 0, 0].min() >= low * (1 - 1e-14)
     assert tensor[..., 0, 0].max() <= high * (1 + 1e-14)
@@ -104,37 +105,37 @@ def test_the_strain_is_a_choice():
 
 def test_a_conductivity_that_is_not_positive_is_refused():
     with pytest.raises(ValueError, match="not positive"):
-        principal_conductances(Conductivity(30.0, np.array([2.0, 0.0, 0.0])), Skin(), 1.0, 1.0, 0.4)
+        principal_conductances(Conductivity(30.0, np.array([2.0, 0.0, 0.0])), SKIN, 1.0, 1.0, 0.4)
 
 
 @pytest.mark.parametrize("x_m", [0.0, 0.06])
 def test_the_extrapolated_area_is_that_of_the_compressed_disc(x_m):
     r = np.array([0.0, 0.01, 0.0100001, 0.09])
     pressed = touch(r, 1.0, 1.0, np.array([0.7, 0.7, 1.0 - 1e-6, 1.0]))
-    fraction = extrapolated_fraction(Body(), Punch(x_m=x_m), pressed, Skin(), LAW)
+    fraction = extrapolated_fraction(Body(), Punch(x_m=x_m), pressed, SKIN, LAW)
     assert fraction == pytest.approx(0.01, rel=3e-3)
     assert extrapolated_fraction(Body(), Punch(x_m=x_m), pressed, Skin(strain="areal"), LAW) == 0
-    assert untouched_conductance(LAW, Skin()) == pytest.approx(6e-4)
+    assert untouched_conductance(LAW, SKIN) == pytest.approx(6e-4)
 
 
 def test_the_extrapolated_share_of_the_signal_is_that_of_the_dipole_moment():
     """A pressed disc is the whole signal; of a disc in a stretched ring it is what closed forms of the moment give."""
     r = np.array([0.0, 0.01, 0.0100001, 0.02, 0.0200001, 0.09])
     pressed = touch(r, 1.0, 1.0, np.array([0.7, 0.7, 1.0, 1.0, 1.0, 1.0]))
-    assert extrapolated_fraction(Body(), Punch(), pressed, Skin(), LAW) == pytest.approx(0.01, rel=3e-3)
-    assert extrapolated_share([pressed], Skin(), LAW) > 0.999
+    assert extrapolated_fraction(Body(), Punch(), pressed, SKIN, LAW) == pytest.approx(0.01, rel=3e-3)
+    assert extrapolated_share([pressed], SKIN, LAW) > 0.999
     assert extrapolated_share([pressed], Skin(strain="principal"), LAW) == 0
     ringed = touch(r, 1.0, 1.0, np.array([0.7, 0.7, 1.2, 1.2, 1.0, 1.0]))
     inner, ring = (conductivity(LAW, e) / LAW.c0_S_per_m for e in (-0.3, 0.2))
     # f = r inside 10 mm and b r + c/r outside, its potential and current continuous there
     parts = abs(inner - 1), abs(ring - 1) * (1 + inner / ring) / 2 * (4 - 1)
-    assert extrapolated_share([ringed], Skin(), LAW) == pytest.approx(parts[0] / sum(parts), rel=2e-3)
-    assert extrapolated_share([touch([0.0, 0.1], 1.0, 1.0, 1.0)], Skin(), LAW) == 0
+    assert extrapolated_share([ringed], SKIN, LAW) == pytest.approx(parts[0] / sum(parts), rel=2e-3)
+    assert extrapolated_share([touch([0.0, 0.1], 1.0, 1.0, 1.0)], SKIN, LAW) == 0
 
 
 def test_an_area_beyond_the_rim_does_not_count():
     pressed = touch([0.0, 0.3], 1.0, 1.0, 0.7)
-    assert extrapolated_fraction(Body(), Punch(x_m=0.05), pressed, Skin(), LAW) == pytest.approx(1.0, abs=1e-3)
+    assert extrapolated_fraction(Body(), Punch(x_m=0.05), pressed, SKIN, LAW) == pytest.approx(1.0, abs=1e-3)
 
 
 def rim_field(towards: np.ndarray | None) -> RimField:

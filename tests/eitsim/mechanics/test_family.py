@@ -106,14 +106,15 @@ def test_a_scene_says_that_its_law_is_a_mean_and_a_law_beyond_is_solved_directly
                  for law in (LAWS[0], replace(FOAM, alpha=1.01 * FOAM.alpha)))
     (said,) = [d for d in near.plan.decisions if d.decision == "load path reused"]
     assert "weighted mean of those of 3 drawn laws" in said.reason
-    assert said.error_bound == 2 * max(family.table.error.depth, family.table.error.signal("normal"))
+    assert said.error_bound == 2 * max(family.table.error.depth, family.table.error.signal(scene.skin.strain))
     assert "load path reused" not in [d.decision for d in far.plan.decisions]
 
 
 def test_paths_too_rough_for_a_design_are_left_out_and_it_is_told(family) -> None:
     rough = replace(family.table, error=replace(family.table.error, signals=np.array([0.01, 1.0, 1.0])))
     for signal, kept in ((0.02, False), (0.05, True)):
-        found, why = fine_enough_for(design_from({"accuracy": {"signal": signal}}, 3), rough)
+        design = design_from({"skin": {"strain": "normal"}, "accuracy": {"signal": signal}}, 3)
+        found, why = fine_enough_for(design, rough)
         assert (found is not None, "up to 1.0e-02 off" in why) == (kept, not kept)
 
 

@@ -116,7 +116,7 @@ def test_what_a_table_does_not_hold_is_none(table, change: dict) -> None:
 def test_a_scene_from_a_table_says_so(table, scene) -> None:
     quick, fresh = solve_scene(scene, CARD, table=table), solve_scene(scene, CARD)
     (said,) = [d for d in quick.plan.decisions if d.decision == "load path reused"]
-    assert said.error_bound == 2 * max(table.error.depth, table.error.signal("normal"))
+    assert said.error_bound == 2 * max(table.error.depth, table.error.signal(scene.skin.strain))
     assert "solved from rest" not in " ".join(d.decision for d in quick.plan.decisions)
     missed = np.linalg.norm(quick.readings.signal_V - fresh.readings.signal_V)
     assert 0 < missed < (said.error_bound + fresh.readings.signal_error) * np.linalg.norm(fresh.readings.signal_V)

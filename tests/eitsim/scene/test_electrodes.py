@@ -31,6 +31,7 @@ LAW = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4))
 CARD = MaterialCard("Table 1", Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm"),
                     None, LAW)
 PUNCH = Punch(0.03, 0.02)
+SKIN = Skin(strain="normal")  # what `pressed` squeezes
 SIXTEEN = np.degrees(np.pi / 8 * np.arange(16))
 
 
@@ -43,7 +44,7 @@ def pressed() -> Touch:
 
 
 def signal(electrodes: Electrodes, method: str = "multipole") -> np.ndarray:
-    return solve(Body(), Skin(), electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method, signal=0.01).signal_V
+    return solve(Body(), SKIN, electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method, signal=0.01).signal_V
 
 
 def relative(one: np.ndarray, other: np.ndarray) -> float:
@@ -165,7 +166,7 @@ def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():
 
 @pytest.mark.parametrize("electrodes", [Electrodes(width_m=200e-3 * np.pi / 16), Electrodes(count=4, width_m=0.15)])
 def test_rings_and_mesh_agree_where_electrodes_are_wide_or_touch(electrodes: Electrodes):
-    rings, mesh = (solve(Body(), Skin(), electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method)
+    rings, mesh = (solve(Body(), SKIN, electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method)
                    for method in ("multipole", "mesh"))
     print(f"{relative(mesh.signal_V, rings.signal_V):.1e}, estimated {mesh.signal_error:.1e}")
     assert relative(mesh.signal_V, rings.signal_V) < min(0.004, mesh.signal_error)

@@ -9,9 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from eitsim.scene.scene import STRAINS, scene_from
-from eitsim.simulation.plan import make_plan, rim_effect
+from eitsim.electrics.sheet.sheet_conductance import dipole, principal_conductances, stretches, untouched_conductance
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.scene import STRAINS, Body, Punch, Skin, scene_from
+from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N, make_plan, rim_effect
 from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 
@@ -28,10 +31,10 @@ def test_an_interior_touch_is_axisymmetric_and_costs_little() -> None:
 
 
 def test_the_rim_effect_fades_with_distance() -> None:
-    effects = [rim_effect(g, 0.01) for g in np.linspace(0, 0.06, 50)]
+    effects = [rim_effect(g, 0.01, "normal") for g in np.linspace(0, 0.06, 50)]
     assert all(a >= b for a, b in itertools.pairwise(effects))
-    assert rim_effect(0.05, 0.01) < 0.003
-    assert rim_effect(0.0270, 0.01) == pytest.approx(rim_effect(0.0135, 0.005))
+    assert rim_effect(0.05, 0.01, "normal") < 0.003
+    assert rim_effect(0.0270, 0.01, "normal") == pytest.approx(rim_effect(0.0135, 0.005, "normal"))
 
 
 def test_a_conducting_punch_near_the_rim_costs_as_the_strain_in_use() -> None:
@@ -50,6 +53,23 @@ def test_the_rim_effect_bounds_every_measured_one() -> None:
     for strain in STRAINS:
         bound = [rim_effect(gap * 1e-3, 0.01, strain) for gap in measured["gap_mm"]]
         assert np.all(measured[["depth", f"{strain}_L2", f"dV_{strain}"]].max(axis=1) <= bound), strain
+
+
+@pytest.mark.parametrize("strain", STRAINS)
+def test_the_plan_says_what_the_choice_of_strain_does_to_the_signal(strain: str) -> None:
+    """The dipole moments that it states are those of solved touches."""
+    skin, law, found = Skin(strain=strain), Conductivity(30.0, (-2.0, 2.0, -1.05)), []
+    for force in DIPOLE_FORCES_N:
+        punch = Punch(force_N=force)
+        touch = solve_touch(CARD.hyperfoam, Body(), punch)
+        radius = (touch.radius_m[1:] + touch.radius_m[:-1]) / 2
+        sheets = (sheet / untouched_conductance(law, skin)
+                  for sheet in principal_conductances(law, skin, *stretches(touch, radius)))
+        found.append(dipole(radius, *sheets) / (punch.diameter_m / 2) ** 2)
+    assert found == pytest.approx(DIPOLE[strain], abs=0.01)
+    (decision,) = [d for d in make_plan(scene_from({"skin": {"strain": strain}}), CARD).decisions
+                   if "conductivity follows" in d.decision]
+    assert all(f"{moment:.2f}" in decision.reason for moments in DIPOLE.values() for moment in moments)
 
 
 def test_instantaneous_moduli_are_said_with_what_they_cost() -> None:

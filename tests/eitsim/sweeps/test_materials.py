@@ -187,14 +187,16 @@ def test_rows_do_not_depend_on_workers_or_stops_and_the_count_may_grow(card: Pat
     assert "1/sqrt(5) = 0.45" in drawn.reason
 
 
-def test_what_emulated_load_paths_cost_is_among_what_is_left_out(card: Path) -> None:
-    table: Any = SimpleNamespace(error=Deviation(2e-4, np.array([3e-4, 1.0, 1.0]), 1e-3))
+@pytest.mark.parametrize(("strain", "cost"), [("normal", 3e-4), ("principal", 4e-4), ("areal", 5e-4)])
+def test_what_emulated_load_paths_cost_is_among_what_is_left_out(card: Path, strain: str, cost: float) -> None:
+    """By the strain that drives the skin."""
+    table: Any = SimpleNamespace(error=Deviation(2e-4, np.array([3e-4, 4e-4, 5e-4]), 1e-3))
     span: Any = SimpleNamespace(chosen=LAWS)
-    design, none = design_from(RAW, 3), np.empty(0)
+    design, none = design_from(RAW | {"skin": {"strain": strain}}, 3), np.empty(0)
     told = [omissions(design, cards(card, draws=5), exact=False, table=found)
             for found in (None, Family(table, span, none, none))]
     without, emulated = ({one.decision: one.error_bound for one in one_set} for one_set in told)
-    assert emulated.items() - without.items() == {("load paths of drawn cards emulated", 3e-4)}
+    assert emulated.items() - without.items() == {("load paths of drawn cards emulated", cost)}
     assert "3 cards drawn from the posterior" in without
 
 

@@ -28,7 +28,7 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 
 RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": 14, "force_N": [0.25, 0.298]},
-       "accuracy": {"signal": [0.005, 0.03]}, "fields": {"names": ["strain"], "side": 8}}
+       "skin": {"strain": "normal"}, "accuracy": {"signal": [0.005, 0.03]}, "fields": {"names": ["strain"], "side": 8}}
 FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3), "longterm")
 CARD = MaterialCard("Table 1", FOAM, None, Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0, 0.4)))
 
@@ -126,7 +126,7 @@ def test_errors_are_those_of_the_rows(swept: tuple[Path, list[Account]]) -> None
 def test_every_row_tells_what_share_of_its_signal_is_extrapolated(swept: tuple[Path, list[Account]]) -> None:
     folder, _ = swept
     account, shares = account_of(folder), parquet.read_dataset(folder).table[parquet.EXTRAPOLATED].to_numpy()
-    assert ((shares > 0.5) & (shares < 1)).all()  # the law of the skin is fitted in tension, touches compress
+    assert ((shares > 0.5) & (shares < 1)).all()  # fitted in tension, touches compress the thickness
     assert len(set(shares)) == shares.size
     assert account.extrapolated == (np.median(shares), shares.max())
     assert (f"{100 * np.median(shares):.3g} % of the signal comes from extrapolated conductivity in the median row, at "

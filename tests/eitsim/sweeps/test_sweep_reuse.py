@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import patch
 
 import pandas as pd
 import pytest
 
-from eitsim.simulation import reuse
+from eitsim.simulation import reuse, touches
 from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
 from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.design import design_from
@@ -42,7 +43,7 @@ def account(card: Path, folder: Path, scenes: int, **options) -> Account:
 def test_another_skin_conductor_drive_or_electrodes_take_the_table_that_is_there(card: Path, tmp_path: Path) -> None:
     assert account(card, tmp_path / "a", 2, reuse=True).outcomes == {"ok": 2}
     first = read_dataset(tmp_path / "a").table
-    for change in ({"skin": {"strain": "principal"}}, {"punch": RAW["punch"] | {"conductor": True}},
+    for change in ({"skin": {"strain": "normal"}}, {"punch": RAW["punch"] | {"conductor": True}},
                    {"drive": {"pattern": "opposite"}}, {"electrodes": {"contact_impedance_Ohm_m": 2.0}}):
         folder = tmp_path / next(iter(change))
         sweep(design_from(RAW | change, 2), card, folder, reuse=True)
@@ -139,3 +140,19 @@ def test_rows_from_a_table_are_not_continued_without_it(card: Path, tmp_path: Pa
     monkeypatch.setattr(reuse, "DEPTHS", (0.07,))
     with pytest.raises(ValueError, match="is not had again"):
         account(card, tmp_path / "a", 2)
+
+
+def test_another_strain_solves_no_touch_again(card: Path, tmp_path: Path) -> None:
+    """Touches deeper than the table, which are solved, are kept by content."""
+    deep = RAW | {"punch": RAW["punch"] | {"force_N": [0.35, 0.4]}}
+    tables, counts = [], []
+    with patch.object(touches, "solve_touch", wraps=touches.solve_touch) as solve:
+        for strain in ("principal", "normal"):
+            sweep(design_from(deep | {"skin": {"strain": strain}}, 2), card, tmp_path / strain, reuse=True)
+            tables.append(read_dataset(tmp_path / strain).table)
+            counts.append(solve.call_count)
+    first, other = tables
+    assert set(first["mechanics_method"]) == set(other["mechanics_method"]) == {"solved"}
+    assert counts == [2, 2]
+    assert (other["delta_max_mm"] == first["delta_max_mm"]).all()
+    assert (other["dv_000"] != first["dv_000"]).all()
