@@ -6,10 +6,12 @@ from matcal.card import MaterialCard
 from matcal.record.cautions import NAMES, own_rms, tests, unstable_inside
 from matcal.record.compare import quoted
 from reports.calibration.first_page import ranges
-from reports.document.numerals import interval, percent
+from reports.document.numerals import interval, number, percent
 from reports.document.verdict import GOOD, HALF_WIDTH, MISFIT, NOT_USABLE, USABLE, Verdict, graded, real, worst
 
-TOUCHED = -0.5  # a strain that touches reach, compression negative
+# Largest strains in the skin's plane under a wide and light, and under a narrow and heavy touch (Table 1: 18 mm, 0.5 N;
+# 10 mm, 2 N), and one through its thickness that touches reach, compression negative.
+IN_PLANE, THROUGH = (0.13, 0.43), -0.5
 
 
 def verdict(card: MaterialCard) -> list[Verdict]:
@@ -52,7 +54,8 @@ def _stability(card: MaterialCard) -> Iterator[Verdict]:
 def _skin(card: MaterialCard) -> Iterator[Verdict]:
     if (law := card.conductivity) is None:
         return
-    inside = law.strain_range[0] <= TOUCHED
-    yield Verdict("Conductivity under a touch", GOOD if inside else NOT_USABLE,
-                  f"measured for strains of {interval(*law.strain_range)}"
-                  + ("" if inside else ", a touch compresses: extrapolated"))
+    grade = (NOT_USABLE, USABLE, GOOD)[sum(law.strain_range[1] >= end for end in IN_PLANE)]
+    yield Verdict("Conductivity under a touch", grade,
+                  f"measured for strains of {interval(*law.strain_range)}; touches stretch the skin in its plane by up "
+                  f"to {number(IN_PLANE[0])} to {number(IN_PLANE[1])}"
+                  + ("" if law.strain_range[0] <= THROUGH else ', and with strain = "normal" they extrapolate it'))

@@ -143,6 +143,6 @@ def _skin(record: Record, plates: dict[str, ReportFigure], cycles: Stage) -> Sec
                    "Conductivity of graphite spray, 30 S/m on 20 µm, stands for the paper's unprinted values. The "
                    "resistance is reduced with the current length and a coating of constant thickness. The cubic is "
                    "kept positive down to −0.9.",
-                   "Both courses are the paper's in kind; their size cannot be compared. Every touch compresses the "
-                   "skin, so that it stands on the extrapolated side of (c).", (CARD, CYCLES), tuple(drawn),
-                   tuple(numbers))
+                   "Both courses are the paper's in kind; their size cannot be compared. A touch stretches the skin in "
+                   "its plane, inside (c); driven through its thickness it would stand on the extrapolated side.",
+                   (CARD, CYCLES), tuple(drawn), tuple(numbers))
