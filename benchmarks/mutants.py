@@ -36,7 +36,8 @@ TESTS = {
     "matcal/laws": ["tests/matcal/laws"],
     "matcal/statistics": ["tests/matcal/statistics"],
     "matcal/fitting/uncertainty": ["tests/matcal/fitting/test_interval_formulas.py"],
-    "matcal/fitting/relaxation": ["tests/matcal/fitting/test_relaxation_fit.py", "tests/matcal/fitting/test_rates.py"],
+    "matcal/fitting/relaxation": [f"tests/matcal/fitting/test_{name}.py" for name in (
+        "relaxation_formulas", "relaxation_fit", "rates")],
     **{f"matcal/reduction/{name}.py": [f"tests/matcal/reduction/test_{one}.py" for one in (
         "known_answers", "geometry", "reductions", "settling", "protocols")] for name in (
             "reduce", "load_frame", "specimen", "strip_conductivity", "stress_relaxation")},

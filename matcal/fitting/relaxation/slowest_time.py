@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable
-from matcal.fitting.relaxation.prony_search import residual, search_series
+from matcal.fitting.relaxation.prony_search import LEAST_RATIO, residual, search_series
 from matcal.laws.prony import Prony
 from matcal.statistics.residual_correlation import Errors
 from touchcal.arrays import Array
@@ -43,21 +43,22 @@ def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: A
                    for p, t, d, v in zip(parts, tables, doubts, inflated, strict=True))
 
     def profile(stops: Array) -> float | None:
-        base, inside, here = misfit(vector), best, vector
+        base, inside, rise, here = misfit(vector), best, 0.0, vector
         for stop in stops:
             first = here.copy()
-            first[terms - 1 if terms > 1 else 0] += stop - float(np.sum(here[:terms]))
+            first[terms - 1] += stop - float(np.sum(here[:terms]))
             _, here = search_series(tables, first, bounds_s, float(stop))
             value = misfit(here)
-            if value - base > _CHI_SQUARE:
-                return float(inside + (stop - inside) * np.sqrt(_CHI_SQUARE / (value - base)))
             base = min(base, value)
-            inside = float(stop)
+            if value - base > _CHI_SQUARE:
+                outside = np.sqrt(value - base)
+                return float(inside + (stop - inside) * (np.sqrt(_CHI_SQUARE) - rise) / (outside - rise))
+            inside, rise = float(stop), float(np.sqrt(value - base))
         return None
 
     low, high = np.log(bounds_s)
-    down = profile(best - np.geomspace(0.02, max(best - low - 0.7 * (terms - 1), 0.03), _STEPS))
-    up = profile(best + np.geomspace(0.02, max(high - best, 0.03), _STEPS)) if best < high - 0.05 else None
+    down = profile(best - np.geomspace(0.02, max(best - low - np.log(LEAST_RATIO) * (terms - 1), 0.03), _STEPS))
+    up = profile(best + np.geomspace(0.02, max(high - best, 0.03), _STEPS))
     return Slowest(float(np.exp(best)), float(np.exp(low if down is None else down)),
                    None if up is None else float(np.exp(up)))
 
