@@ -39,7 +39,7 @@ TESTS = {
     "matcal/fitting/relaxation": [f"tests/matcal/fitting/test_{name}.py" for name in (
         "relaxation_formulas", "relaxation_fit", "rates")],
     **{f"matcal/reduction/{name}.py": [f"tests/matcal/reduction/test_{one}.py" for one in (
-        "known_answers", "geometry", "reductions", "settling", "protocols")] for name in (
+        "reduction_formulas", "known_answers", "geometry", "reductions", "settling", "protocols")] for name in (
             "reduce", "load_frame", "specimen", "strip_conductivity", "stress_relaxation")},
     "eitsim/mechanics/solid": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
         "grid", "solid", "hyperfoam_3d", "one_law", "volume")],

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable
-from matcal.fitting.relaxation.prony_search import LEAST_RATIO, residual, search_series
+from matcal.fitting.relaxation.prony_search import residual, search_series
 from matcal.laws.prony import Prony
 from matcal.statistics.residual_correlation import Errors
 from touchcal.arrays import Array
@@ -16,7 +17,9 @@ _SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its 
            "ramp": "a spline that the stress recorded on the ramp itself shapes (no stress-strain curve was given)",
            "straight": "a stress straight between the strains that are held (no stress-strain curve was given, and the "
                        "ramp has too few samples to show its shape: what a bent curve would change is in the errors)"}
-_CHI_SQUARE, _STEPS = 3.84, 9  # fall of twice the log likelihood at the ends of a 95 % interval; steps of the profile
+# fall of twice the log likelihood at the ends of a 95 % interval; steps of the profile over the way to either bound
+_CHI_SQUARE, _STEPS = 3.84, np.geomspace(0.004, 1, 9)
+_CLOSE = 5e-3  # how close, in ln tau, the ends are found
 
 
 @dataclass(frozen=True)
@@ -42,23 +45,27 @@ def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: A
         return sum(_square(p / np.sqrt(v), t.basis.T @ d / np.sqrt(v))
                    for p, t, d, v in zip(parts, tables, doubts, inflated, strict=True))
 
-    def profile(stops: Array) -> float | None:
-        base, inside, rise, here = misfit(vector), best, 0.0, vector
-        for stop in stops:
-            first = here.copy()
-            first[terms - 1] += stop - float(np.sum(here[:terms]))
-            _, here = search_series(tables, first, bounds_s, float(stop))
-            value = misfit(here)
+    def refitted(last: float, near: Array) -> Array:
+        first = near.copy()
+        first[terms - 1] += last - float(np.sum(near[:terms]))
+        return search_series(tables, first, bounds_s, last)[1]
+
+    def crossing(level: float, near: Array, one: float, other: float) -> float:
+        return float(brentq(lambda last: misfit(refitted(last, near)) - level, one, other, xtol=_CLOSE))
+
+    def end(stops: Array) -> float | None:
+        base, inside, here = misfit(vector), best, vector
+        for stop in stops.tolist():
+            found = refitted(stop, here)
+            value = misfit(found)
             base = min(base, value)
             if value - base > _CHI_SQUARE:
-                outside = np.sqrt(value - base)
-                return float(inside + (stop - inside) * (np.sqrt(_CHI_SQUARE) - rise) / (outside - rise))
-            inside, rise = float(stop), float(np.sqrt(value - base))
+                return crossing(base + _CHI_SQUARE, here, inside, stop)
+            inside, here = stop, found
         return None
 
     low, high = np.log(bounds_s)
-    down = profile(best - np.geomspace(0.02, max(best - low - np.log(LEAST_RATIO) * (terms - 1), 0.03), _STEPS))
-    up = profile(best + np.geomspace(0.02, max(high - best, 0.03), _STEPS))
+    down, up = end(best - (best - low) * _STEPS), end(best + (high - best) * _STEPS)
     return Slowest(float(np.exp(best)), float(np.exp(low if down is None else down)),
                    None if up is None else float(np.exp(up)))
 

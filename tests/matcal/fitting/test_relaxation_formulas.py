@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -281,7 +282,7 @@ def test_results_follow_from_the_series_that_was_found() -> None:
     np.testing.assert_allclose((hold.precision * found.stress_Pa[0])[hold.held] - target(hold), miss(hold, found.prony))
     flat = fit_prony([record(series=Prony([0.0], [1.0]))], LAW)
     assert flat.prony.tau_s[0] ** 2 == pytest.approx(np.prod(flat.bounds_s))
-    assert 0 <= flat.cpu_s <= found.cpu_s < 60
+    assert 0 <= flat.cpu_s + found.cpu_s < time.process_time()
     assert (found.decisions[0][:5], flat.slowest.hi_s) == ("Prony", None)
 
 
@@ -292,7 +293,7 @@ def test_the_slowest_time_ends_where_its_profile_has_risen_by_the_quantile(serie
     one more column with a standard normal size."""
     terms, inflation = series.g.size, 2.0 * 1.5
     hold, table = with_table(record(series=series))
-    doubt = 9 * np.sin(0.1 * TIME[hold.held])[:, None] * np.ones((1, int(doubted)))
+    doubt = 1.5 * np.sin(0.1 * TIME[hold.held])[:, None] * np.ones((1, int(doubted)))
     vector = best_series([table], terms, BOUNDS, hold.hold_s)
     found = slowest_time([table], [doubt], vector, BOUNDS, [white(2.0, target(hold).size, target(hold).size / 1.5)])
     inner = np.linalg.inv(np.eye(target(hold).size) + doubt @ doubt.T / inflation)
@@ -309,8 +310,8 @@ def test_the_slowest_time_ends_where_its_profile_has_risen_by_the_quantile(serie
     low, high = (brentq(lambda x: profile(x) - end, a, b, xtol=1e-3)
                  for a, b in ((first, best), (best, np.log(BOUNDS[1]))))
     assert found.hi_s is not None
-    assert np.log(found.lo_s) == pytest.approx(low, abs=0.02 * (best - low))
-    assert np.log(found.hi_s) == pytest.approx(high, abs=0.03 * (high - best))
+    assert np.log(found.lo_s) == pytest.approx(low, abs=6e-3)
+    assert np.log(found.hi_s) == pytest.approx(high, abs=6e-3)
 
 
 def test_slopes_are_those_of_a_cubic() -> None:

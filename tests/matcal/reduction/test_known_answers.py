@@ -80,6 +80,8 @@ def test_drift_between_two_rests_is_taken_off_with_the_error_of_two_means(tmp_pa
     assert got.facts["drift_sd_N_per_s"] == pytest.approx(1e-3 * np.hypot(250**-0.5, 500**-0.5) / 100, rel=0.05)
     assert got.facts["drift_N_per_s"] == pytest.approx(5e-5, abs=4 * got.facts["drift_sd_N_per_s"])
     assert got.facts["load_noise_N"] == pytest.approx(1e-3, rel=0.1)
+    assert got.facts["contact_mm"] == pytest.approx(1.0, abs=4 * got.facts["contact_sd_mm"])
+    assert got.facts["strain_zero_sd"] == pytest.approx(got.facts["contact_sd_mm"] / 20)
     assert _slope(got) == pytest.approx(4.0 * 20 / 100e-6, rel=2e-3)
     assert got.value.min() == pytest.approx(-16.0 / 100e-6, rel=5e-3)
     assert got.time_s is not None
@@ -96,6 +98,7 @@ def test_a_preload_makes_the_contact_and_the_rest_the_zero(tmp_path: Path) -> No
     assert got.facts["zero_load_N"] == pytest.approx(0.3, abs=4e-4)
     assert got.facts["zero_sd_N"] == pytest.approx(1e-3 / np.sqrt(250), rel=0.1)
     assert got.facts["contact_sd_mm"] == 0
+    assert got.value.min() == pytest.approx(-2.0 * (travel[-1] - 1) / 100e-6, rel=0.01)
     assert _slope(got) == pytest.approx(2.0 / (1 - 0.2) * 20 / 100e-6, rel=5e-3)
 
 
@@ -111,8 +114,10 @@ def test_a_preload_is_met_between_the_samples_whatever_their_number(points: int,
     assert got.facts["contact_mm"] == pytest.approx(1.5, abs=1e-6)
     assert got.strain[-1] == pytest.approx(-6.5 / 20, rel=0.05)
     assert got.value[1:] == pytest.approx(-1.0 / 1e-4 + 2.0 * 20 / 1e-4 * got.strain[1:], rel=1e-6)
-    with pytest.raises(InputFileError, match="the load reaches 1[34].* N, less than preload_N = 15"):
+    with pytest.raises(InputFileError, match=r"the load reaches 1[34].* N, less than preload_N = 15"):
         _reduced(tmp_path, "uniaxial", sign * travel, sign * force, time, sizes + "preload_N = 15\n")
+    with pytest.raises(InputFileError, match=r"the loading ends at a strain of -0.02[45]"):
+        _reduced(tmp_path, "uniaxial", sign * travel, sign * force, time, sizes + "preload_N = 13\n")
 
 
 def test_a_hold_gives_its_times_its_strain_and_how_far_it_relaxed(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Single steps of the reduction worked out by hand: what counts as touched, drift, holds, sizes, one strip's circuit."""
+"""Single steps of the reduction worked out by hand: what counts as touched, drift, holds, sizes, a strip's circuit."""
 
 from __future__ import annotations
 
@@ -59,7 +59,8 @@ def test_the_clock_starts_at_contact_between_two_samples() -> None:
 @pytest.mark.parametrize(("gap_mm", "rest", "back", "measured"), [
     (1.0, 100, 100, True), (1.0, 19, 100, False), (1.0, 100, 15, False), (0.0, 100, 100, False)])
 def test_drift_needs_two_rests_clear_of_the_specimen(gap_mm: float, rest: int, back: int, measured: bool) -> None:
-    """0.1 mN/s under 1 mN of noise, twenty samples at least before and after, and a contact that is not at the rest position."""
+    """0.1 mN/s under 1 mN of noise, twenty samples at least before and after, and a contact that is not at the rest
+    position."""
     travel = 1e-3 * np.r_[np.zeros(rest), np.linspace(0, 5, 400), np.linspace(5, 0.1, 400), np.zeros(back)]
     time = 0.1 * np.arange(travel.size)
     noise = 1e-3 * np.random.default_rng(0).normal(size=travel.size)
