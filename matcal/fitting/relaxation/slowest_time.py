@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable
 from matcal.fitting.relaxation.prony_search import residual, search_series
@@ -51,7 +51,8 @@ def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: A
         return search_series(tables, first, bounds_s, last)[1]
 
     def crossing(level: float, near: Array, one: float, other: float) -> float:
-        return float(brentq(lambda last: misfit(refitted(last, near)) - level, one, other, xtol=_CLOSE))
+        found = root_scalar(lambda last: misfit(refitted(last, near)) - level, bracket=(one, other), xtol=_CLOSE)
+        return float(found.root)
 
     def end(stops: Array) -> float | None:
         base, inside, here = misfit(vector), best, vector
