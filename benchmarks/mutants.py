@@ -176,7 +176,7 @@ def rows(tree: Path, chosen: dict[str, list[Mutant]], tests: dict[str, list[str]
             outcome, seconds = tested(tree, tests[module], 600)
             if outcome != "survived":
                 raise SystemExit(f"{' '.join(key)}: fail without a mutant ({outcome}). Repair them first.")
-            limits[key] = 20 + 3 * seconds
+            limits[key] = 60 + 5 * seconds
         whole = (tree / module).read_text(encoding="utf-8")
         for mutant in some:
             (tree / module).write_text(mutant.source, encoding="utf-8")
