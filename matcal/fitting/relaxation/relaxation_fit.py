@@ -161,7 +161,7 @@ def _flat(holds: Sequence[Hold]) -> bool:
 
 def _falls(hold: Hold, run: slice) -> bool:
     y, p, t = np.abs(hold.stress_Pa[run]), hold.precision[run], hold.time_s[run]
-    strain = np.abs(hold.instantaneous[hold.at].sum(axis=1) * hold.push)[run]
+    strain = np.abs(hold.instantaneous[hold.at].sum(axis=1))[run]
     level = float((p * y) @ (p * strain) / max((p * strain) @ (p * strain), 1e-300))
     late = np.log1p(t - hold.time_s[max(run.start - 1, 0)])
     off = late - (p**2 @ late) / (p**2).sum()
