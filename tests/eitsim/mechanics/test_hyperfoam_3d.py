@@ -10,7 +10,7 @@ import pytest
 
 from eitsim.mechanics.solid.hyperfoam_3d import UPPER, principal, stress_and_tangent, upright
 from eitsim.mechanics.solid.kinematics import tensors
-from eitsim.mechanics.solid.principal_stretches import diagonalise
+from eitsim.mechanics.solid.principal_stretches import diagonalise, scale_negative_eigenvalues
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam, energy, kirchhoff
 
@@ -121,3 +121,15 @@ def test_the_order_of_axes_does_not_matter() -> None:
         found = stress_and_tangent(LAW, principal(_by_angles(swapped)), np.ones((1, len(change))))[0][0].T
         assert found.reshape(-1, 3, 3) == pytest.approx(plain.reshape(-1, 3, 3)[:, order][:, :, order],
                                                         abs=1e-8 * LAW.mu_0_Pa)
+
+
+def test_the_negative_part_of_a_matrix_is_scaled():
+    """sum max(v, 0) e e' + scale sum min(v, 0) e e' over its eigenvalues v and eigenvectors e."""
+    for seed in range(4):
+        block = np.random.default_rng(seed).normal(size=(3, 3)) * 50
+        block = block + block.T
+        value, vector = np.linalg.eigh(block)
+        expected = (vector * np.where(value < 0, -0.3 * value, value)) @ vector.T
+        scale_negative_eigenvalues(block, -0.3, np.empty((3, 3)), np.empty((3, 3)))
+        np.testing.assert_allclose(block, expected, atol=1e-10)
+        assert value[0] < 0
