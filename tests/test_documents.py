@@ -308,6 +308,8 @@ def with_value(document: dict[str, Any], key: str, value: Any) -> dict[str, Any]
     *(("specimen.toml", SPECIMEN, "uniaxial.height_mm", size, r"\[uniaxial\] height_mm = .* from 0.001 to 10000")
       for size in (1e-300, 1e300)),
     ("specimen.toml", SPECIMEN, "shear.faces", 0.5, r"\[shear\] faces = 0.5 must be a whole number"),
+    *((DESCRIPTION, GOOD_TEXT, "method", wrong, "method .* is not one that this version reads")
+      for wrong in ([], ["ridge"], {}, None)),
     *(("design.json", MANIFEST, "design", wrong, "design must be an object") for wrong in ([], None)),
     *(("design.json", MANIFEST, "rows_per_part", wrong, "rows_per_part must be a whole number") for wrong in (0, "x")),
     ("design.json", MANIFEST, "runs", 3, "runs must be a list"),
@@ -364,11 +366,12 @@ def test_changed_documents_are_used_or_refused(name: str, folder: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_five_thousand_changed_documents_are_used_or_refused(name: str, folder: Path) -> None:
-    before = 0
+    before, others = 0, {path: path.read_bytes() for path in folder.iterdir() if path.name not in (name, ARRAYS)}
     for count in (200, 5000):
         settings(max_examples=count, derandomize=True, **QUIET)(given(some.data())(trial(name, folder)))()
         before = before or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200e3  # kB; Hypothesis keeps its examples
+    assert others == {path: path.read_bytes() for path in folder.iterdir() if path.name not in (name, ARRAYS)}
 
 
 def spoilt_arrays(data: some.DataObject) -> None:

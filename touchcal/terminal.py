@@ -15,6 +15,7 @@ from touchcal.errors import NotConverged
 BAD_INPUT, NOT_CONVERGED = 2, 3
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, help="Seed of all that is drawn.")]
 
 
 def application(help_text: str) -> typer.Typer:

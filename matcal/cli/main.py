@@ -11,7 +11,7 @@ import typer
 
 from matcal.record.exporters import TARGETS
 from touchcal.errors import NotConverged
-from touchcal.terminal import JsonOption, application, check_apart, check_out, counter, print_json, run
+from touchcal.terminal import JsonOption, SeedOption, application, check_apart, check_out, counter, print_json, run
 
 app = application("Calibrate a foam and its conductive skin from test files into a material card.")
 
@@ -67,7 +67,7 @@ def fit_command(
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of a kind.")] = None,
         prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
         posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior with emcee.")] = False,
-        seed: Annotated[int, typer.Option(help="Seed of the sampler.")] = 0,
+        seed: SeedOption = 0,
         out: Annotated[Path, typer.Option(help="Card to write; its data go next to it.")] = Path("card.json"),
         report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
         as_json: JsonOption = False) -> None:

@@ -117,7 +117,7 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
     moving = slice(stroke.start, stroke.end + 1)
     size = int(np.clip((stroke.end - stroke.start) // 50, 1, 20))
     if block.preload_N > 0:
-        at = float(moved[moving][_first_above(load[moving] - rest, block.preload_N, size)].mean())
+        at = _reaches(moved[moving], load[moving] - rest, block.preload_N, size)
         notes.append(f"Contact where the load reaches the preload {block.preload_N:g} N, as the height was measured.")
         return Contact(at, 0.0, rest, noise / np.sqrt(max(stroke.start, 1))), moved
     latest = float(moved[moving][_first_above(load[moving] - rest, 6 * noise / np.sqrt(size), size)].max())
@@ -133,6 +133,18 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
     return contact, moved
 
 
+def _reaches(travel: Array, load: Array, level: float, size: int) -> float:
+    """Travel at which means of `size` neighbouring samples reach the load `level`, straight from one mean to the next;
+    ValueError where none does."""
+    edges = np.arange(0, load.size + 1, size)
+    x, y = block_means(travel, edges), block_means(load, edges)
+    if y.max() < level:
+        raise ValueError(f"the load reaches {y.max():.3g} N, less than preload_N = {level:g}")
+    first = int(np.argmax(y >= level))
+    around = slice(max(first - 1, 0), first + 1)
+    return float(np.interp(level, y[around], x[around]))
+
+
 def _first_above(load: Array, level: float, size: int) -> slice:
     """The first `size` neighbouring samples whose mean passes `level`, the last ones where none does."""
     edges = np.arange(0, load.size + 1, size)
@@ -143,10 +155,8 @@ def _first_above(load: Array, level: float, size: int) -> slice:
 
 def _contact_time(time: Array, moved: Array, first: int, at: float) -> float:
     """Time of contact, interpolated between the two samples around it."""
-    if first == 0 or moved[first] == moved[first - 1]:
-        return float(time[first])
-    share = (at - moved[first - 1]) / (moved[first] - moved[first - 1])
-    return float(time[first - 1] + share * (time[first] - time[first - 1]))
+    around = slice(max(first - 1, 0), first + 1)
+    return float(np.interp(at, moved[around], time[around]))
 
 
 def _direction(kind: str, recording: Recording, block: Block, sign: float,

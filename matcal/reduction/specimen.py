@@ -20,8 +20,8 @@ _DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compli
 # ways to give a cross-section, the first that a table has counts and the others must agree
 SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
 # Least and largest value of a key, in its unit: 1 um to 10 m; below the least only 0 where it may be left out.
-_OF_UNITS = {"mm": (1e-3, 1e4), "mm2": (1e-6, 1e8), "mm3": (1e-9, 1e12), "um": (1e-3, 1e5), "N": (0.0, 1e7),
-             "mm_per_N": (0.0, 1e3), "V": (1e-9, 1e5), "ratio": (0.0, 1.0)}
+_OF_UNITS = {"mm": (1e-3, 1e4), "mm2": (1e-6, 1e8), "mm3": (1e-9, 1e12), "um": (1e-3, 1e5),
+             "mm_per_N": (0.0, 1e3), "N": (0.0, 1e7), "V": (1e-9, 1e5), "ratio": (0.0, 1.0)}
 MOST_FACES = 100
 SAME = 0.01  # areas that differ by less are one
 # table -> keys it may hold

@@ -13,7 +13,7 @@ import typer
 from surrogate.cli.limit_command import counted, limit
 from surrogate.cli.predict_command import ModelFolder, predict
 from surrogate.learners.registry import METHODS, method_of
-from touchcal.terminal import JsonOption, application, check_out, numbers, print_json, run
+from touchcal.terminal import JsonOption, SeedOption, application, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
     from surrogate.data.samples import Samples
@@ -39,7 +39,7 @@ LEVELS_HELP = "Noise levels of the stored scores besides no noise, in dB below t
 def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of the model.")],
           method: Annotated[str, typer.Option(help=METHOD_HELP)] = "forward",
           outputs: Annotated[str, typer.Option(help=OUTPUTS_HELP)] = "all",
-          seed: Annotated[int, typer.Option(help="Seed of the split and of the networks.")] = 0,
+          seed: SeedOption = 0,
           epochs: Annotated[int | None, typer.Option(help=f"Most steps; where left out {STEPS}.")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from surrogate.cli.limit_command import counted
-from touchcal.terminal import JsonOption, check_apart, check_out, print_json
+from touchcal.terminal import JsonOption, SeedOption, check_apart, check_out, print_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,7 +45,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
             data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
             scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card.")] = None,
-            seed: Annotated[int, typer.Option(help="Seed of --posterior.")] = 0,
+            seed: SeedOption = 0,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
             as_json: JsonOption = False) -> None:
     """Read touches from recorded frames, or from frames as they come.

@@ -108,7 +108,7 @@ def read(kind: type[M], folder: Path) -> M:
         raise InputFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "
                                      "`surrogate train --out` writes.")
     text = read_json(path, "a model", _RETRAIN)
-    if text.get("schema") != SCHEMA or text.get("method") not in METHODS:
+    if text.get("schema") != SCHEMA or text.get("method") not in [*METHODS]:
         raise InputFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one "
                                    f"that this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
     try:

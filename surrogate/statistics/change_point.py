@@ -20,8 +20,6 @@ def locate(x: Array, y: Array, along: Array, noise: float) -> float:
     """Where `along` (n,) has a step, for rows of inputs x (n, q) over the lengths and quantities y (n, k) whose noise
     is this part of their amplitude; NONE where it has none."""
     order = np.argsort(along)
-    if len(order) < 2 * FEWEST:
-        return NONE
     tried = np.arange(FEWEST, len(order) - FEWEST)
     tried = tried[along[order[tried - 1]] < along[order[tried]]]
     if not len(tried):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -21,3 +24,14 @@ def test_ctrl_c_is_answered_in_a_sentence(monkeypatch: pytest.MonkeyPatch, capsy
     with pytest.raises(SystemExit, match=r"^130$"):
         run(app, "waiter")
     assert capsys.readouterr().err == "waiter: stopped by Ctrl-C; files are written whole or not at all.\n"
+
+
+@pytest.mark.parametrize("words", [("matcal", "fit", "a.csv"), ("surrogate", "train", "sweep", "--out", "model"),
+                                   ("surrogate", "predict", "model", "frames.csv")])
+@pytest.mark.parametrize(("seed", "expected"), [("-1", r"\b0\b"), (str(2**63), str(2**63 - 1)), ("x", "integer")])
+def test_a_seed_that_is_none_is_refused_by_its_option(words: tuple[str, ...], seed: str, expected: str,
+                                                      command: Callable[..., Any]) -> None:
+    done = command(*words, f"--seed={seed}")
+    assert done.returncode == 2
+    assert "'--seed'" in done.stderr
+    assert re.search(expected, done.stderr)

@@ -51,4 +51,4 @@ def impedance_by_contact(mesh: SkinMesh, potential: Array, contact_impedance: Ar
 
 def readings_by(drive: Drive, impedance_by: Array) -> Array:
     """Derivatives of the readings (readings, p), V a unit, from those of the impedance matrix (p, N, N)."""
-    return np.stack([read_out(drive, one).ravel() for one in impedance_by], axis=-1)
+    return np.column_stack([read_out(drive, one).ravel() for one in impedance_by])

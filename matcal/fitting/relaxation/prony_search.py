@@ -44,7 +44,7 @@ def residual(tables: Sequence[HoldTable], vector: Array) -> Array:
 def slopes(function: Callable[[Array], Array], vector: Array) -> Array:
     """(n, K) central differences of a function of (K,)."""
     steps = 1e-5 * np.eye(vector.size)
-    return np.stack([(function(vector + s) - function(vector - s)) / 2e-5 for s in steps], axis=-1)
+    return np.column_stack([(function(vector + s) - function(vector - s)) / 2e-5 for s in steps])
 
 
 def search_series(tables: Sequence[HoldTable], first: Array, bounds_s: tuple[float, float],
@@ -59,10 +59,10 @@ def search_series(tables: Sequence[HoldTable], first: Array, bounds_s: tuple[flo
         end = float(np.sum(vector[:terms]))
         inside = np.r_[np.minimum(np.cumsum(vector[:terms]), most), vector[terms:]]
         held = np.r_[np.diff(inside[:terms], prepend=0.0), inside[terms:]]
-        over = 1e3 * (end - last) if last is not None else 1e3 * max(end - most, 0.0)
-        return np.r_[residual(tables, held), over]
+        over = end - last if last is not None else max(end - most, 0.0)
+        return np.r_[residual(tables, held), 1e3 * over]
 
-    out = least_squares(penalised, np.clip(first, low + 1e-6, high - 1e-6), bounds=(low, high),
+    out = least_squares(penalised, np.clip(first, low, high), bounds=(low, high),
                         x_scale=np.r_[np.ones(terms), np.full(terms, 0.2)], xtol=1e-9, ftol=1e-11, max_nfev=100)
     found = np.r_[np.diff(np.minimum(np.cumsum(out.x[:terms]), most), prepend=0.0), out.x[terms:]]
     return float(np.sum(residual(tables, found) ** 2)), found

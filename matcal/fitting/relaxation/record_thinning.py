@@ -51,4 +51,5 @@ def _thinned_holds(experiment: Experiment) -> Experiment:
 
 
 def _even(first: int, last: int) -> list[int]:
-    return np.linspace(first, last, min(last - first, _RAMP) + 1).astype(int).tolist() if last > first else []
+    """Edges of equal blocks, some of them the same where there are fewer samples than blocks."""
+    return np.linspace(first, last, _RAMP + 1).astype(int).tolist()

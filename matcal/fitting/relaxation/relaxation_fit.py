@@ -156,15 +156,14 @@ def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
 
 def _flat(holds: Sequence[Hold]) -> bool:
     """Whether no hold of any test is better described by a falling course than by a constant."""
-    return not any(_falls(hold, run) for hold in holds for run in runs(hold.held, hold.push)
-                   if run.stop - run.start > 2)
+    return not any(_falls(hold, run) for hold in holds for run in runs(hold.held, hold.push))
 
 
 def _falls(hold: Hold, run: slice) -> bool:
     y, p, t = np.abs(hold.stress_Pa[run]), hold.precision[run], hold.time_s[run]
-    strain = np.abs(hold.instantaneous[hold.at].sum(axis=1) * hold.push)[run]
+    strain = np.abs(hold.instantaneous[hold.at].sum(axis=1))[run]
     level = float((p * y) @ (p * strain) / max((p * strain) @ (p * strain), 1e-300))
-    late = np.log1p(t - hold.time_s[max(run.start - 1, 0)] + 1e-9)
+    late = np.log1p(t - hold.time_s[max(run.start - 1, 0)])
     off = late - (p**2 @ late) / (p**2).sum()
     fall = -float((p**2 * off) @ (y - level * strain)) / max(float(p**2 @ off**2), 1e-300)
     left = p * (y - level * strain + fall * off)

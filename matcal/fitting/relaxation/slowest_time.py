@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable
 from matcal.fitting.relaxation.prony_search import residual, search_series
@@ -16,7 +17,9 @@ _SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its 
            "ramp": "a spline that the stress recorded on the ramp itself shapes (no stress-strain curve was given)",
            "straight": "a stress straight between the strains that are held (no stress-strain curve was given, and the "
                        "ramp has too few samples to show its shape: what a bent curve would change is in the errors)"}
-_CHI_SQUARE, _STEPS = 3.84, 9  # fall of twice the log likelihood at the ends of a 95 % interval; steps of the profile
+# fall of twice the log likelihood at the ends of a 95 % interval; steps of the profile over the way to either bound
+_CHI_SQUARE, _STEPS = 3.84, np.geomspace(0.004, 1, 9)
+_CLOSE = 5e-3  # how close, in ln tau, the ends are found
 
 
 @dataclass(frozen=True)
@@ -42,22 +45,28 @@ def slowest_time(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: A
         return sum(_square(p / np.sqrt(v), t.basis.T @ d / np.sqrt(v))
                    for p, t, d, v in zip(parts, tables, doubts, inflated, strict=True))
 
-    def profile(stops: Array) -> float | None:
+    def refitted(last: float, near: Array) -> Array:
+        first = near.copy()
+        first[terms - 1] += last - float(np.sum(near[:terms]))
+        return search_series(tables, first, bounds_s, last)[1]
+
+    def crossing(level: float, near: Array, one: float, other: float) -> float:
+        found = root_scalar(lambda last: misfit(refitted(last, near)) - level, bracket=(one, other), xtol=_CLOSE)
+        return float(found.root)
+
+    def end(stops: Array) -> float | None:
         base, inside, here = misfit(vector), best, vector
-        for stop in stops:
-            first = here.copy()
-            first[terms - 1 if terms > 1 else 0] += stop - float(np.sum(here[:terms]))
-            _, here = search_series(tables, first, bounds_s, float(stop))
-            value = misfit(here)
-            if value - base > _CHI_SQUARE:
-                return float(inside + (stop - inside) * np.sqrt(_CHI_SQUARE / (value - base)))
+        for stop in stops.tolist():
+            found = refitted(stop, here)
+            value = misfit(found)
             base = min(base, value)
-            inside = float(stop)
+            if value - base > _CHI_SQUARE:
+                return crossing(base + _CHI_SQUARE, here, inside, stop)
+            inside, here = stop, found
         return None
 
     low, high = np.log(bounds_s)
-    down = profile(best - np.geomspace(0.02, max(best - low - 0.7 * (terms - 1), 0.03), _STEPS))
-    up = profile(best + np.geomspace(0.02, max(high - best, 0.03), _STEPS)) if best < high - 0.05 else None
+    down, up = end(best - (best - low) * _STEPS), end(best + (high - best) * _STEPS)
     return Slowest(float(np.exp(best)), float(np.exp(low if down is None else down)),
                    None if up is None else float(np.exp(up)))
 

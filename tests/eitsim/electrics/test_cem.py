@@ -12,6 +12,7 @@ from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import splu
 from skfem import MeshTri
 
+from eitsim.electrics.cem import assembly
 from eitsim.electrics.cem.assembly import (
     SkinMesh,
     centred,
@@ -280,6 +281,19 @@ def test_a_poor_contact_is_refused_where_it_hides_the_resistance_between_others(
     assert between(1e10) == pytest.approx(between(1e5), rel=1e-4)
     with pytest.raises(ValueError, match="all but without contact"):
         between(1e15)
+
+
+@pytest.mark.parametrize("digits", [3.95, 4.05])
+def test_resistances_between_electrodes_keep_four_digits(digits: float):
+    """Between two electrodes at r = eps 10^digits of the largest entry."""
+    r = np.finfo(float).eps * 10**digits
+    z = np.diag([1.0, 1.0, 1.0])
+    z[0, 1] = z[1, 0] = 1 - r / 2
+    if digits < 4:
+        with pytest.raises(ValueError, match="fewer than four digits"):
+            assembly._resolved(z)
+    else:
+        assert assembly._resolved(z) is z
 
 
 def test_wrong_input_is_refused():

@@ -10,7 +10,7 @@ import pytest
 
 from eitsim.mechanics.solid.hyperfoam_3d import UPPER, principal, stress_and_tangent, upright
 from eitsim.mechanics.solid.kinematics import tensors
-from eitsim.mechanics.solid.principal_stretches import diagonalise
+from eitsim.mechanics.solid.principal_stretches import diagonalise, scale_negative_eigenvalues
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam, energy, kirchhoff
 
@@ -121,3 +121,12 @@ def test_the_order_of_axes_does_not_matter() -> None:
         found = stress_and_tangent(LAW, principal(_by_angles(swapped)), np.ones((1, len(change))))[0][0].T
         assert found.reshape(-1, 3, 3) == pytest.approx(plain.reshape(-1, 3, 3)[:, order][:, :, order],
                                                         abs=1e-8 * LAW.mu_0_Pa)
+
+
+@pytest.mark.parametrize("value", [(-40.0, -3.0, 60.0), (-2.0, 5.0, 70.0), (1.0, 2.0, 3.0), (-9.0, -5.0, -1.0)])
+def test_the_negative_part_of_a_matrix_is_scaled(value: tuple[float, float, float]):
+    """Each negative eigenvalue is 0.3 of what it was with the other sign; eigenvectors stay."""
+    vector = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    block = (vector * value) @ vector.T
+    scale_negative_eigenvalues(block, -0.3, np.empty((3, 3)), np.empty((3, 3)))
+    np.testing.assert_allclose(block, (vector * [v if v > 0 else -0.3 * v for v in value]) @ vector.T, atol=1e-12)

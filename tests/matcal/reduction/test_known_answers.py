@@ -10,6 +10,7 @@ import pytest
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.reduce import read_and_reduce
 from matcal.reduction.specimen import Block, Strip, make_specimen, read_tables
+from touchcal.errors import InputFileError
 
 SHEAR_MODULUS_Pa, YOUNG_Pa = 2.0e4, 5.0e4
 LOADING_S, REST_S = 40.0, 4.0
@@ -79,6 +80,8 @@ def test_drift_between_two_rests_is_taken_off_with_the_error_of_two_means(tmp_pa
     assert got.facts["drift_sd_N_per_s"] == pytest.approx(1e-3 * np.hypot(250**-0.5, 500**-0.5) / 100, rel=0.05)
     assert got.facts["drift_N_per_s"] == pytest.approx(5e-5, abs=4 * got.facts["drift_sd_N_per_s"])
     assert got.facts["load_noise_N"] == pytest.approx(1e-3, rel=0.1)
+    assert got.facts["contact_mm"] == pytest.approx(1.0, abs=4 * got.facts["contact_sd_mm"])
+    assert got.facts["strain_zero_sd"] == pytest.approx(got.facts["contact_sd_mm"] / 20)
     assert _slope(got) == pytest.approx(4.0 * 20 / 100e-6, rel=2e-3)
     assert got.value.min() == pytest.approx(-16.0 / 100e-6, rel=5e-3)
     assert got.time_s is not None
@@ -86,17 +89,35 @@ def test_drift_between_two_rests_is_taken_off_with_the_error_of_two_means(tmp_pa
 
 
 def test_a_preload_makes_the_contact_and_the_rest_the_zero(tmp_path: Path) -> None:
-    """A spring of 2 N/mm met at 1 mm and zeroed 0.3 N off: 0.5 N at 1.25 mm, of which the frame takes 0.1 mm/N;
-    found by means of twenty samples, 0.08 mm long."""
+    """A spring of 2 N/mm met at 1 mm and zeroed 0.3 N off: 0.5 N at 1.25 mm, of which the frame takes 0.1 mm/N."""
     time, travel = np.arange(0, 60, 0.04), np.maximum(np.arange(0, 60, 0.04) - 10, 0) * 0.1
     force = 0.3 + 2.0 * np.maximum(travel - 1.0, 0.0) + _noise(time)
     got = _reduced(tmp_path, "uniaxial", travel, force, time, "area_mm2 = 100\nheight_mm = 20\npreload_N = 0.5\n"
                    "compliance_mm_per_N = 0.1\ndirection = \"compression\"\n")
-    assert got.facts["contact_mm"] == pytest.approx(1.25 - 0.05, abs=0.08)
+    assert got.facts["contact_mm"] == pytest.approx(1.25 - 0.05, abs=0.002)
     assert got.facts["zero_load_N"] == pytest.approx(0.3, abs=4e-4)
     assert got.facts["zero_sd_N"] == pytest.approx(1e-3 / np.sqrt(250), rel=0.1)
     assert got.facts["contact_sd_mm"] == 0
+    assert got.value.min() == pytest.approx(-2.0 * (travel[-1] - 1) / 100e-6, rel=0.01)
     assert _slope(got) == pytest.approx(2.0 / (1 - 0.2) * 20 / 100e-6, rel=5e-3)
+
+
+@pytest.mark.parametrize("points", [17, 81, 200, 2001])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_preload_is_met_between_the_samples_whatever_their_number(points: int, sign: int, tmp_path: Path) -> None:
+    """A spring of 2 N/mm met at 1 mm carries 1 N at 1.5 mm: at a sample of 17 or 81, between two of 200. Where the file
+    counts both downwards it is compression, and needs no word for it."""
+    travel = np.r_[np.zeros(20), np.linspace(0, 8, points)]
+    sizes = "area_mm2 = 100\nheight_mm = 20\n" + "direction = \"compression\"\n" * (sign > 0)
+    force, time = 2.0 * np.maximum(travel - 1.0, 0.0), 0.1 * np.arange(travel.size)
+    got = _reduced(tmp_path, "uniaxial", sign * travel, sign * force, time, sizes + "preload_N = 1\n")
+    assert got.facts["contact_mm"] == pytest.approx(1.5, abs=1e-6)
+    assert got.strain[-1] == pytest.approx(-6.5 / 20, rel=0.05)
+    assert got.value[1:] == pytest.approx(-1.0 / 1e-4 + 2.0 * 20 / 1e-4 * got.strain[1:], rel=1e-6)
+    with pytest.raises(InputFileError, match=r"the load reaches 1[34].* N, less than preload_N = 15"):
+        _reduced(tmp_path, "uniaxial", sign * travel, sign * force, time, sizes + "preload_N = 15\n")
+    with pytest.raises(InputFileError, match=r"the loading ends at a strain of -0.02[45]"):
+        _reduced(tmp_path, "uniaxial", sign * travel, sign * force, time, sizes + "preload_N = 13\n")
 
 
 def test_a_hold_gives_its_times_its_strain_and_how_far_it_relaxed(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from matcal.statistics.block_means import block_means, equal_blocks, log_blocks,
 from matcal.statistics.linear_marginals import conditional, log_marginal, triangles
 from matcal.statistics.residual_correlation import (
     _SIZES,
+    _grid,
     _sums,
     _weights,
     correlated_errors,
@@ -112,6 +113,20 @@ def test_probabilities_of_correlations_are_those_of_restricted_likelihood() -> N
                                 - b @ np.linalg.solve(a, b)) - (np.log(2) if i else 0)
     expected = np.exp(log - log.max())
     assert found == pytest.approx(expected / expected.sum(), rel=1e-5, abs=1e-12)
+
+
+@pytest.mark.parametrize("n", [3, 40, 160])
+def test_correlations_reach_from_less_than_a_point_to_a_quarter_of_the_record(n: int) -> None:
+    """White noise, then eight lengths of one ratio from 0.7 to n/4, each with 0, 3, 15 and 50 % of white noise; sizes
+    from e^-1.5 to e^2.5 times the residual's variance."""
+    white, *slow = _grid(n)
+    assert white == pytest.approx(np.eye(n))
+    assert len(slow) == 8 * 4
+    lags = np.abs(np.subtract.outer(range(n), range(n)))
+    lengths = np.repeat(np.geomspace(0.7, max(n / 4, 1.0), 8), 4)
+    for correlation, length, share in zip(slow, lengths, np.tile([0.0, 0.03, 0.15, 0.5], 8), strict=True):
+        np.testing.assert_allclose(correlation, (1 - share) * np.exp(-lags / length) + share * np.eye(n), rtol=1e-12)
+    assert np.log(_SIZES[[0, -1]]) == pytest.approx([-1.5, 2.5])
 
 
 def test_what_errors_are_worth_and_do_follows_from_their_covariance() -> None:

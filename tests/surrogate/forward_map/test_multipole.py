@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
@@ -109,3 +110,55 @@ def test_what_is_learned_is_a_least_point_of_misfit_and_prior(ring: Ring, synthe
     for way in 3e-3 * np.eye(len(q))[1:8]:
         assert min(objective(q + way), objective(q - way)) > least
     assert np.abs(q - other.modes)[1:8].max() > 3e-2
+
+
+def noisy(ring: Ring) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """Places, a field other than the foreseen one, and signals of unit norm that it makes, with noise of unit shape."""
+    rng = np.random.default_rng(4)
+    z = 0.4 * (rng.normal(size=12) + 1j * rng.normal(size=12)) / 2
+    q = ring.modes * (1 + 0.2 * np.sin(np.arange(len(ring.modes))))
+    signal = multipole_series.combined(multipole_series.basis(*multipole_series.patterns(ring, q, z)),
+                                       rng.uniform(0.5, 1, (12, 3)) * [1, 0.1, 0.01])
+    return z, q, signal / np.linalg.norm(signal, axis=1, keepdims=True)
+
+
+def test_a_step_is_that_of_gauss_and_newton_with_strengths_projected_out(ring: Ring) -> None:
+    """(J'J + s I)^-1 (J'r - s (q - q_0)), J = (1 - P) dA/dq p by differences, s = mean r^2/0.1^2; the objective is the
+    squared residual and s |q - q_0|^2."""
+    z, q, signal = noisy(ring)
+    fit = multipole_series.strengths(ring, 0.95 * q, z, signal)
+    found = multipole_series._step(ring, 0.95 * q, z, fit, 8)
+
+    def design(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        return multipole_series.basis(*multipole_series.patterns(ring, at, z))
+
+    columns = []
+    for way in 1e-4 * np.eye(len(q))[1:8]:
+        moved = multipole_series.combined(design(0.95 * q + way) - design(0.95 * q - way), fit.value) / 2e-4
+        columns.append(np.concatenate([m - a @ np.linalg.lstsq(a, m, rcond=None)[0]
+                                       for a, m in zip(design(0.95 * q), moved, strict=True)]))
+    jacobian, prior = np.array(columns), np.mean(fit.residual**2) / 0.1**2
+    off = (0.95 * q - ring.modes)[1:8]
+    np.testing.assert_allclose(found[1:8], np.linalg.solve(
+        jacobian @ jacobian.T + prior * np.eye(7), jacobian @ fit.residual.ravel() - prior * off), rtol=1e-6)
+    assert not np.any(np.delete(found, np.arange(1, 8)))
+    worse = multipole_series.strengths(ring, ring.modes, z, signal)
+    assert multipole_series._objective(ring, 0.95 * q, worse, fit) == pytest.approx(
+        np.sum(worse.residual**2) + prior * np.sum((0.95 * q - ring.modes) ** 2))
+
+
+def test_a_field_is_learned_where_it_leaves_a_third_of_what_the_foreseen_one_does(
+        ring: Ring, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise is added until the gain is a little less or a little more than three."""
+    z, q, signal = noisy(ring)
+    noise = np.random.default_rng(5).normal(size=signal.shape)
+    monkeypatch.setattr(multipole_series, "_learned", lambda *_: q)
+
+    def gain(size: float) -> float:
+        left = [np.linalg.norm(multipole_series.strengths(ring, modes, z, signal + size * noise).residual, axis=1)
+                for modes in (ring.modes, q)]
+        return float(np.median(left[0] / left[1]))
+
+    for wanted, modes in ((2.9, ring.modes), (3.1, q)):
+        size = brentq(lambda s, wanted=wanted: gain(s) - wanted, 1e-6, 1.0)
+        assert multipole_series.learn_field(ring, z, signal + size * noise) is modes

@@ -40,7 +40,8 @@ def test_the_factor_is_the_order_statistic_of_n_plus_one(rows: int, factor: floa
 
 def test_the_largest_ratio_counts_among_few_rows_where_it_is_above_the_normal_factor() -> None:
     sd = np.ones((5, 1))
-    assert conformal_scale(0.1 * sd, sd, 5) == pytest.approx(normal(0.90))
+    for rows, factor in ((5, normal(0.90)), (8, normal(0.90)), (9, 0.1)):
+        assert conformal_scale(np.full((rows, 1), 0.1), np.ones((rows, 1)), rows) == pytest.approx(factor)
     assert conformal_scale(3.0 * sd, sd, 5) == pytest.approx(3.0)
 
 

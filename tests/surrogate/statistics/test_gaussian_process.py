@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
@@ -83,3 +84,47 @@ def test_a_constant_input_is_harmless() -> None:
 def test_too_few_rows_are_refused() -> None:
     with pytest.raises(ValueError, match="4 rows are too few to learn from 3 inputs"):
         gaussian_process.fit(points(4, 0), np.arange(4.0))
+    assert gaussian_process.fit(points(5, 0), np.arange(5.0)).nodes.shape == (5, 3)
+
+
+def test_a_plane_more_or_another_unit_of_the_noise_changes_no_hyperparameter() -> None:
+    """With unequal noise: what is learned are lengths, amplitude and noise about a weighted plane."""
+    x, rng = points(60, 0), np.random.default_rng(4)
+    variance = np.where(np.arange(60) % 3, 1e-4, 1.0)
+    y = surface(x) + np.sqrt(variance) * rng.normal(size=60)
+    one = gaussian_process.fit(x, y, variance)
+    for other in (gaussian_process.fit(x, y + 300 + x @ [7.0, -40.0, 0.5], variance),
+                  gaussian_process.fit(x, y, 1e4 * variance)):
+        np.testing.assert_allclose(other.lengths, one.lengths, rtol=1e-3)
+        np.testing.assert_allclose(other.noise, one.noise, rtol=1e-3)
+        assert other.amplitude == pytest.approx(one.amplitude, rel=1e-3)
+
+
+def test_lengths_have_a_lognormal_prior() -> None:
+    """Median of twice the spread of the input, standard deviation 0.7 of its logarithm."""
+    x, at = points(20, 0), np.array([0.3, 1.1, 2.0, -3.0])
+    given = (x[:, None] - x) ** 2 / np.std(x, axis=0) ** 2, surface(x), np.ones(20)
+
+    def prior(log: np.ndarray) -> float:
+        return (gaussian_process._negative_log_posterior(log, *given)[0]
+                - gaussian_process._likelihood_and_gradient(log, *given)[0])
+
+    for k in range(3):
+        high, low = at.copy(), at.copy()
+        high[k], low[k] = 1.9, -0.4
+        expected = norm.logpdf([-0.4, 1.9], np.log(2.0), 0.7)
+        assert prior(high) - prior(low) == pytest.approx(expected[0] - expected[1])
+
+
+def test_the_amplitude_is_the_most_likely_one() -> None:
+    """a^2 = r' C^-1 r/n, r what a weighted plane leaves, C the kernel and the noise over the amplitude."""
+    x, variance = points(50, 0), np.linspace(1e-4, 1e-2, 50)
+    y = surface(x) + np.sqrt(variance) * np.random.default_rng(5).normal(size=50)
+    process = gaussian_process.fit(x, y, variance)
+    plane, root = np.column_stack([np.ones(50), x]), np.sqrt(variance)
+    left = y - plane @ np.linalg.lstsq(plane / root[:, None], y / root)[0]
+    u = x / process.lengths
+    kernel = np.exp(-0.5 * np.sum((u[:, None] - u) ** 2, axis=2))
+    noise = np.diag(process.noise) / process.amplitude**2
+    assert process.amplitude**2 == pytest.approx(left @ np.linalg.solve(kernel + noise, left) / 50, rel=1e-6)
+    np.testing.assert_allclose(process.noise / variance, process.noise[0] / variance[0])

@@ -120,6 +120,9 @@ def test_nodes_are_farthest_from_those_before_wherever_the_rows_lie() -> None:
     for shift in (0.0, 7.0, -100.0):
         assert (coefficient_process._spread(u + shift, 4) - shift)[:, 0] == pytest.approx([0, 10, 5, 2])
     assert len(coefficient_process._spread(u, 9)) == 5
+    around = np.array([[0.0, 0.0], [-3.0, 0.0], [1.0, 1.0], [-3.0, 0.5]])
+    assert coefficient_process._spread(around, 2).tolist() == [[0, 0], [-3, 0.5]]
+    assert coefficient_process._spread(around, 3).tolist() == [[0, 0], [-3, 0.5], [1, 1]]
 
 
 def test_noise_is_smoothed_over_bins_along_the_order() -> None:
@@ -182,3 +185,39 @@ def test_inverses_whatever_the_units() -> None:
     for a, b, c in ((4e12, 1e3, 1e-6), (2.0, 0.5, 1.0)):
         found = levenberg_marquardt.inverse(np.array([[[a, b], [b, c]]]))[0]
         assert found == pytest.approx(np.array([[c, -b], [-b, a]]) / (a * c - b * b), rel=1e-9, abs=0)
+
+
+def test_trials_are_those_of_marquardt() -> None:
+    """One problem replayed by itself: damping from 1e-3, a tenth after a step that lowers the cost, ten times after one
+    that does not, until a step gains less than 1e-5 of 1 + cost."""
+    asked: list[float] = []
+
+    def residuals(state: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(float(state[0, 0]))
+        return np.arctan(5 * state) + 0.3, (5 / (1 + 25 * state**2))[:, :, None]
+
+    found = levenberg_marquardt.minimise(residuals, np.array([[0.5]]), 200)
+    x, damping, trials = 0.5, 1e-3, [0.5]
+    for _ in range(200):
+        slope = 5 / (1 + 25 * x**2)
+        trial = x - (np.arctan(5 * x) + 0.3) / (slope * (1 + damping))
+        gain, cost = (0.5 * (np.arctan(5 * at) + 0.3) ** 2 for at in (x, trial))
+        gain -= cost
+        trials.append(float(trial))
+        damping *= 0.1 if gain > 0 else 10.0
+        x = trial if gain > 0 else x
+        if 0 < gain < 1e-5 * (1 + cost):
+            break
+    assert asked == pytest.approx(trials, rel=1e-9)
+    assert any(damped > 0.5 for damped in np.abs(np.diff(trials)))
+    assert found.state[0, 0] == pytest.approx(x)
+
+
+def test_the_regressors_are_the_prior_of_trend_and_process() -> None:
+    """R R' = 10^2 (1 + u u') + K(u, nodes) K(nodes, nodes)^-1 K(nodes, u)."""
+    rng = np.random.default_rng(9)
+    u, nodes = rng.normal(size=(20, 2)), rng.normal(size=(12, 2))
+    found = coefficient_process._regressors(u, nodes)
+    cross = _kernel(u, nodes)
+    inverse = np.linalg.inv(_kernel(nodes, nodes) + 1e-8 * np.eye(12))
+    assert found @ found.T == pytest.approx(100 * (1 + u @ u.T) + cross @ inverse @ cross.T, rel=1e-6, abs=1e-6)
