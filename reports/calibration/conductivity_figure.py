@@ -82,7 +82,7 @@ def _caption(law: Conductivity, errors: Sequence[float], extended: Array, stoppe
     if stopped:
         caption += f" It stops being positive below a strain of {number(extended[0])}: touches deeper than that fail."
     else:
-        caption += (f" Touches compress the skin's thickness, where nothing was measured: at {number(DEEPEST)} the cubic gives "
-                    f"{number(float(conductivity(law, DEEPEST)))} S/m")
+        caption += (" Touches compress the skin's thickness, where nothing was measured: at "
+                    f"{number(DEEPEST)} the cubic gives {number(float(conductivity(law, DEEPEST)))} S/m")
         caption += "." if band is None else f" (95 %: {interval(*conductivity_at(band, DEEPEST)[1:])})."
     return caption + (" No band is drawn: the card's folder holds none." if band is None else "")

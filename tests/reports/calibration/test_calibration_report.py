@@ -156,7 +156,8 @@ def test_a_calibration_begins_with_its_verdict(tmp_path: Path, card_path: Path, 
     first = " ".join(read_pdf(tmp_path / "c.pdf").pages[0].split())
     for line in ("Stress, uniaxial −0.800 to 0, shear γ 0 to 1.00 usable misses its tests by at most",
                  "one specimen of each kind", "Finite elements over these strains usable Drucker stability is lost in "
-                 "uniaxial", "Conductivity under a touch usable measured for strains of 0 to 0.400; touches stretch the skin",
+                 "uniaxial",
+                 "Conductivity under a touch usable measured for strains of 0 to 0.400; touches stretch the skin",
                  "A real material not usable the data are synthetic"):
         assert line in first, line
     assert first.index("A real material") < first.index("Foam: hyperfoam law")
