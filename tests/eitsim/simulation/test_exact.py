@@ -40,7 +40,7 @@ def test_an_exact_plan_says_what_stays():
     for decision in exact.decisions:
         stays = decision.error_bound > 0 or decision.unbounded
         assert ("exact does not change it" in decision.reason) == stays
-    assert sum(d.unbounded for d in exact.decisions) == 5
+    assert sum(d.unbounded for d in exact.decisions) == 6
     assert any("three dimensions on the whole disc" in d.decision for d in exact.decisions)
     assert exact.error_bound < usual.error_bound
 
