@@ -17,7 +17,7 @@ from surrogate.forward_map.amplitude import amplitude
 from surrogate.forward_map.forward_map import INTERIOR, ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
-from surrogate.forward_map.inversion.invert import Inversion, Peak, invert
+from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.learners.base import Estimate, Learner, Parts, Training
 from surrogate.statistics.metrics import rms
@@ -105,7 +105,7 @@ def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
 
 def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tuple[Array, Array, Array]:
     """Mechanical outputs, their standard deviations and the one-sided ones (2, n, outputs); over the posterior of the
-    punches where that speaks."""
+    punches where that speaks, none of these below LEAST_SIDE of the whole."""
     carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
     nodes, variance = _table_response(learner)
     discrepancy = drawn(found.punches, variance)
@@ -113,7 +113,8 @@ def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tupl
     own, widened = np.maximum(discrepancy.mean(axis=1), 0.0), np.maximum(found.misfit, 1.0)[:, None]
     k, peak = found.broad[:, None], np.sqrt(carried + answer.sd**2)
     whole = np.where(k, np.sqrt(np.einsum("npp->np", covariance) * widened + own), peak)
-    sides = np.where(k, np.sqrt(one_sided(found.punches, nodes, mean) ** 2 * widened + own), peak)
+    likely = np.sqrt(one_sided(found.punches, nodes, mean) ** 2 * widened + own)
+    sides = np.where(k, np.maximum(likely, LEAST_SIDE * whole), peak)
     return np.where(k, mean, answer.value), whole, sides
 
 
