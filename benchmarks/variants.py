@@ -137,9 +137,11 @@ WAYS = (Way("10 units", 10), Way("40 units", 40), Way("one min-max of all readin
         Way("areas of whole elements", mesh_noise=True))
 
 
-def scored(stage: str, sensor: str, samples: Samples, steps: int, way: Way) -> Iterator[dict[str, object]]:
+def scored(stage: str, sensor: str, samples: Samples, within_mm: float | None, steps: int,
+           way: Way) -> Iterator[dict[str, object]]:
     """One row an output."""
-    name = ", ".join(part for part in (sensor, f"{len(samples)} scenes" if stage != "screen" else "", way.name) if part)
+    rows_of = "" if stage == "screen" else f"{len(samples)} scenes" + f" within {within_mm:g} mm" * bool(within_mm)
+    name = ", ".join(part for part in (sensor, rows_of, way.name) if part)
     singular = np.linalg.svd(samples.signal_V, compute_uv=False)
     part = split(samples.touch, SEED)
     rows, unseen = take(samples, part == "train"), take(samples, part != "train")
@@ -157,8 +159,8 @@ def scored(stage: str, sensor: str, samples: Samples, steps: int, way: Way) -> I
                "train_rmse": train, "rmse": test, "paper_train_rmse": paper_training(output),
                "paper_rmse": PAPER[output], "over_paper": test / PAPER[output],
                "r2": 1 - test**2 / float(np.var(told)), "r": float(np.corrcoef(found[1][:, k], told)[0, 1]),
-               "second_singular": singular[1] / singular[0], "rows": len(rows), "scored_rows": len(unseen),
-               "epochs": networks.trainings[k].epochs, "units": way.units}
+               "second_singular": singular[1] / singular[0], "within_mm": within_mm, "rows": len(rows),
+               "scored_rows": len(unseen), "epochs": networks.trainings[k].epochs, "units": way.units}
 
 
 def _scaling(signal_V: Array, way: Way) -> MinMax:
@@ -207,11 +209,11 @@ def main() -> None:
         row for row in before.to_dict("records") if row["stage"] not in asked.stage]
 
     def swept(stage: str, name: str, ways: tuple[Way, ...] = (PAPERS,)) -> None:
-        near = stage == "screen"
-        samples = samples_of(asked.card, named[name], SCREENED if near else asked.scenes,
-                             NEAR_MM if near else asked.within)
+        scenes, within_mm, steps = (SCREENED, NEAR_MM, SCREEN_STEPS) if stage == "screen" else (
+            asked.scenes, asked.within, asked.epochs)
+        samples = samples_of(asked.card, named[name], scenes, within_mm)
         for way in ways:
-            rows.extend(scored(stage, name, samples, SCREEN_STEPS if near else asked.epochs, way))
+            rows.extend(scored(stage, name, samples, within_mm, steps, way))
             shown(written(rows, "variants"))
 
     if "screen" in asked.stage:

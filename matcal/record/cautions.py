@@ -223,5 +223,5 @@ def _series(card: MaterialCard) -> Iterator[str]:
 
 def _skin(card: MaterialCard) -> Iterator[str]:
     if card.conductivity is not None and card.conductivity.strain_range[0] > -0.01:
-        yield ("Conductivity was measured in tension only: under a touch, which compresses the skin, it is "
-               "extrapolated.")
+        yield ("Conductivity was measured in tension only: a touch stretches the skin in its plane; driven through its "
+               "thickness (strain = \"normal\"), which a touch compresses, it is extrapolated.")
