@@ -2,12 +2,13 @@
 
     python benchmarks/ridge.py CARD MODEL [MODEL ...]
 
-MODEL is of method forward, trained on a sweep of examples/design.toml with CARD. Synthetic: 21 touches that were chosen
-("chosen"), and as many that are drawn ("drawn": a top, a heavy and a light end in turn, of any punch, by the amplitude
-and range of the first model), by the simulator, with white noise at 100, 80 and 60 dB below the baseline; and the
-chosen ones by its finer meshes ("chosen, finer"), since intervals count the simulator's own error. Each is read DRAWS
-times. held: part of the frames whose interval holds F; least_unflagged: that of the worst touch which is flagged in
-under half of its frames. Writes results/ridge.csv.
+MODEL is of method forward, trained on a sweep of examples/design.toml with CARD and with the skin driven by STRAIN,
+under which the amplitude has a top. Synthetic: 21 touches that were chosen ("chosen"), and as many that are drawn
+("drawn": a top, a heavy and a light end in turn, of any punch, by the amplitude and range of the first model), by the
+simulator, with white noise at 100, 80 and 60 dB below the baseline; and the chosen ones by its finer meshes ("chosen,
+finer"), since intervals count the simulator's own error. Each is read DRAWS times. held: part of the frames whose
+interval holds F; least_unflagged: that of the worst touch which is flagged in under half of its frames. Writes
+results/ridge.csv.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from surrogate.learners.forward import TouchInversion
 from surrogate.model.predict import predict, prepare
 from touchcal.arrays import Array
 
+STRAIN = "normal"
 # (d, F), mm and N: the touch of the review, then others at places drawn within REACH_MM.
 KINDS = ((10, .3), (10, .6), (10, 1.0), (10, 1.9), (10, .12), (12, .6), (12, .9), (12, 1.9), (12, .11), (14, .9),
          (14, 1.4), (14, 1.95), (14, .15), (16, 1.2), (16, 1.9), (16, .12), (18, 1.5), (18, 1.95), (18, .12), (10, 1.3))
@@ -60,7 +62,8 @@ def drawn(forward: ForwardMap, low: float, high: float) -> Array:
 
 def signals(touches: Array, card: str, *, finer: bool = False) -> Array:
     """(n, readings) signals, V."""
-    scenes = [eitsim.Scene(punches=(eitsim.Punch(x / 1e3, y / 1e3, d / 1e3, force),)) for x, y, d, force in touches]
+    scenes = [eitsim.Scene(punches=(eitsim.Punch(x / 1e3, y / 1e3, d / 1e3, force),), skin=eitsim.Skin(strain=STRAIN))
+              for x, y, d, force in touches]
     found = [eitsim.simulate(one, card, exact=finer, reuse=not finer).readings for one in scenes]
     return np.array([one.signal_V.ravel() for one in found if one is not None])
 
