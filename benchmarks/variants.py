@@ -154,11 +154,11 @@ def scored(stage: str, sensor: str, samples: Samples, within_mm: float | None, s
         errors = [value[:, k] - _meshed(some.target, way)[:, columns[k]]
                   for value, some in zip(found, (rows, unseen), strict=True)]
         train, test = (float(np.sqrt(np.mean(error**2))) for error in errors)
-        told = _meshed(unseen.target, way)[:, columns[k]]
+        truth = _meshed(unseen.target, way)[:, columns[k]]
         yield {"stage": stage, "sensor": sensor, "variant": name, "output": output, "unit": outputs.of(output).unit,
                "train_rmse": train, "rmse": test, "paper_train_rmse": paper_training(output),
                "paper_rmse": PAPER[output], "over_paper": test / PAPER[output],
-               "r2": 1 - test**2 / float(np.var(told)), "r": float(np.corrcoef(found[1][:, k], told)[0, 1]),
+               "r2": 1 - test**2 / float(np.var(truth)), "r": float(np.corrcoef(found[1][:, k], truth)[0, 1]),
                "second_singular": singular[1] / singular[0], "within_mm": within_mm, "rows": len(rows),
                "scored_rows": len(unseen), "epochs": networks.trainings[k].epochs, "units": way.units}
 

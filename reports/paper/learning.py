@@ -93,7 +93,7 @@ def amplitude(run: Run) -> Section:
                     for one in turned)
     differs = ("" if not turned else
                f"Under {len(turned)} of {len(own['diameters'])} diameters the signal turns back within the paper's "
-               "forces, so that its size alone has two answers there: what tells d and F apart is the small change of "
+               "forces, so that its size alone has two answers there: what separates d from F is the small change of "
                "its shape, which a network on min–max voltages must find (figures 14 to 19).")
     return Section("A", title, "Nothing: the paper shows no signal over force or diameter.",
                    "RMS of all readings by the forward map, at the trained place nearest to the centre.", differs,

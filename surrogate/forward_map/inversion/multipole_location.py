@@ -16,7 +16,7 @@ CANDIDATES, PLACES, STEPS = 400, 2, 15
 MARGIN_MM, MARGIN = 10.0, 0.1  # how far outside the training touches one may lie: its place, mm, and log d and log F
 RIM = 0.97  # part of the disc's radius outside which no place is sought
 # Least part of what is known of a strength, the prior of the search with it, that the signal is taken to tell.
-LEAST_TOLD = 1e-6
+LEAST_KNOWN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -130,11 +130,11 @@ def _by_signal_alone(values: Array, covariance: Array, mean: Array, prior: Array
     all values but the first, of this mean (k - 1,) and these roots of its precisions (n, k - 1)."""
     precision = inverse(covariance)
     scale = np.sqrt(np.einsum("npp->np", precision))
-    told = precision / scale[:, :, None] / scale[:, None, :]
+    known_part = precision / scale[:, :, None] / scale[:, None, :]
     held = np.zeros_like(values)
     held[:, 1:] = (prior / scale[:, 1:]) ** 2
-    right = (told @ (scale * values)[..., None])[..., 0]
+    right = (known_part @ (scale * values)[..., None])[..., 0]
     right[:, 1:] -= held[:, 1:] * scale[:, 1:] * mean
-    part, axes = np.linalg.eigh(told - held[:, :, None] * np.eye(values.shape[1]))
-    spread = (axes / np.maximum(part, LEAST_TOLD)[:, None]) @ axes.transpose(0, 2, 1)
+    part, axes = np.linalg.eigh(known_part - held[:, :, None] * np.eye(values.shape[1]))
+    spread = (axes / np.maximum(part, LEAST_KNOWN)[:, None]) @ axes.transpose(0, 2, 1)
     return (spread @ right[..., None])[..., 0] / scale, spread / scale[:, :, None] / scale[:, None, :]

@@ -127,12 +127,12 @@ def test_a_law_is_cut_at_the_levels_that_are_held(sign: float) -> None:
     np.testing.assert_allclose(curved, np.sqrt(few * few.max(axis=0)))
 
 
-@pytest.mark.parametrize(("apart", "levels"), [(0.019, 1), (0.021, 2), (0.03, 2)])
-def test_holds_within_a_fiftieth_of_the_strain_are_at_one_level(apart: float, levels: int) -> None:
+@pytest.mark.parametrize(("difference", "levels"), [(0.019, 1), (0.021, 2), (0.03, 2)])
+def test_holds_within_a_fiftieth_of_the_strain_are_at_one_level(difference: float, levels: int) -> None:
     """Of neighbours that are held without a ramp between them, and of holds with one."""
-    strain = 0.4 * np.r_[0.0, 0.5, np.full(5, 1 - apart), np.ones(5)]
+    strain = 0.4 * np.r_[0.0, 0.5, np.full(5, 1 - difference), np.ones(5)]
     assert len(runs(strain > 0.3, strain)) == levels
-    strain = np.r_[strain[:7], 0.4 * (1 - apart / 2), strain[7:]]
+    strain = np.r_[strain[:7], 0.4 * (1 - difference / 2), strain[7:]]
     held = (strain > 0.3) & (np.arange(13) != 7)
     assert of_ramp(strain, held, np.array([1]))[0].shape[1] == levels
 

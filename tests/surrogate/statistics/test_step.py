@@ -38,7 +38,7 @@ def test_few_rows_show_no_step() -> None:
 
 
 def test_a_step_is_worth_its_input_from_15_of_log_evidence_for_each_quantity() -> None:
-    """However many there are: the same one six times gains six times as much, and decides alike."""
+    """However many there are: the same one six times gains six times as much, and decides the same."""
     rng = np.random.default_rng(3)
     x = np.sort(rng.random(160))[:, None]
     smooth, noise = np.sin(4 * x), 1e-2 * rng.normal(size=(160, 1))
