@@ -66,8 +66,8 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: b
 
 def _kept(how: str, solve: Solve, law: Hyperfoam, body: Body, punch: Punch, keep: bool) -> tuple[Touch, int]:
     """A touch solved this way and the nodes of its section; where it is to be kept the one that was before, with the
-    CPU time that it took now and without displacements inside the foam. Where the cache cannot be used, the table of load
-    paths that is kept there has said so."""
+    CPU time that it took now and without displacements inside the foam. Where the cache cannot be used, the table
+    of load paths that is kept there has said so."""
     if not keep:
         touch = solve(law, body, punch)
         return touch, _nodes(touch)
