@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from eitsim.scene.electrodes import Electrodes
     from eitsim.scene.results import Result
     from eitsim.scene.scene import Accuracy, Body, Hold, Punch, Scene, Skin, read_scene
+    from eitsim.sensors.recording import Recording, read_recording
+    from eitsim.sensors.sensor_file import Sensor, read_sensor
     from eitsim.simulation.result_json import result_document
     from eitsim.simulation.simulate import plan, simulate
     from eitsim.sweeps.dataset.parquet import Dataset, open_dataset
@@ -28,14 +30,18 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "Electrodes": "eitsim.scene.electrodes",
     "Hold": "eitsim.scene.scene",
     "Punch": "eitsim.scene.scene",
+    "Recording": "eitsim.sensors.recording",
     "Result": "eitsim.scene.results",
     "Scene": "eitsim.scene.scene",
+    "Sensor": "eitsim.sensors.sensor_file",
     "Skin": "eitsim.scene.scene",
     "measure": "eitsim.sweeps.run.measure",
     "open_dataset": "eitsim.sweeps.dataset.parquet",
     "plan": "eitsim.simulation.simulate",
     "read_design": "eitsim.sweeps.design.design",
+    "read_recording": "eitsim.sensors.recording",
     "read_scene": "eitsim.scene.scene",
+    "read_sensor": "eitsim.sensors.sensor_file",
     "reconstruct": "eitsim.electrics.imaging.images",
     "result_document": "eitsim.simulation.result_json",
     "simulate": "eitsim.simulation.simulate",

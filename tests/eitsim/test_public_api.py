@@ -30,9 +30,9 @@ DESIGN = "scenes = 3\nseed = 2\n[punch]\nforce_N = [0.2, 0.4]\n[accuracy]\nsigna
 
 def test_the_exports_are_these() -> None:
     assert eitsim.__all__ == dir(eitsim) == [
-        "Accuracy", "Body", "Dataset", "Design", "Drive", "Electrodes", "Hold", "Punch", "Result", "Scene", "Skin",
-        "measure", "open_dataset", "plan", "read_design", "read_scene", "reconstruct", "result_document", "simulate",
-        "solve_sheet_model", "sweep"]
+        "Accuracy", "Body", "Dataset", "Design", "Drive", "Electrodes", "Hold", "Punch", "Recording", "Result", "Scene",
+        "Sensor", "Skin", "measure", "open_dataset", "plan", "read_design", "read_recording", "read_scene",
+        "read_sensor", "reconstruct", "result_document", "simulate", "solve_sheet_model", "sweep"]
     assert all(getattr(eitsim, name).__name__ == name for name in eitsim.__all__)
 
 
