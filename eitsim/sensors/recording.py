@@ -56,8 +56,8 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
         raise InputFileError(path, "a header without frames; give one row a frame below it.")
     width = len(body[0][1]) - len(leading)
     if readings is not None and width != readings:
-        raise InputFileError(path, f"{width} readings a frame, and the sensor's drive makes {readings}. Give the sensor "
-                                   "file that belongs to it, or correct its [drive].", line=body[0][0])
+        raise InputFileError(path, f"{width} readings a frame, and the sensor's drive makes {readings}. Give the "
+                                   "sensor file that belongs to it, or correct its [drive].", line=body[0][0])
     columns = {name: _column(path, body, place, name) for place, name in enumerate(leading) if name != "touch"}
     touch = [cells[leading.index("touch")] for _, cells in body] if "touch" in leading else [""] * len(body)
     number = columns.get("index", np.arange(len(body), dtype=float))
