@@ -1,0 +1,159 @@
+"""Places read from signals by several families, combined by what each did on held-out blocks in time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surrogate.recordings import kernel_ridge, networks, stacking, templates
+from surrogate.recordings.baselines import Drift, learn_drift, without
+from surrogate.recordings.blocks import time_blocks
+from surrogate.recordings.dead_channels import Readings, filled, learn_readings
+from surrogate.recordings.intervals import Intervals, calibrated
+from surrogate.recordings.kernel_ridge import KernelRidge
+from surrogate.recordings.networks import Networks
+from surrogate.recordings.presses import Presses
+from surrogate.recordings.templates import Templates
+from touchcal.arrays import Array, Mask
+
+FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks")
+FEWEST = 10  # presses to learn from
+# Directions of drift that may be projected out of all signals, and those that are where the untouched frame is old.
+PROJECTED, PROJECTED_OLD = (0, 3, 6), 6
+OLD = 2.0  # times the greatest age of an untouched frame in training: one that is older is read by what drift spares
+STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
+WEAK = 0.3  # of the weakest training signal
+SURE = 2.0  # standard errors by which held-out presses must be read better than by the mean
+
+
+class NothingToRead(ValueError):
+    """The signals say no more of the places than their mean does."""
+
+
+@dataclass(frozen=True, eq=False)
+class TouchReader:
+    """A trained reader of places."""
+
+    readings: Readings
+    drift: Drift
+    projected: int  # directions of drift taken out of signals
+    ridge: KernelRidge
+    direction: Templates
+    compressed: Templates
+    networks: Networks
+    old: Templates  # of signals with PROJECTED_OLD directions taken out
+    weights: Array  # (families,) in the order of FAMILIES
+    intervals: Intervals
+    greatest_age: float  # of an untouched frame in training
+    greatest_misfit: float  # of a held-out press from the templates of direction
+    weakest: float  # norm of the weakest training signal
+    held_out: Array  # (families + 2,) mean held-out distance of each family, of all combined and of the mean, mm
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """Places of some frames."""
+
+    value: Array  # (n, 2) mm
+    half_width: Array  # (n, 2) half width of the 90 % interval, mm
+    flag: tuple[str, ...]  # (n,) why not to trust a frame; empty where nothing speaks against it
+
+
+def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
+    """Learn places (n, 2), mm, from presses in time order; frames with dead channels are filled in.
+
+    ValueError where there are fewer than FEWEST presses or all lie at one place; NothingToRead where held-out presses
+    are read no better than by the mean place.
+    """
+    if len(place) < FEWEST:
+        raise ValueError(f"{len(place)} labelled presses are too few to learn from; give {FEWEST} or more.")
+    if not np.ptp(place, axis=0).all():
+        raise ValueError("all labelled presses have one x or one y; press places that spread over the skin.")
+    blocks = time_blocks(len(place))
+    readings, signal = _whole(presses.signal)
+    drift = learn_drift(presses.rest, presses.rest_time)
+    projected, direction = min(
+        ((count, templates.fit(without(drift, signal, count), place, blocks, compress=False)) for count in PROJECTED
+         if count <= len(drift.root) // 2 or not count),
+        key=lambda one: _distance(one[1].place, place))
+    kept = without(drift, signal, projected)
+    ridge = kernel_ridge.fit(kept, place)
+    compressed = templates.fit(kept, place, blocks, compress=True)
+    ensemble, of_networks = networks.fit(kept, place, blocks, seed)
+    each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place, of_networks])
+    weights = stacking.weights(each, place)
+    value, spread = _combined(weights, each, direction.sd, compressed.sd)
+    mean = _held_out_mean(place, blocks)
+    _check_worth(value, mean, place)
+    old = templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False)
+    return TouchReader(readings, drift, projected, ridge, direction.templates, compressed.templates, ensemble,
+                       old.templates, weights, calibrated(value - place, spread), float(presses.age.max()),
+                       float(direction.misfit.max()), float(np.linalg.norm(kept, axis=1).min()),
+                       np.array([_distance(one, place) for one in (*each, value, mean)]))
+
+
+def read(reader: TouchReader, presses: Presses) -> Reading:
+    """Places of presses with their intervals and flags.
+
+    Where the untouched frame is far older than in training, templates of the signal without the main directions of
+    drift read the place; intervals then do not hold, which the flag says.
+    """
+    dead = np.isnan(presses.signal).sum(axis=1)
+    signal = filled(reader.readings, presses.signal)
+    kept = prepared(reader, signal)
+    direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
+    each = np.stack([reader.ridge.read(kept) if reader.weights[0] else direction[0], direction[0], compressed[0],
+                     reader.networks.read_each(kept).mean(axis=0) if reader.weights[3] else direction[0]])
+    value, spread = _combined(reader.weights, each, direction[1], compressed[1])
+    old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
+    if old.any():
+        value[old], spread[old] = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
+    strange = reader.direction.misfit(kept).min(axis=1) > STRANGE * reader.greatest_misfit
+    weak = np.linalg.norm(kept, axis=1) < WEAK * reader.weakest
+    return Reading(value, reader.intervals.half_width(spread), _flags(dead, old, strange, weak))
+
+
+def prepared(reader: TouchReader, signal: Array) -> Array:
+    """Signals (n, m) as the families take them: dead channels filled in, directions of drift taken out."""
+    return without(reader.drift, filled(reader.readings, signal), reader.projected)
+
+
+def _flags(dead: Array, old: Mask, strange: Mask, weak: Mask) -> tuple[str, ...]:
+    words = [(old, "the untouched frame is older than any in training, so the intervals may not hold"),
+             (strange, "a pattern unlike those of the training presses"),
+             (weak, "weaker than any training press")]
+    return tuple("; ".join([f"{count} dead channels filled in"] * bool(count) + [text for mask, text in words if mask[row]])
+                 for row, count in enumerate(dead.tolist()))
+
+
+def _whole(signal: Array) -> tuple[Readings, Array]:
+    """The distribution of signals without dead channels, and all signals with those filled in."""
+    whole = ~np.isnan(signal).any(axis=1)
+    if whole.sum() < FEWEST:
+        dead = np.flatnonzero(np.isnan(signal).any(axis=0))
+        raise ValueError(f"readings {', '.join(f'v_{number:03d}' for number in dead[:5])} are dead in most labelled "
+                         f"presses; {FEWEST} or more must be whole. Leave these columns out of recording and sensor.")
+    readings = learn_readings(signal[whole])
+    return readings, filled(readings, signal)
+
+
+def _combined(weights: Array, each: Array, direction_sd: Array, compressed_sd: Array) -> tuple[Array, Array]:
+    """Weighted mean (n, 2) of places (families, n, 2), and their spread: disagreement and that of the templates."""
+    value = np.tensordot(weights, each, 1)
+    variance = np.tensordot(weights, (each - value) ** 2, 1)
+    return value, np.sqrt(variance + weights[1] * direction_sd**2 + weights[2] * compressed_sd**2)
+
+
+def _held_out_mean(place: Array, blocks: Array) -> Array:
+    return np.stack([place[blocks != block].mean(axis=0) for block in blocks])
+
+
+def _check_worth(value: Array, mean: Array, place: Array) -> None:
+    gain = np.linalg.norm(mean - place, axis=1) - np.linalg.norm(value - place, axis=1)
+    if gain.mean() <= SURE * gain.std() / np.sqrt(len(gain)):
+        raise NothingToRead(f"nothing to read here: held-out presses are read to {_distance(value, place):.3g} mm, and "
+                            f"the mean place is as near, {_distance(mean, place):.3g} mm. Check that the labels belong "
+                            "to this recording, and that touches change the readings beyond their noise.")
+
+
+def _distance(value: Array, place: Array) -> float:
+    return float(np.linalg.norm(value - place, axis=1).mean())
