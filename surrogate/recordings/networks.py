@@ -7,6 +7,7 @@ signals also says what it does on rows that it did not see.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,7 +73,7 @@ def _trained(features: Array, target: Array, rows: list[Index], seed: int, epoch
     import torch
 
     fewest = min(map(len, rows))
-    batch = min(BATCH, max(8, fewest // 8))
+    batch = min(BATCH, max(16, fewest // 8), fewest)
     each = fewest // batch
     epochs = max(1, min(epochs, MOST_STEPS // each))
     chance = torch.Generator().manual_seed(seed)
@@ -101,7 +102,7 @@ def _drawn(members: int, sizes: tuple[int, ...], chance: torch.Generator) -> lis
 
     return [((2 * torch.rand(members, a, b, generator=chance) - 1).div(a**0.5).requires_grad_(),
              (2 * torch.rand(members, 1, b, generator=chance) - 1).div(a**0.5).requires_grad_())
-            for a, b in zip(sizes[:-1], sizes[1:], strict=True)]
+            for a, b in pairwise(sizes)]
 
 
 def _run(layers: list[tuple[torch.Tensor, torch.Tensor]], x: torch.Tensor, chance: torch.Generator) -> torch.Tensor:

@@ -30,7 +30,8 @@ def presses_of(recording: Recording) -> Presses:
     frames, time = recording.readings, in_order(recording.index, recording.time_s)
     if np.iscomplexobj(frames):
         raise InputFileError(recording.source, "complex readings; give their magnitudes or their real parts.")
-    touched, untouched = recording.touch != "", recording.untouched
+    untouched = recording.untouched
+    touched = ~untouched if recording.kind == "difference" else recording.touch != ""
     if not touched.any():
         raise InputFileError(recording.source, "no frame is touched: fill in the column touch.")
     rest = np.asarray(frames[untouched], float)
@@ -49,7 +50,7 @@ def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Ar
     """The presses that have a place, and their places (n, 2) in mm; ValueError where the labels have no x_mm and y_mm
     or name no touch of the recording."""
     if any(name not in labels.names for name in PLACE):
-        raise ValueError(f"{source}: the labels are {', '.join(labels.names)}; x_mm and y_mm are needed to learn places.")
+        raise ValueError(f"{source}: the labels are {', '.join(labels.names)}; places need x_mm and y_mm.")
     row = {name: number for number, name in enumerate(labels.touch.tolist())}
     known = np.array([name in row for name in presses.name.tolist()])
     if not known.any():

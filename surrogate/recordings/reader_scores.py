@@ -47,8 +47,8 @@ def scored(presses: Presses, place: Array, train: Index, test: Index, split: str
     ridge = reader.ridge.read(touch_reader.prepared(reader, presses.signal[test]))
     miss = np.abs(found.value - place[test])
     return ReaderScore(split, len(train), len(test), _distance(found.value, place[test]), _distance(ridge, place[test]),
-                       _distance(place[train].mean(axis=0), place[test]), _pair((miss <= found.half_width).mean(axis=0)),
-                       _pair(found.half_width.mean(axis=0)))
+                       _distance(place[train].mean(axis=0), place[test]),
+                       _pair((miss <= found.half_width).mean(axis=0)), _pair(found.half_width.mean(axis=0)))
 
 
 def _distance(value: Array, place: Array) -> float:

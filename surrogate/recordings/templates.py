@@ -1,5 +1,5 @@
-"""The map from place to pattern, read by its likelihood: a Gaussian process gives the pattern that a press at each place
-of a grid makes, and a new pattern is read by the places whose templates explain it.
+"""The map from place to pattern, read by its likelihood: a Gaussian process gives the pattern of a press at each place
+of a grid, and a new pattern is read by the places whose templates explain it.
 
 Patterns of n presses at places p_i are u_i = m + f(p_i) + e_i, f a process of Matern-5/2 kernel in the plane, the same
 for all readings up to a common factor, e of covariance R over the readings. R comes from leave-one-out residuals, which

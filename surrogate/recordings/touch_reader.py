@@ -13,7 +13,7 @@ from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.templates import Templates
-from touchcal.arrays import Array, Mask
+from touchcal.arrays import Array, Index, Mask
 
 FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks")
 FEWEST = 10  # presses to learn from
@@ -39,7 +39,7 @@ class TouchReader:
     ridge: KernelRidge
     direction: Templates
     compressed: Templates
-    networks: Networks
+    networks: tuple[Networks, ...]  # one, or none where their weight is zero
     old: Templates  # of signals with PROJECTED_OLD directions taken out
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
@@ -79,15 +79,17 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     ridge = kernel_ridge.fit(kept, place)
     compressed = templates.fit(kept, place, blocks, compress=True)
     ensemble, of_networks = networks.fit(kept, place, blocks, seed)
-    each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place, of_networks])
+    each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place,
+                     of_networks])
     weights = stacking.weights(each, place)
     value, spread = _combined(weights, each, direction.sd, compressed.sd)
     mean = _held_out_mean(place, blocks)
     _check_worth(value, mean, place)
     old = templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False)
-    return TouchReader(readings, drift, projected, ridge, direction.templates, compressed.templates, ensemble,
-                       old.templates, weights, calibrated(value - place, spread), float(presses.age.max()),
-                       float(direction.misfit.max()), float(np.linalg.norm(kept, axis=1).min()),
+    return TouchReader(readings, drift, projected, ridge, direction.templates, compressed.templates,
+                       (ensemble,) if weights[-1] else (), old.templates, weights, calibrated(value - place, spread),
+                       float(presses.age.max()), float(direction.misfit.max()),
+                       float(np.linalg.norm(kept, axis=1).min()),
                        np.array([_distance(one, place) for one in (*each, value, mean)]))
 
 
@@ -101,9 +103,9 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     signal = filled(reader.readings, presses.signal)
     kept = prepared(reader, signal)
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
-    each = np.stack([reader.ridge.read(kept) if reader.weights[0] else direction[0], direction[0], compressed[0],
-                     reader.networks.read_each(kept).mean(axis=0) if reader.weights[3] else direction[0]])
-    value, spread = _combined(reader.weights, each, direction[1], compressed[1])
+    ensembles = [one.read_each(kept).mean(axis=0) for one in reader.networks]
+    each = np.stack([reader.ridge.read(kept), direction[0], compressed[0], *ensembles])
+    value, spread = _combined(reader.weights[:len(each)], each, direction[1], compressed[1])
     old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
     if old.any():
         value[old], spread[old] = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
@@ -121,7 +123,8 @@ def _flags(dead: Array, old: Mask, strange: Mask, weak: Mask) -> tuple[str, ...]
     words = [(old, "the untouched frame is older than any in training, so the intervals may not hold"),
              (strange, "a pattern unlike those of the training presses"),
              (weak, "weaker than any training press")]
-    return tuple("; ".join([f"{count} dead channels filled in"] * bool(count) + [text for mask, text in words if mask[row]])
+    return tuple("; ".join([f"{count} dead channels filled in"] * bool(count)
+                           + [text for mask, text in words if mask[row]])
                  for row, count in enumerate(dead.tolist()))
 
 
@@ -143,7 +146,7 @@ def _combined(weights: Array, each: Array, direction_sd: Array, compressed_sd: A
     return value, np.sqrt(variance + weights[1] * direction_sd**2 + weights[2] * compressed_sd**2)
 
 
-def _held_out_mean(place: Array, blocks: Array) -> Array:
+def _held_out_mean(place: Array, blocks: Index) -> Array:
     return np.stack([place[blocks != block].mean(axis=0) for block in blocks])
 
 
