@@ -1,4 +1,4 @@
-"""An ensemble of small networks from both views of a signal to the place, each trained without one block of rows.
+"""An ensemble of small networks, each trained without one block of rows.
 
 All members train as one batched model. A row is held out by the members of its block, so the ensemble that reads new
 signals also says what it does on rows that it did not see.
@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import erf
 
-from surrogate.recordings.patterns import Features, learn_features
 from touchcal.arrays import Array, Index
 
 if TYPE_CHECKING:
     import torch
 
 HIDDEN = (256, 256, 128)
-MEMBERS = 2  # without each block
+MEMBERS = 1  # without each block
 EPOCHS, MOST_STEPS, BATCH = 200, 4000, 128
 RATE, DECAY, DROPOUT, NOISE = 4e-3, 0.05, 0.1, 0.1  # of AdamW; of the standardised inputs
 SMOOTH = 1e-4  # square of the distance, over the spread of the targets, below which the loss is quadratic
@@ -36,30 +35,28 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Networks:
-    """Members h -> W gelu(... gelu(W0 f + b0) ...) + b of the features f, targets standardised."""
+    """Members h -> W gelu(... gelu(W0 f + b0) ...) + b of standardised inputs f, targets standardised."""
 
-    features: Features
     layers: tuple[Layer, ...]
     mean: Array  # (k,) of the targets
     spread: float
 
-    def read_each(self, signal: Array) -> Array:
-        """(members, n, k) targets of signals (n, m) by each member."""
-        values = self.features.of(signal).astype(self.layers[0].weight.dtype)[None]
+    def read_each(self, inputs: Array) -> Array:
+        """(members, n, k) targets of inputs (n, q) by each member."""
+        values = inputs.astype(self.layers[0].weight.dtype)[None]
         for number, layer in enumerate(self.layers):
             values = (_gelu(values) if number else values) @ layer.weight + layer.bias
         return values * self.spread + self.mean
 
 
-def fit(signal: Array, target: Array, blocks: Index, seed: int, epochs: int = EPOCHS) -> tuple[Networks, Array]:
-    """Networks of signals (n, m) and targets (n, k); and (n, k) what the members of its block say of each row."""
-    features, names = learn_features(signal), np.unique(blocks)
+def fit(inputs: Array, target: Array, blocks: Index, seed: int, epochs: int = EPOCHS) -> tuple[Networks, Array]:
+    """Networks of inputs (n, q) and targets (n, k); and (n, k) what the members of its block say of each row."""
+    names = np.unique(blocks)
     mean, spread = target.mean(axis=0), float(target.std(axis=0).mean()) or 1.0
     without = np.repeat(names, MEMBERS)
-    layers = _trained(features.of(signal), (target - mean) / spread, [np.flatnonzero(blocks != b) for b in without],
-                      seed, epochs)
-    networks = Networks(features, layers, mean, spread)
-    each = networks.read_each(signal)
+    layers = _trained(inputs, (target - mean) / spread, [np.flatnonzero(blocks != b) for b in without], seed, epochs)
+    networks = Networks(layers, mean, spread)
+    each = networks.read_each(inputs)
     held_out = np.stack([each[without == block, row].mean(axis=0) for row, block in enumerate(blocks)])
     return networks, held_out
 
@@ -68,7 +65,7 @@ def _gelu(x: Array) -> Array:
     return 0.5 * x * (1 + erf(x / np.sqrt(2, dtype=x.dtype)))
 
 
-def _trained(features: Array, target: Array, rows: list[Index], seed: int, epochs: int) -> tuple[Layer, ...]:
+def _trained(inputs: Array, target: Array, rows: list[Index], seed: int, epochs: int) -> tuple[Layer, ...]:
     """Least mean distance, smoothed near zero, under noise of the inputs and dropout; AdamW with one cycle."""
     import torch
 
@@ -77,7 +74,7 @@ def _trained(features: Array, target: Array, rows: list[Index], seed: int, epoch
     each = fewest // batch
     epochs = max(1, min(epochs, MOST_STEPS // each))
     chance = torch.Generator().manual_seed(seed)
-    x, y = torch.from_numpy(features).float(), torch.from_numpy(target).float()
+    x, y = torch.from_numpy(inputs).float(), torch.from_numpy(target).float()
     layers = _drawn(len(rows), (x.shape[1], *HIDDEN, y.shape[1]), chance)
     parameters = [part for layer in layers for part in layer]
     descent = torch.optim.AdamW(parameters, RATE, weight_decay=DECAY, fused=True)

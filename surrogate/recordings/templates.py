@@ -4,10 +4,12 @@ of a grid, and a new pattern is read by the places whose templates explain it.
 Patterns of n presses at places p_i are u_i = m + f(p_i) + e_i, f a process of Matern-5/2 kernel in the plane, the same
 for all readings up to a common factor, e of covariance R over the readings. R comes from leave-one-out residuals, which
 hold the noise and the error of the map; it is shrunk towards a multiple of the unit matrix, and the log likelihood is
-tempered, since residuals are not quite normal: both are chosen by reading held-out blocks.
+tempered, since residuals are not quite normal: both are chosen by reading held-out blocks. Places are read no finer
+than the grid, an eightieth of the disc of the training places, whose spacing the standard deviation includes.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
@@ -21,7 +23,7 @@ NOISES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)  # variances of noise tried, ov
 SHRINKS = (0.02, 0.1, 0.3, 0.9)  # parts of R that are a multiple of the unit matrix
 TEMPERS = (1.0, 0.3, 0.1, 0.03)  # factors of the log likelihood
 MOST_SEARCHED, MOST_ROWS = 500, 2000  # rows that length and noise are chosen on; rows that are kept, the latest
-ACROSS, MARGIN = 56, 1.05  # points of the grid across the disc about the places, and its radius over theirs
+ACROSS, MARGIN = 80, 1.05  # points of the grid across the disc about the places, and its radius over theirs
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +45,29 @@ class Templates:
     covariance: Array  # (m, m) R, shrunk
     temper: float
 
+    @cached_property
+    def factor(self) -> Array:
+        """(m, m) lower Cholesky factor of R."""
+        return np.asarray(np.linalg.cholesky(self.covariance), np.float64)
+
+    @cached_property
+    def whitened(self) -> Array:
+        """(g, m) templates times the inverse factor."""
+        return _whitened(self.factor, self.pattern)
+
+    @cached_property
+    def spacing(self) -> float:
+        """Distance of neighbouring places of the grid, mm."""
+        return float(np.diff(np.unique(self.places[:, 0])).max())
+
     def read(self, signal: Array, drift: Array | None = None) -> tuple[Array, Array]:
         """Mean and standard deviation of the place, each (n, 2) in mm, of signals (n, m)."""
-        return _moments(self.places, self.misfit(signal) * self.temper)
+        value, sd = _moments(self.places, self.misfit(signal) * self.temper)
+        return value, np.hypot(sd, self.spacing / np.sqrt(12))
 
     def misfit(self, signal: Array) -> Array:
         """(n, g) squared distance of the patterns of signals (n, m) from each template, in the metric of R."""
-        return squared_distance(_whitened(self.covariance, _pattern(self.scale, signal)),
-                                _whitened(self.covariance, self.pattern))
+        return squared_distance(_whitened(self.factor, _pattern(self.scale, signal)), self.whitened)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +105,7 @@ def fit(signal: Array, place: Array, blocks: Index, *, compress: bool) -> Fitted
     _, shrink, temper, value, sd, nearest = best
     pattern, residual = _mapped(settings, signal[last], place[last], grid)
     templates = Templates(settings.scale, grid, pattern, _shrunk(residual, shrink), temper)
+    sd = np.hypot(sd, templates.spacing / np.sqrt(12))
     if held.any():
         earlier = templates.read(signal[held])
         value, sd = np.concatenate([earlier[0], value]), np.concatenate([earlier[1], sd])
@@ -147,8 +165,8 @@ def _shrunk(residual: Array, shrink: float) -> Array:
     return (1 - shrink) * covariance + shrink * max(mean, np.finfo(float).tiny) * np.eye(len(covariance))
 
 
-def _whitened(covariance: Array, pattern: Array) -> Array:
-    return solve_triangular(np.linalg.cholesky(covariance), pattern.T, lower=True).T
+def _whitened(factor: Array, pattern: Array) -> Array:
+    return solve_triangular(factor, pattern.T, lower=True).T
 
 
 def _moments(places: Array, misfit: Array) -> tuple[Array, Array]:

@@ -11,11 +11,13 @@ from surrogate.recordings.dead_channels import Readings, filled, learn_readings
 from surrogate.recordings.intervals import Intervals, calibrated
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
+from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.templates import Templates
+from surrogate.recordings.waves import Waves, draw_waves
 from touchcal.arrays import Array, Index, Mask
 
-FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks")
+FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates")
 FEWEST = 10  # presses to learn from
 # Directions of drift that may be projected out of all signals, and those that are where the untouched frame is old.
 PROJECTED, PROJECTED_OLD = (0, 3, 6), 6
@@ -39,7 +41,10 @@ class TouchReader:
     ridge: KernelRidge
     direction: Templates
     compressed: Templates
-    networks: tuple[Networks, ...]  # one, or none where their weight is zero
+    features: Features  # inputs of networks
+    waves: Waves  # of the places by both templates: further inputs of the networks on templates
+    networks: Networks
+    on_templates: Networks
     old: Templates  # of signals with PROJECTED_OLD directions taken out
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
@@ -78,16 +83,20 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     kept = without(drift, signal, projected)
     ridge = kernel_ridge.fit(kept, place)
     compressed = templates.fit(kept, place, blocks, compress=True)
-    ensemble, of_networks = networks.fit(kept, place, blocks, seed)
+    features, waves = learn_features(kept), draw_waves(place, seed)
+    inputs = features.of(kept)
+    ensemble, of_networks = networks.fit(inputs, place, blocks, seed)
+    further = np.hstack([inputs, waves.of(direction.place), waves.of(compressed.place)])
+    on_templates, refined = networks.fit(further, place, blocks, seed + 1)
     each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place,
-                     of_networks])
+                     of_networks, refined])
     weights = stacking.weights(each, place)
     value, spread = _combined(weights, each, direction.sd, compressed.sd)
     mean = _held_out_mean(place, blocks)
     _check_worth(value, mean, place)
     old = templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False)
-    return TouchReader(readings, drift, projected, ridge, direction.templates, compressed.templates,
-                       (ensemble,) if weights[-1] else (), old.templates, weights, calibrated(value - place, spread),
+    return TouchReader(readings, drift, projected, ridge, direction.templates, compressed.templates, features,
+                       waves, ensemble, on_templates, old.templates, weights, calibrated(value - place, spread),
                        float(presses.age.max()), float(direction.misfit.max()),
                        float(np.linalg.norm(kept, axis=1).min()),
                        np.array([_distance(one, place) for one in (*each, value, mean)]))
@@ -103,9 +112,12 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     signal = filled(reader.readings, presses.signal)
     kept = prepared(reader, signal)
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
-    ensembles = [one.read_each(kept).mean(axis=0) for one in reader.networks]
-    each = np.stack([reader.ridge.read(kept), direction[0], compressed[0], *ensembles])
-    value, spread = _combined(reader.weights[:len(each)], each, direction[1], compressed[1])
+    inputs = reader.features.of(kept)
+    further = np.hstack([inputs, reader.waves.of(direction[0]), reader.waves.of(compressed[0])])
+    each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
+                     reader.networks.read_each(inputs).mean(axis=0),
+                     reader.on_templates.read_each(further).mean(axis=0)])
+    value, spread = _combined(reader.weights, each, direction[1], compressed[1])
     old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
     if old.any():
         value[old], spread[old] = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
