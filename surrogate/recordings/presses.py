@@ -19,6 +19,8 @@ class Presses:
     name: NDArray[np.str_]  # (n,) touch
     index: NDArray[np.int64]  # (n,) number of the frame in time
     signal: Array  # (n, m) touched less untouched readings, in the unit of the readings; NaN where a channel is dead
+    # (n, m) the frame that follows in the recording, likewise; NaN where it is not there
+    following: Array
     age: Array  # (n,) time to the nearest untouched frame, in the unit of `rest_time`; 0 for differences
     rest: Array  # (k, m) untouched frames, in time order
     rest_time: Array  # (k,) their times, s, or their indices where the recording has no clock
@@ -35,15 +37,16 @@ def presses_of(recording: Recording) -> Presses:
     if not touched.any():
         raise InputFileError(recording.source, "no frame is touched: fill in the column touch.")
     rest = np.asarray(frames[untouched], float)
-    signal, age = np.asarray(frames[touched], float), np.zeros(int(touched.sum()))
+    signal, following = np.asarray(frames[touched], float), _following(np.asarray(frames, float), recording.index)[touched]
+    age = np.zeros(int(touched.sum()))
     if recording.kind != "difference":
         if not untouched.any():
             raise InputFileError(recording.source, f"no frame is untouched, and the readings are of the kind "
                                                    f"{recording.kind}. Record untouched frames, their touch empty.")
         used = touched | untouched
         baseline, age = tracked(np.asarray(frames[used], float), time[used], untouched[used])
-        signal = signal - baseline
-    return Presses(recording.touch[touched], recording.index[touched], signal, age, rest, time[untouched])
+        signal, following = signal - baseline, following - baseline
+    return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched])
 
 
 def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Array]:
@@ -63,5 +66,13 @@ def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Ar
 
 def taken(presses: Presses, rows: NDArray[np.intp]) -> Presses:
     """Some of the presses, in this order."""
-    return Presses(presses.name[rows], presses.index[rows], presses.signal[rows], presses.age[rows], presses.rest,
-                   presses.rest_time)
+    return Presses(presses.name[rows], presses.index[rows], presses.signal[rows], presses.following[rows],
+                   presses.age[rows], presses.rest, presses.rest_time)
+
+
+def _following(frames: Array, index: NDArray[np.int64]) -> Array:
+    """(frames, m) the frame whose index is one more; NaN where there is none."""
+    out = np.full_like(frames, np.nan)
+    next_to = np.flatnonzero(np.diff(index) == 1)
+    out[next_to] = frames[next_to + 1]
+    return out

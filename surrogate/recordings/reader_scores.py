@@ -44,7 +44,7 @@ def scored(presses: Presses, place: Array, train: Index, test: Index, split: str
     """The score of a reader trained on some rows on others."""
     reader = touch_reader.fit(taken(presses, train), place[train], seed)
     found = touch_reader.read(reader, taken(presses, test))
-    ridge = reader.ridge.read(touch_reader.prepared(reader, presses.signal[test]))
+    ridge = reader.ridge.read(touch_reader.prepared(reader, taken(presses, test)))
     miss = np.abs(found.value - place[test])
     return ReaderScore(split, len(train), len(test), _distance(found.value, place[test]), _distance(ridge, place[test]),
                        _distance(place[train].mean(axis=0), place[test]),

@@ -10,6 +10,7 @@ from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.dead_channels import Readings, filled, learn_readings
 from surrogate.recordings.intervals import Intervals, calibrated
 from surrogate.recordings.kernel_ridge import KernelRidge
+from surrogate.recordings.late_readings import late_readings, with_late
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.presses import Presses
@@ -17,14 +18,15 @@ from surrogate.recordings.templates import Templates
 from surrogate.recordings.waves import Waves, draw_waves
 from touchcal.arrays import Array, Index, Mask
 
-FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates")
+FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
+            "corrected templates")
 FEWEST = 10  # presses to learn from
 # Directions of drift that may be projected out of all signals, and those that are where the untouched frame is old.
 PROJECTED, PROJECTED_OLD = (0, 3, 6), 6
 OLD = 2.0  # times the greatest age of an untouched frame in training: one that is older is read by what drift spares
 STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
 WEAK = 0.3  # of the weakest training signal
-SURE = 2.0  # standard errors by which held-out presses must be read better than by the mean
+SURE = 1.65  # standard errors by which held-out presses must be read better than by the mean: one in 20 by chance
 
 
 class NothingToRead(ValueError):
@@ -35,8 +37,9 @@ class NothingToRead(ValueError):
 class TouchReader:
     """A trained reader of places."""
 
-    readings: Readings
-    drift: Drift
+    late: Index  # readings that the frame which follows holds
+    readings: Readings  # of the signals with the late readings appended
+    drift: Drift  # likewise
     projected: int  # directions of drift taken out of signals
     ridge: KernelRidge
     direction: Templates
@@ -45,6 +48,7 @@ class TouchReader:
     waves: Waves  # of the places by both templates: further inputs of the networks on templates
     networks: Networks
     on_templates: Networks
+    correction: Networks  # of the place by the templates of readings
     old: Templates  # of signals with PROJECTED_OLD directions taken out
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
@@ -74,8 +78,9 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     if not np.ptp(place, axis=0).all():
         raise ValueError("all labelled presses have one x or one y; press places that spread over the skin.")
     blocks = time_blocks(len(place))
-    readings, signal = _whole(presses.signal)
-    drift = learn_drift(presses.rest, presses.rest_time)
+    late = late_readings(presses, place)
+    readings, signal = _whole(with_late(presses, late))
+    drift = learn_drift(np.hstack([presses.rest, presses.rest[:, late]]), presses.rest_time)
     projected, direction = min(
         ((count, templates.fit(without(drift, signal, count), place, blocks, compress=False)) for count in PROJECTED
          if count <= len(drift.root) // 2 or not count),
@@ -88,16 +93,19 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     ensemble, of_networks = networks.fit(inputs, place, blocks, seed)
     further = np.hstack([inputs, waves.of(direction.place), waves.of(compressed.place)])
     on_templates, refined = networks.fit(further, place, blocks, seed + 1)
+    correction, missing = networks.fit(further, place - compressed.place, blocks, seed + 2)
     each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place,
-                     of_networks, refined])
+                     of_networks, refined, compressed.place + missing])
     weights = stacking.weights(each, place)
-    value, spread = _combined(weights, each, direction.sd, compressed.sd)
-    mean = _held_out_mean(place, blocks)
+    value, of_each = stacking.combined(each, place, blocks)
+    spread = _spread(of_each, each, value, direction.sd, compressed.sd)
+    mean = np.broadcast_to(place.mean(axis=0), place.shape)
     _check_worth(value, mean, place)
-    old = templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False)
-    return TouchReader(readings, drift, projected, ridge, direction.templates, compressed.templates, features,
-                       waves, ensemble, on_templates, old.templates, weights, calibrated(value - place, spread),
-                       float(presses.age.max()), float(direction.misfit.max()),
+    old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False) if len(drift.root)
+           else direction)
+    return TouchReader(late, readings, drift, projected, ridge, direction.templates, compressed.templates, features,
+                       waves, ensemble, on_templates, correction, old.templates, weights,
+                       calibrated(value - place, spread), float(presses.age.max()), float(direction.misfit.max()),
                        float(np.linalg.norm(kept, axis=1).min()),
                        np.array([_distance(one, place) for one in (*each, value, mean)]))
 
@@ -108,16 +116,11 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     Where the untouched frame is far older than in training, templates of the signal without the main directions of
     drift read the place; intervals then do not hold, which the flag says.
     """
+    signal = with_late(presses, reader.late)
     dead = np.isnan(presses.signal).sum(axis=1)
-    signal = filled(reader.readings, presses.signal)
-    kept = prepared(reader, signal)
-    direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
-    inputs = reader.features.of(kept)
-    further = np.hstack([inputs, reader.waves.of(direction[0]), reader.waves.of(compressed[0])])
-    each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
-                     reader.networks.read_each(inputs).mean(axis=0),
-                     reader.on_templates.read_each(further).mean(axis=0)])
-    value, spread = _combined(reader.weights, each, direction[1], compressed[1])
+    signal = filled(reader.readings, signal)
+    kept = without(reader.drift, signal, reader.projected)
+    value, spread = _read(reader, signal)
     old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
     if old.any():
         value[old], spread[old] = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
@@ -126,9 +129,24 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     return Reading(value, reader.intervals.half_width(spread), _flags(dead, old, strange, weak))
 
 
-def prepared(reader: TouchReader, signal: Array) -> Array:
-    """Signals (n, m) as the families take them: dead channels filled in, directions of drift taken out."""
-    return without(reader.drift, filled(reader.readings, signal), reader.projected)
+def _read(reader: TouchReader, signal: Array) -> tuple[Array, Array]:
+    """Places (n, 2) of whole signals by all families, and their spread (n, 2)."""
+    kept = without(reader.drift, signal, reader.projected)
+    direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
+    inputs = reader.features.of(kept)
+    further = np.hstack([inputs, reader.waves.of(direction[0]), reader.waves.of(compressed[0])])
+    each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
+                     reader.networks.read_each(inputs).mean(axis=0),
+                     reader.on_templates.read_each(further).mean(axis=0),
+                     compressed[0] + reader.correction.read_each(further).mean(axis=0)])
+    value = np.tensordot(reader.weights, each, 1)
+    return value, _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
+
+
+def prepared(reader: TouchReader, presses: Presses) -> Array:
+    """Signals (n, m + late) as the families take them: late readings appended, dead channels filled in, directions of
+    drift taken out."""
+    return without(reader.drift, filled(reader.readings, with_late(presses, reader.late)), reader.projected)
 
 
 def _flags(dead: Array, old: Mask, strange: Mask, weak: Mask) -> tuple[str, ...]:
@@ -151,15 +169,11 @@ def _whole(signal: Array) -> tuple[Readings, Array]:
     return readings, filled(readings, signal)
 
 
-def _combined(weights: Array, each: Array, direction_sd: Array, compressed_sd: Array) -> tuple[Array, Array]:
-    """Weighted mean (n, 2) of places (families, n, 2), and their spread: disagreement and that of the templates."""
-    value = np.tensordot(weights, each, 1)
-    variance = np.tensordot(weights, (each - value) ** 2, 1)
-    return value, np.sqrt(variance + weights[1] * direction_sd**2 + weights[2] * compressed_sd**2)
-
-
-def _held_out_mean(place: Array, blocks: Index) -> Array:
-    return np.stack([place[blocks != block].mean(axis=0) for block in blocks])
+def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, compressed_sd: Array) -> Array:
+    """(n, 2) how far places (families, n, 2) of weights (n, families) lie from their mean (n, 2), with what the
+    templates leave open."""
+    variance = np.einsum("nf,fnk->nk", weights, (each - value) ** 2)
+    return np.sqrt(variance + weights[:, [1]] * direction_sd**2 + weights[:, [2]] * compressed_sd**2)
 
 
 def _check_worth(value: Array, mean: Array, place: Array) -> None:
