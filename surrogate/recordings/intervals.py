@@ -1,5 +1,6 @@
 """Conformal intervals of places: how far families disagree and templates spread says which frames are surer, held-out
-errors say how many of these spreads hold 90 %. Errors along x and y calibrate one factor: few presses give few errors.
+errors say how many of these spreads hold 90 %. Errors along x and y calibrate one factor, each counted as one: few
+presses give few errors.
 """
 
 from dataclasses import dataclass
@@ -31,6 +32,6 @@ def calibrated(error: Array, spread: Array) -> Intervals:
     tried = []
     for floor in (share * rms for share in FLOORS):
         sd = np.sqrt(spread**2 + floor**2)
-        factor = float(conformal_scale(error.reshape(-1, 1), sd.reshape(-1, 1), len(error))[0])
+        factor = float(conformal_scale(error.reshape(-1, 1), sd.reshape(-1, 1), error.size)[0])
         tried.append((float(np.mean(factor * sd)), floor, factor))
     return Intervals(*min(tried)[1:])

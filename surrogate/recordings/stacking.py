@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import nnls
 
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
 # Rows' worth of evidence that all families are as good as each other: few held-out rows do not choose alone.
 PRIOR_ROWS = 5.0
@@ -21,6 +21,16 @@ def weights(held_out: Array, target: Array) -> Array:
     found = _on_simplex(second)
     found[found < LEAST] = 0
     return found / found.sum()
+
+
+def combined(held_out: Array, target: Array, blocks: Index) -> tuple[Array, Array]:
+    """Held-out values combined, (n, k), each block by the weights of the others, and these weights (n, families): what
+    a combination does on rows that did not choose it."""
+    each = np.empty((len(target), len(held_out)))
+    for block in np.unique(blocks):
+        gone = blocks == block
+        each[gone] = weights(held_out[:, ~gone], target[~gone])
+    return np.einsum("nf,fnk->nk", each, held_out), each
 
 
 def _on_simplex(second: Array) -> Array:

@@ -15,16 +15,19 @@ from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.templates import Templates
 from surrogate.recordings.waves import Waves, draw_waves
-from touchcal.arrays import Array, Index, Mask
+from touchcal.arrays import Array, Mask
 
-FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates")
+FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
+            "corrected templates")
 FEWEST = 10  # presses to learn from
 # Directions of drift that may be projected out of all signals, and those that are where the untouched frame is old.
 PROJECTED, PROJECTED_OLD = (0, 3, 6), 6
 OLD = 2.0  # times the greatest age of an untouched frame in training: one that is older is read by what drift spares
 STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
 WEAK = 0.3  # of the weakest training signal
-SURE = 2.0  # standard errors by which held-out presses must be read better than by the mean
+# Standard errors by which the mean square of held-out distances must lie below that from the mean place; chance alone
+# reaches it once in 20 times.
+SURE = 1.65
 
 
 class NothingToRead(ValueError):
@@ -45,6 +48,7 @@ class TouchReader:
     waves: Waves  # of the places by both templates: further inputs of the networks on templates
     networks: Networks
     on_templates: Networks
+    correction: Networks  # of the place by the templates of readings
     old: Templates  # of signals with PROJECTED_OLD directions taken out
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
@@ -88,16 +92,19 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     ensemble, of_networks = networks.fit(inputs, place, blocks, seed)
     further = np.hstack([inputs, waves.of(direction.place), waves.of(compressed.place)])
     on_templates, refined = networks.fit(further, place, blocks, seed + 1)
+    correction, missing = networks.fit(further, place - compressed.place, blocks, seed + 2)
     each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place,
-                     of_networks, refined])
+                     of_networks, refined, compressed.place + missing])
     weights = stacking.weights(each, place)
-    value, spread = _combined(weights, each, direction.sd, compressed.sd)
-    mean = _held_out_mean(place, blocks)
+    value, of_each = stacking.combined(each, place, blocks)
+    spread = _spread(of_each, each, value, direction.sd, compressed.sd)
+    mean = np.broadcast_to(place.mean(axis=0), place.shape)
     _check_worth(value, mean, place)
-    old = templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False)
+    old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False) if len(drift.root)
+           else direction)
     return TouchReader(readings, drift, projected, ridge, direction.templates, compressed.templates, features,
-                       waves, ensemble, on_templates, old.templates, weights, calibrated(value - place, spread),
-                       float(presses.age.max()), float(direction.misfit.max()),
+                       waves, ensemble, on_templates, correction, old.templates, weights,
+                       calibrated(value - place, spread), float(presses.age.max()), float(direction.misfit.max()),
                        float(np.linalg.norm(kept, axis=1).min()),
                        np.array([_distance(one, place) for one in (*each, value, mean)]))
 
@@ -116,8 +123,10 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     further = np.hstack([inputs, reader.waves.of(direction[0]), reader.waves.of(compressed[0])])
     each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
                      reader.networks.read_each(inputs).mean(axis=0),
-                     reader.on_templates.read_each(further).mean(axis=0)])
-    value, spread = _combined(reader.weights, each, direction[1], compressed[1])
+                     reader.on_templates.read_each(further).mean(axis=0),
+                     compressed[0] + reader.correction.read_each(further).mean(axis=0)])
+    value = np.tensordot(reader.weights, each, 1)
+    spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
     old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
     if old.any():
         value[old], spread[old] = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
@@ -151,19 +160,15 @@ def _whole(signal: Array) -> tuple[Readings, Array]:
     return readings, filled(readings, signal)
 
 
-def _combined(weights: Array, each: Array, direction_sd: Array, compressed_sd: Array) -> tuple[Array, Array]:
-    """Weighted mean (n, 2) of places (families, n, 2), and their spread: disagreement and that of the templates."""
-    value = np.tensordot(weights, each, 1)
-    variance = np.tensordot(weights, (each - value) ** 2, 1)
-    return value, np.sqrt(variance + weights[1] * direction_sd**2 + weights[2] * compressed_sd**2)
-
-
-def _held_out_mean(place: Array, blocks: Index) -> Array:
-    return np.stack([place[blocks != block].mean(axis=0) for block in blocks])
+def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, compressed_sd: Array) -> Array:
+    """(n, 2) how far places (families, n, 2) of weights (n, families) lie from their mean (n, 2), with what the
+    templates leave open."""
+    variance = np.einsum("nf,fnk->nk", weights, (each - value) ** 2)
+    return np.sqrt(variance + weights[:, [1]] * direction_sd**2 + weights[:, [2]] * compressed_sd**2)
 
 
 def _check_worth(value: Array, mean: Array, place: Array) -> None:
-    gain = np.linalg.norm(mean - place, axis=1) - np.linalg.norm(value - place, axis=1)
+    gain = np.sum((mean - place) ** 2 - (value - place) ** 2, axis=1)
     if gain.mean() <= SURE * gain.std() / np.sqrt(len(gain)):
         raise NothingToRead(f"nothing to read here: held-out presses are read to {_distance(value, place):.3g} mm, and "
                             f"the mean place is as near, {_distance(mean, place):.3g} mm. Check that the labels belong "

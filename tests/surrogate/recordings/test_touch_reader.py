@@ -29,7 +29,8 @@ Pressed = tuple[Presses, Array]
 def quick() -> object:
     """Few, short networks: what is tested here does not depend on how well they learn."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "MOST_STEPS", 100)
+        patch.setattr(networks, "MOST_STEPS", 40)
+        patch.setattr(networks, "HIDDEN", (32,))
         yield
 
 
@@ -42,7 +43,7 @@ def test_new_presses_are_read_and_held(reader: TouchReader) -> None:
     new, place = synthetic_presses(5, 200)
     found = touch_reader.read(reader, new)
     error = np.linalg.norm(found.value - place, axis=1).mean()
-    assert error < 1.3 * reader.held_out[:5].min()
+    assert error < 1.3 * reader.held_out[:6].min()
     assert 0.8 < np.mean(np.abs(found.value - place) <= found.half_width) < 0.99
     assert sum(map(bool, found.flag)) < 10
 
@@ -53,9 +54,13 @@ def test_the_choice_names_the_families_that_read(reader: TouchReader) -> None:
 
 
 def test_labels_of_other_presses_are_refused(presses: Pressed, quick: object) -> None:
-    shuffled = np.random.default_rng(0).permutation(presses[1])
-    with pytest.raises(NothingToRead, match="nothing to read here"):
-        touch_reader.fit(presses[0], shuffled)
+    refused = 0
+    for seed in range(100, 106):
+        try:
+            touch_reader.fit(presses[0], np.random.default_rng(seed).permutation(presses[1]))
+        except NothingToRead as refusal:
+            refused += "nothing to read here" in str(refusal)
+    assert refused >= 5  # chance reaches the level of the test once in 20 times
 
 
 def test_too_few_presses_are_refused(presses: Pressed) -> None:
