@@ -68,14 +68,14 @@ def recorded(skin: str) -> tuple[Recording, Presses, Array]:
 def with_drift(recording: Recording, presses: Presses, drift: str) -> Presses:
     """The presses against an untouched frame that is known less well; recorded is one just before each press."""
     touched = np.asarray(recording.readings, float)[recording.touch != ""]
-    time_of = 2.0 * np.arange(len(touched)) + 1
+    time_of = np.arange(1.0, 2 * len(touched) + 1, 2)
     if drift == "20 old":
         before = np.maximum(np.arange(len(touched)) - 20, 0)
         rest, age, kept = presses.rest[before], time_of - 2.0 * before, slice(None, None, 20)
     else:
         kept = slice(None, None, 10)
         known = presses.rest_time[kept]
-        all_time = np.append(known, time_of)
+        all_time = np.asarray(np.append(known, time_of), np.float64)
         order = np.argsort(all_time, kind="stable")
         frames = np.concatenate([presses.rest[kept], touched])
         untouched = np.arange(len(frames)) < len(known)

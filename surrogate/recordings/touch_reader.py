@@ -129,8 +129,8 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
     old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
     if old.any():
-        value[old], spread[old] = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
-    strange = reader.direction.misfit(kept).min(axis=1) > STRANGE * reader.greatest_misfit
+        value[old], spread[old], _ = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
+    strange = direction[2] > STRANGE * reader.greatest_misfit
     weak = np.linalg.norm(kept, axis=1) < WEAK * reader.weakest
     return Reading(value, reader.intervals.half_width(spread), _flags(dead, old, strange, weak))
 
