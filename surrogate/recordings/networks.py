@@ -56,9 +56,13 @@ def fit(inputs: Array, target: Array, blocks: Index, seed: int, epochs: int = EP
     without = np.repeat(names, MEMBERS)
     layers = _trained(inputs, (target - mean) / spread, [np.flatnonzero(blocks != b) for b in without], seed, epochs)
     networks = Networks(layers, mean, spread)
-    each = networks.read_each(inputs)
-    held_out = np.stack([each[without == block, row].mean(axis=0) for row, block in enumerate(blocks)])
-    return networks, held_out
+    return networks, held_out(networks, inputs, blocks)
+
+
+def held_out(networks: Networks, inputs: Array, blocks: Index) -> Array:
+    """(n, k) targets of inputs (n, q) by the members that were trained without the block of each row."""
+    each, without = networks.read_each(inputs), np.repeat(np.unique(blocks), MEMBERS)
+    return np.stack([each[without == block, row].mean(axis=0) for row, block in enumerate(blocks)])
 
 
 def _gelu(x: Array) -> Array:

@@ -60,14 +60,22 @@ class Templates:
         """Distance of neighbouring places of the grid, mm."""
         return float(np.diff(np.unique(self.places[:, 0])).max())
 
-    def read(self, signal: Array, drift: Array | None = None) -> tuple[Array, Array]:
-        """Mean and standard deviation of the place, each (n, 2) in mm, of signals (n, m)."""
-        value, sd = _moments(self.places, self.misfit(signal) * self.temper)
-        return value, np.hypot(sd, self.spacing / np.sqrt(12))
+    @cached_property
+    def size(self) -> Array:
+        """(g,) squared norms of the whitened templates."""
+        return np.sum(self.whitened**2, axis=1)
+
+    def read(self, signal: Array) -> tuple[Array, Array, Array]:
+        """Mean and standard deviation of the place, each (n, 2) in mm, of signals (n, m), and (n,) the squared distance
+        of each from the nearest template."""
+        misfit = self.misfit(signal)
+        value, sd = _moments(self.places, misfit * self.temper)
+        return value, np.hypot(sd, self.spacing / np.sqrt(12)), misfit.min(axis=1)
 
     def misfit(self, signal: Array) -> Array:
         """(n, g) squared distance of the patterns of signals (n, m) from each template, in the metric of R."""
-        return squared_distance(_whitened(self.factor, _pattern(self.scale, signal)), self.whitened)
+        seen = _whitened(self.factor, _pattern(self.scale, signal))
+        return np.maximum(np.sum(seen**2, axis=1)[:, None] + self.size - 2 * seen @ self.whitened.T, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +117,7 @@ def fit(signal: Array, place: Array, blocks: Index, *, compress: bool) -> Fitted
     if held.any():
         earlier = templates.read(signal[held])
         value, sd = np.concatenate([earlier[0], value]), np.concatenate([earlier[1], sd])
-        nearest = np.concatenate([templates.misfit(signal[held]).min(axis=1), nearest])
+        nearest = np.concatenate([earlier[2], nearest])
     return Fitted(templates, value, sd, nearest)
 
 

@@ -1,6 +1,6 @@
 """Places read from signals by several families, combined by what each did on held-out blocks in time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,9 @@ PROJECTED, PROJECTED_OLD = (0, 3, 6), 6
 OLD = 2.0  # times the greatest age of an untouched frame in training: one that is older is read by what drift spares
 STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
 WEAK = 0.3  # of the weakest training signal
-SURE = 1.65  # standard errors by which held-out presses must be read better than by the mean: one in 20 by chance
+# Standard errors by which the mean square of held-out distances must lie below that from the mean place; chance alone
+# reaches it once in 20 times.
+SURE = 1.65
 
 
 class NothingToRead(ValueError):
@@ -52,6 +54,7 @@ class TouchReader:
     old: Templates  # of signals with PROJECTED_OLD directions taken out
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
+    of_cut: Intervals  # of frames whose late readings are not there, which the networks read
     greatest_age: float  # of an untouched frame in training
     greatest_misfit: float  # of a held-out press from the templates of direction
     weakest: float  # norm of the weakest training signal
@@ -103,9 +106,11 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     _check_worth(value, mean, place)
     old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False) if len(drift.root)
            else direction)
+    cut = filled(readings, with_late(replace(presses, following=np.full_like(presses.following, np.nan)), late))
+    of_cut = networks.held_out(ensemble, features.of(without(drift, cut, projected)), blocks)
     return TouchReader(late, readings, drift, projected, ridge, direction.templates, compressed.templates, features,
                        waves, ensemble, on_templates, correction, old.templates, weights,
-                       calibrated(value - place, spread), float(presses.age.max()), float(direction.misfit.max()),
+                       calibrated(value - place, spread), calibrated(of_cut - place, np.zeros_like(place)), float(presses.age.max()), float(direction.misfit.max()),
                        float(np.linalg.norm(kept, axis=1).min()),
                        np.array([_distance(one, place) for one in (*each, value, mean)]))
 
@@ -113,34 +118,33 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
 def read(reader: TouchReader, presses: Presses) -> Reading:
     """Places of presses with their intervals and flags.
 
-    Where the untouched frame is far older than in training, templates of the signal without the main directions of
+    Where the frame that follows should hold readings of a press and is not there, networks alone read the place. Where
+    the untouched frame is far older than in training, templates of the signal without the main directions of
     drift read the place; intervals then do not hold, which the flag says.
     """
-    signal = with_late(presses, reader.late)
     dead = np.isnan(presses.signal).sum(axis=1)
-    signal = filled(reader.readings, signal)
-    kept = without(reader.drift, signal, reader.projected)
-    value, spread = _read(reader, signal)
-    old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
-    if old.any():
-        value[old], spread[old] = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
-    strange = reader.direction.misfit(kept).min(axis=1) > STRANGE * reader.greatest_misfit
-    weak = np.linalg.norm(kept, axis=1) < WEAK * reader.weakest
-    return Reading(value, reader.intervals.half_width(spread), _flags(dead, old, strange, weak))
-
-
-def _read(reader: TouchReader, signal: Array) -> tuple[Array, Array]:
-    """Places (n, 2) of whole signals by all families, and their spread (n, 2)."""
+    cut = np.isnan(presses.following[:, reader.late]).any(axis=1)
+    signal = filled(reader.readings, with_late(presses, reader.late))
     kept = without(reader.drift, signal, reader.projected)
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
     inputs = reader.features.of(kept)
     further = np.hstack([inputs, reader.waves.of(direction[0]), reader.waves.of(compressed[0])])
+    of_networks = reader.networks.read_each(inputs).mean(axis=0)
     each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
-                     reader.networks.read_each(inputs).mean(axis=0),
-                     reader.on_templates.read_each(further).mean(axis=0),
+                     of_networks, reader.on_templates.read_each(further).mean(axis=0),
                      compressed[0] + reader.correction.read_each(further).mean(axis=0)])
     value = np.tensordot(reader.weights, each, 1)
-    return value, _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
+    spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
+    old = (presses.age > OLD * reader.greatest_age) & (len(reader.drift.root) > 0)
+    if old.any():
+        value[old], spread[old], _ = reader.old.read(without(reader.drift, signal[old], PROJECTED_OLD))
+    strange = direction[2] > STRANGE * reader.greatest_misfit
+    weak = np.linalg.norm(kept, axis=1) < WEAK * reader.weakest
+    half_width = reader.intervals.half_width(spread)
+    alone = cut & ~old
+    value[alone] = of_networks[alone]
+    half_width[alone] = reader.of_cut.half_width(np.zeros((1, 2)))
+    return Reading(value, half_width, _flags(dead, cut, old, strange, weak))
 
 
 def prepared(reader: TouchReader, presses: Presses) -> Array:
@@ -149,8 +153,9 @@ def prepared(reader: TouchReader, presses: Presses) -> Array:
     return without(reader.drift, filled(reader.readings, with_late(presses, reader.late)), reader.projected)
 
 
-def _flags(dead: Array, old: Mask, strange: Mask, weak: Mask) -> tuple[str, ...]:
-    words = [(old, "the untouched frame is older than any in training, so the intervals may not hold"),
+def _flags(dead: Array, cut: Mask, old: Mask, strange: Mask, weak: Mask) -> tuple[str, ...]:
+    words = [(cut, "the frame that follows, which holds some readings of this one, is not there"),
+             (old, "the untouched frame is older than any in training, so the intervals may not hold"),
              (strange, "a pattern unlike those of the training presses"),
              (weak, "weaker than any training press")]
     return tuple("; ".join([f"{count} dead channels filled in"] * bool(count)
@@ -177,7 +182,7 @@ def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, comp
 
 
 def _check_worth(value: Array, mean: Array, place: Array) -> None:
-    gain = np.linalg.norm(mean - place, axis=1) - np.linalg.norm(value - place, axis=1)
+    gain = np.sum((mean - place) ** 2 - (value - place) ** 2, axis=1)
     if gain.mean() <= SURE * gain.std() / np.sqrt(len(gain)):
         raise NothingToRead(f"nothing to read here: held-out presses are read to {_distance(value, place):.3g} mm, and "
                             f"the mean place is as near, {_distance(mean, place):.3g} mm. Check that the labels belong "

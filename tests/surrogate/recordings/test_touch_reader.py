@@ -29,7 +29,8 @@ Pressed = tuple[Presses, Array]
 def quick() -> object:
     """Few, short networks: what is tested here does not depend on how well they learn."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "MOST_STEPS", 100)
+        patch.setattr(networks, "MOST_STEPS", 40)
+        patch.setattr(networks, "HIDDEN", (32,))
         yield
 
 
@@ -53,9 +54,13 @@ def test_the_choice_names_the_families_that_read(reader: TouchReader) -> None:
 
 
 def test_labels_of_other_presses_are_refused(presses: Pressed, quick: object) -> None:
-    shuffled = np.random.default_rng(123).permutation(presses[1])
-    with pytest.raises(NothingToRead, match="nothing to read here"):
-        touch_reader.fit(presses[0], shuffled)
+    refused = 0
+    for seed in range(100, 106):
+        try:
+            touch_reader.fit(presses[0], np.random.default_rng(seed).permutation(presses[1]))
+        except NothingToRead as refusal:
+            refused += "nothing to read here" in str(refusal)
+    assert refused >= 5  # chance reaches the level of the test once in 20 times
 
 
 def test_too_few_presses_are_refused(presses: Pressed) -> None:
