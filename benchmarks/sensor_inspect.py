@@ -9,10 +9,7 @@ frame's r.m.s., the electrodes' place on the body, and all of the convention; a 
 
 from __future__ import annotations
 
-import sys
-import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -21,7 +18,6 @@ from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body
 from eitsim.sensors.conventions import MEAN, Convention
-from eitsim.sensors.recognition import canonical
 from touchcal.arrays import Array
 
 BASELINES, NOISE_DB = 200, 40.0

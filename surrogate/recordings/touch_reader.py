@@ -54,7 +54,7 @@ class TouchReader:
     old: Templates  # of signals with PROJECTED_OLD directions taken out
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
-    of_cut: Intervals  # of frames whose late readings are not there, which the networks read
+    of_cut: Intervals  # of frames whose late readings are not there, by the networks
     greatest_age: float  # of an untouched frame in training
     greatest_misfit: float  # of a held-out press from the templates of direction
     weakest: float  # norm of the weakest training signal
@@ -118,9 +118,9 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
 def read(reader: TouchReader, presses: Presses) -> Reading:
     """Places of presses with their intervals and flags.
 
-    Where the frame that follows should hold readings of a press and is not there, networks alone read the place. Where
-    the untouched frame is far older than in training, templates of the signal without the main directions of
-    drift read the place; intervals then do not hold, which the flag says.
+    Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
+    on presses that lack it. Where the untouched frame is far older than in training, templates of the signal without
+    the main directions of drift read the place; intervals then do not hold, which the flag says.
     """
     dead = np.isnan(presses.signal).sum(axis=1)
     cut = np.isnan(presses.following[:, reader.late]).any(axis=1)
@@ -129,9 +129,9 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
     inputs = reader.features.of(kept)
     further = np.hstack([inputs, reader.waves.of(direction[0]), reader.waves.of(compressed[0])])
-    of_networks = reader.networks.read_each(inputs).mean(axis=0)
     each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
-                     of_networks, reader.on_templates.read_each(further).mean(axis=0),
+                     reader.networks.read_each(inputs).mean(axis=0),
+                     reader.on_templates.read_each(further).mean(axis=0),
                      compressed[0] + reader.correction.read_each(further).mean(axis=0)])
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
@@ -141,9 +141,7 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     strange = direction[2] > STRANGE * reader.greatest_misfit
     weak = np.linalg.norm(kept, axis=1) < WEAK * reader.weakest
     half_width = reader.intervals.half_width(spread)
-    alone = cut & ~old
-    value[alone] = of_networks[alone]
-    half_width[alone] = reader.of_cut.half_width(np.zeros((1, 2)))
+    half_width[cut & ~old] = reader.of_cut.half_width(np.zeros((1, 2)))
     return Reading(value, half_width, _flags(dead, cut, old, strange, weak))
 
 
