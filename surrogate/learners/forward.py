@@ -69,7 +69,7 @@ class TouchInversion(Learner):
         one amplitude."""
         known = len(self.forward.known_mm) > 0
         twice = any(curve["two_answers_N"] for curve in self.amplitude()["diameters"])
-        return np.array([known and name == "d" or twice and name not in outputs.NAMES[:2] for name in names])
+        return np.array([(known and name == "d") or (twice and name not in outputs.NAMES[:2]) for name in names])
 
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""
