@@ -249,8 +249,8 @@ def test_a_conducting_punch_is_measured_against_an_insulated_one() -> None:
 
 
 def test_a_quick_run_costs_the_same_in_every_place() -> None:
-    places = {"Makefile": (ROOT / "Makefile").read_text(), "docs": (ROOT / "docs/explanation/error-against-run-time.md").read_text(),
-              "help": str(paper.__doc__)}
+    page = ROOT / "docs" / "explanation" / "error-against-run-time.md"
+    places = {"Makefile": (ROOT / "Makefile").read_text(), "docs": page.read_text(), "help": str(paper.__doc__)}
     for name, words in places.items():
         said = " ".join(words.replace("\n#", " ").split())
         assert COST in said, name
