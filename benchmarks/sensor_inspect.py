@@ -1,4 +1,4 @@
-"""What the readings of an untouched sensor say of their order: scrambled simulated baselines, named, asked or wrong.
+"""What the readings of an untouched sensor say of their order: scrambled simulated frames, named, asked or wrong.
 
 Usage: python benchmarks/sensor_inspect.py. Writes results/sensor_inspect.csv, a row a baseline. Synthetic: discs with 8,
 16 or 32 electrodes on the rim, by the complete electrode model on meshes of the disc. Unknown to the inspection:
@@ -9,10 +9,7 @@ frame's r.m.s., the electrodes' place on the body, and all of the convention; a 
 
 from __future__ import annotations
 
-import sys
-import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -21,7 +18,6 @@ from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body
 from eitsim.sensors.conventions import MEAN, Convention
-from eitsim.sensors.recognition import canonical
 from touchcal.arrays import Array
 
 BASELINES, NOISE_DB = 200, 40.0
