@@ -18,9 +18,9 @@ from touchcal.arrays import Array, Index, Mask
 FEWEST = 30  # frames of touches that correlations are taken from
 _MOST = 48  # orders that are compared closely
 _MOST_CORRELATED, _SHARPNESS = 0.999, (1.0, 2.0, 4.0, 8.0, 16.0)
-# Odds against orders that are not the one expected: a sensor file's, else those of boards, which begin with electrode 0
-# and go on as the readings count.
-_USUAL = 10.0
+# Odds against orders that are not the one that a sensor file describes; without one, against those that boards do not
+# have, which begin with electrode 0 and go on as the readings count.
+_DESCRIBED, _USUAL = 100.0, 10.0
 # A reading follows one frame late where it correlates this much more with the frame before, and this much at all.
 _LATE, _CLEAR = 0.1, 0.3
 
@@ -52,7 +52,8 @@ def supports(signals: Array, orders: Sequence[Order], expected: Index | None = N
     best = chosen[:, np.argmax(chosen.max(axis=0))]
     hoped = {(one.count, canonical(expected, one.count, False)) for one in orders[:1]} if expected is not None else {
         key for key, (one, _) in near.items() if _usual(one)}
-    made = [Support(one, float(log) - (0.0 if key in hoped else np.log(_USUAL)))
+    odds = _USUAL if expected is None else _DESCRIBED
+    made = [Support(one, float(log) - (0.0 if key in hoped else np.log(odds)))
             for (key, (one, _)), log in zip(near.items(), best, strict=True)]
     return sorted(made, key=lambda one: -one.log_likelihood)
 

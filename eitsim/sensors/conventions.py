@@ -128,18 +128,6 @@ def forms(pairs: Index, signed: bool) -> Index:
     return np.column_stack([one, other, sign])
 
 
-def same_up_to_ring(one: Index, other: Index, count: int, signed: bool) -> bool:
-    """Whether two lists of pairs differ by a turn or a mirror of the ring and, throughout, by the sign alone."""
-    target = forms(other, signed)
-    for way in (1, -1):
-        for turn in range(count):
-            moved = np.where(one == MEAN, MEAN, (way * one + turn) % count)
-            found = forms(moved, signed)
-            if np.array_equal(found[:, :4], target[:, :4]) and len(np.unique(found[:, 4] * target[:, 4])) == 1:
-                return True
-    return False
-
-
 def predicted(pairs: Index, kernel: Array) -> Array:
     """(readings,) of a ring whose transfer impedance from one electrode to another is kernel[turns between them]."""
     count = len(kernel)

@@ -29,7 +29,7 @@ class Identified:
     plausible: tuple[Order, ...]  # orders that the data do not exclude, the likeliest first; empty where none is known
     decided_by: str  # "disc", "touches" or "nothing"
     sign: str  # "positive", "negative", "magnitude", "either" (magnitudes look the same) or "unknown"
-    unexplained: float  # 2-norm of what an imperfect homogeneous disc misses over that of the frame; NaN without a frame
+    unexplained: float  # 2-norm of what an imperfect homogeneous disc misses over that of the frame; NaN without one
     swapped: tuple[int, int] | None = None  # electrodes, as the order counts them, that look exchanged
 
     @property

@@ -72,7 +72,7 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     signals, untouched = _signals(live, rows, kind), live[rows]
     late = late_readings(signals)
     signals = in_step(signals, late)
-    profile = None if kind == "difference" else np.nanmean(untouched if rows.any() else live, axis=0)
+    profile = None if kind == "difference" else reading_checks.mean_frame(untouched if rows.any() else live)
     counts = [sensor.electrodes.count] if sensor else counts_for(values.shape[1])
     found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known)
     agrees = _agrees(found, known, counts[0]) if known is not None else None

@@ -86,8 +86,8 @@ def cautions(found: Inspection) -> Iterator[str]:
         yield (f"Readings {_listed(found.late)} of each row belong to the frame before it: they change with the others "
                "of the row above. Begin a row where the scan begins, or move them up by one row.")
     if one.unexplained > EXPLAINED:
-        yield (f"No homogeneous disc explains the untouched frame: {percent(one.unexplained)} of it stay unexplained by the "
-               "best order. Use changes only; an absolute model of these readings is not to be trusted.")
+        yield ("No homogeneous disc explains the untouched frame: the best order leaves "
+               f"{percent(one.unexplained)}. Use changes only; an absolute model is not to be trusted.")
     for apart, what in ((found.source_against_sink, "source and sink"), (found.reciprocity, "drive and measurement")):
         if apart is not None and apart.most > _SAID:
             yield (f"Readings with {what} exchanged are {_range(apart)} from each other, which a linear, reciprocal, "
@@ -105,7 +105,7 @@ def questions(found: Inspection) -> Iterator[str]:
             yield ("Which currents are driven and what is read? No common order makes "
                    f"{found.recording.readings.shape[1]} readings. Give a sensor file with [drive] pairs.")
         else:
-            yield (f"Which order do the readings have? Neither a disc nor touches say it. {FEWEST} touches at different "
+            yield (f"Which order do the readings have? Neither a disc nor touches say it. {FEWEST} touches at many "
                    "places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
     elif len(one.plausible) > 1:
         open_ones = [key for key, value in words.items() if value is None] or ["order"]

@@ -57,6 +57,12 @@ def dead_electrodes(dead: Mask, pairs: Index, count: int) -> list[int]:
     return [k for k, share in enumerate(shares) if share >= _MOSTLY and share == worst]
 
 
+def mean_frame(frames: Array) -> Array:
+    """(readings,) mean over the frames (frames, readings) in which each reading is there; NaN where it never is."""
+    there = np.isfinite(frames).sum(axis=0)
+    return np.divide(np.nansum(frames, axis=0), there, out=np.full(frames.shape[1], np.nan), where=there > 0)
+
+
 def noise(untouched: Array) -> float | None:
     """Standard deviation of one reading by the differences of successive untouched frames (frames, readings), over the
     frames' r.m.s.; None of fewer than three."""
@@ -71,7 +77,7 @@ def drift(untouched: Array) -> float | None:
     if len(untouched) < _FEWEST:
         return None
     part = max(1, int(_ENDS * len(untouched)))
-    first, last = np.nanmean(untouched[:part], axis=0), np.nanmean(untouched[-part:], axis=0)
+    first, last = mean_frame(untouched[:part]), mean_frame(untouched[-part:])
     kept = np.isfinite(first) & np.isfinite(last)
     return float(np.linalg.norm((last - first)[kept]) / np.linalg.norm(first[kept]))
 
