@@ -14,7 +14,7 @@ from touchcal.input_file import regular
 
 @dataclass(frozen=True)
 class Layout:
-    """One layout of files; `registry.FORMATS` names them all."""
+    """One layout of files; `open_file.FORMATS` names them all."""
 
     title: str  # what a user calls it
     recognises: Callable[[Path], bool]  # whether a file has this layout, from its name and what it holds

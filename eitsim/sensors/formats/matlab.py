@@ -31,8 +31,8 @@ def _read_matlab(path: Path, kind: str) -> Recording:
         return frames(path, array[None], kind)
     by_column, by_row = (size >= _FEWEST and bool(counts_for(size)) for size in array.shape)
     if by_column == by_row:
-        raise InputFileError(path, f"{name} is {array.shape[0]} x {array.shape[1]}, and either may be the readings of a "
-                                   "frame, or neither. Save it as a CSV of one row a frame.")
+        raise InputFileError(path, f"{name} is {array.shape[0]} x {array.shape[1]}, and either may be the readings of "
+                                   "a frame, or neither. Save it as a CSV of one row a frame.")
     return frames(path, array.T if by_column else array, kind)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from eitsim.sensors.formats.registry import FORMATS, open_recording
+from eitsim.sensors.formats.open_file import FORMATS, open_recording
 from touchcal.errors import InputFileError
 
 # Header as EIDORS and sciopy name its lines; values made up.

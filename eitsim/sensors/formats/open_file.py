@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from eitsim.sensors.formats import columns, eit_kit, matlab, sciospec, serial_magnitudes
 from eitsim.sensors.recording import Recording, check_kind, read_recording
 from touchcal.errors import InputFileError
@@ -28,6 +26,4 @@ def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     if readings is not None and found.readings.shape[1] != readings:
         raise InputFileError(path, f"{found.readings.shape[1]} readings a frame, and the sensor's drive makes "
                                    f"{readings}. Give the sensor file that belongs to it, or correct its [drive].")
-    if kind == "magnitude" and not np.iscomplexobj(found.readings) and np.nanmin(found.readings) < 0:
-        raise InputFileError(path, "a reading is negative, and magnitudes are not. Correct kind in [readings].")
     return found
