@@ -59,7 +59,8 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
         yield "unexplained", f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous disc"
     if found.sensor is not None:
         yield "sensor file", {True: "agrees with the readings", False: "contradicted by the readings",
-                              None: "neither confirmed nor contradicted"}[found.agrees]
+                              None: f"not contradicted: one of {len(one.plausible)} orders that the readings allow"
+                              if one.plausible else "neither confirmed nor contradicted"}[found.agrees]
     if found.noise is not None:
         yield "noise", f"{percent(found.noise)} of the frame's r.m.s. a reading, by successive untouched frames"
     if found.drift is not None:
@@ -107,6 +108,9 @@ def questions(found: Inspection) -> Iterator[str]:
         else:
             yield (f"Which order do the readings have? Neither a disc nor touches say it. {FEWEST} touches at many "
                    "places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
+    elif len(one.plausible) > 1 and found.sensor is not None and found.agrees is None:
+        yield (f"Is [drive] of the sensor file right? {counted(len(one.plausible) - 1, 'other order')} would make "
+               "these readings as well; the board's manual or firmware says it.")
     elif len(one.plausible) > 1:
         open_ones = [key for key, value in words.items() if value is None] or ["order"]
         likely = "; or ".join(", ".join(words_of(each)[key] for key in open_ones) for each in one.plausible[:3])
