@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from touchcal.errors import InputFileError
 from touchcal.terminal import JsonOption, application, print_json
 
 app = application("Real sensors: their recordings, and what the readings say of themselves.")
@@ -36,9 +37,14 @@ def inspect(recording: Annotated[Path, typer.Argument(
     from eitsim.sensors.inspection_words import document
     from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor
 
-    known = read_sensor(sensor) if sensor is not None else None
-    frames = open_recording(recording, kind=known.kind if known else Sensor.kind,
-                            readings=len(pairs_of(known)) if known else None)
+    known, readings = None, None
+    if sensor is not None:
+        known = read_sensor(sensor)
+        try:
+            readings = len(pairs_of(known))
+        except ValueError as error:
+            raise InputFileError(sensor, str(error)) from None
+    frames = open_recording(recording, kind=known.kind if known else Sensor.kind, readings=readings)
     found = inspected(frames, known)
     if as_json:
         print_json(document(found))

@@ -15,12 +15,13 @@ from scipy.stats import rankdata
 from eitsim.sensors.recognition import Order, canonical
 from touchcal.arrays import Array, Index, Mask
 
+LIKELY = 3.0  # orders this much less likely than the best, in natural logarithms, are excluded
 FEWEST = 30  # frames of touches that correlations are taken from
 _MOST = 48  # orders that are compared closely
 _MOST_CORRELATED, _SHARPNESS = 0.999, (1.0, 2.0, 4.0, 8.0, 16.0)
 # Odds against orders that are not the one that a sensor file describes; without one, against those that boards do not
-# have, which begin with electrode 0 and go on as the readings count.
-_DESCRIBED, _USUAL = 100.0, 10.0
+# have, which begin with electrode 0 and go on as the readings count. Neither decides alone: LIKELY asks for more.
+_DESCRIBED, _USUAL = 20.0, 10.0
 # A reading follows one frame late where it correlates this much more with the frame before, and this much at all.
 _LATE, _CLEAR = 0.1, 0.3
 

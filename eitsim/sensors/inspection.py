@@ -76,7 +76,7 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     if dead.all():
         raise ValueError(f"{recording.source}: every reading is empty, 0 or never changes; nothing can be said of it. "
                          "Check that the board drives a current.")
-    live = np.where(dead, np.nan, values)
+    live = np.where(dead, np.nan, values / np.nanmax(np.abs(values)))
     signals, untouched = _signals(live, rows, kind), live[rows]
     late = late_readings(signals)
     signals = in_step(signals, late)
@@ -100,7 +100,7 @@ def in_phase(readings: Array | Complex) -> Array:
     """Readings (frames, m) as real numbers: complex ones are turned to the phase that most of them have."""
     if not np.iscomplexobj(readings):
         return np.asarray(readings, dtype=float)
-    phase = np.angle(np.nansum(readings**2)) / 2
+    phase = np.angle(np.nansum((readings / np.nanmax(np.abs(readings), initial=np.finfo(float).tiny)) ** 2)) / 2
     return np.real(readings * np.exp(-1j * phase))
 
 

@@ -13,12 +13,13 @@ import pytest
 
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.scene.scene import Scene
+from eitsim.sensors.conventions import Convention
 from eitsim.sensors.formats.open_file import open_recording
 from eitsim.sensors.inspection import Inspection, in_phase, inspect
 from eitsim.sensors.inspection_words import cautions, document, questions
 from eitsim.sensors.recognition import canonical
 from eitsim.sensors.recording import Recording
-from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor, sensor_from
+from eitsim.sensors.sensor_file import Sensor, drive_of_pairs, pairs_of, read_sensor, sensor_from
 
 REAL = Path(__file__).parents[4] / "shared" / "real"
 real = pytest.mark.skipif(not REAL.exists(), reason="recordings of real sensors are not here")
@@ -72,6 +73,15 @@ def test_real_sensors_agree_with_their_sensor_file(name: str) -> None:
     assert found.agrees is True
     assert found.placed is None
     assert any(one.startswith("Where on the body is electrode 0") for one in questions(found))
+
+
+@real
+@pytest.mark.parametrize("pattern", ["skip-3", "skip-4", "skip-6"])
+def test_a_wrong_sensor_file_is_not_confirmed_by_a_real_skin(pattern: str) -> None:
+    """The plain skin's touches say least of its order."""
+    drive = Convention(16, 16, int(pattern[-1]) + 1, "pair", 1, "undriven", False, 0, 1).pairs()
+    sensor = sensor_from({"drive": drive_of_pairs(drive, 16), "readings": {"kind": "difference"}}, Path())
+    assert inspect(open_recording(REAL / "skin_plain" / "frames.csv", kind="difference"), sensor).agrees is not True
 
 
 @real
