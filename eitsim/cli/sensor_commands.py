@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +32,8 @@ def inspect(recording: Annotated[Path, typer.Argument(
 
     Example: eitsim sensor inspect frames.csv --sensor sensor.toml
     """
+    from rich.console import Console
+
     from eitsim.cli.display import show_inspection
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.inspection import inspect as inspected
@@ -45,7 +48,9 @@ def inspect(recording: Annotated[Path, typer.Argument(
         except ValueError as error:
             raise InputFileError(sensor, str(error)) from None
     frames = open_recording(recording, kind=known.kind if known else Sensor.kind, readings=readings)
-    found = inspected(frames, known)
+    console = Console(stderr=True)
+    with console.status("comparing orders of readings") if console.is_terminal else nullcontext():
+        found = inspected(frames, known)
     if as_json:
         print_json(document(found))
     else:

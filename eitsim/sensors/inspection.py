@@ -84,6 +84,7 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     counts = (sensor.electrodes.count,) if sensor else counts_for(values.shape[1])
     found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known)
     agrees = _agrees(found, known, counts[0]) if known is not None else None
+    kind = "magnitude" if kind == "voltage" and found.sign == "magnitude" else kind
     pairs = known if known is not None else found.order.pairs if found.order else None
     count = counts[0] if len(counts) == 1 else found.plausible[0].count if len(
         {one.count for one in found.plausible}) == 1 else None

@@ -29,7 +29,8 @@ def document(found: Inspection) -> dict[str, Any]:
     one, words, order = found.identified, found.identified.words(), found.identified.order
     return {"recording": str(found.recording.source), "frames": len(found.recording.readings),
             "untouched_frames": int(found.recording.untouched.sum()), "readings": found.recording.readings.shape[1],
-            "kind": found.kind, "electrodes": found.electrodes, **words, "sign": None if one.sign == "unknown" else
+            "kind": found.kind, "electrodes": found.electrodes, **words,
+            "first_electrode": int(order.pairs[0, 0]) if order else None, "sign": None if one.sign == "unknown" else
             one.sign, "decided_by": one.decided_by, "unexplained": _number(one.unexplained),
             "plausible_orders": [words_of(each) for each in one.plausible],
             "pairs": order.pairs.tolist() if order else None,

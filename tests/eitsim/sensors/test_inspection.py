@@ -53,7 +53,7 @@ def test_real_skins_are_named_without_their_sensor_file(name: str, sign: str) ->
     assert canonical(order.pairs, order.count, False) == canonical(pairs_of(sensor), 16, False)
     assert found.identified.words()["pattern"] == "opposite"
     assert found.identified.sign == sign
-    assert found.kind == ("voltage" if name == "hydrogel" else "difference")
+    assert found.kind == ("magnitude" if name == "hydrogel" else "difference")
 
 
 @real
