@@ -87,6 +87,8 @@ def cautions(found: Inspection) -> Iterator[str]:
     if found.late.size:
         yield (f"Readings {_listed(found.late)} of each row belong to the frame before it: they change with the others "
                "of the row above. Begin a row where the scan begins, or move them up by one row.")
+    if found.kind != "difference" and not found.recording.untouched.any():
+        yield "No frame is untouched: the mean of all stands for it. Leave touch empty where nothing touches."
     if one.unexplained > EXPLAINED:
         yield ("No homogeneous disc explains the untouched frame: the best order leaves "
                f"{percent(one.unexplained)}. Use changes only; an absolute model is not to be trusted.")

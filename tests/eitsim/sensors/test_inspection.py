@@ -141,6 +141,12 @@ def test_complex_readings_are_turned_to_their_phase() -> None:
     assert inspect(recorded(turned)).identified.words()["pattern"] == "adjacent"
 
 
+def test_touched_frames_alone_are_said_to_stand_for_the_untouched_one() -> None:
+    touched = Recording(frame()[None], np.arange(1), None, np.array(["a"]), "voltage", Path("frames.csv"))
+    assert any("No frame is untouched" in one for one in cautions(inspect(touched)))
+    assert not any("No frame is untouched" in one for one in cautions(inspect(recorded(frame()))))
+
+
 def test_what_no_order_makes_is_asked_for() -> None:
     found = inspect(recorded(np.arange(1.0, 108.0)))
     assert (found.electrodes, found.identified.decided_by) == (None, "nothing")
