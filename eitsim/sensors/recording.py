@@ -1,0 +1,144 @@
+"""A recording: frames in time order as a sensor gave them, read from a CSV of one row a frame.
+
+Columns: `index` (whole number) and `time_s`, where there are any; `touch`, which is empty where nothing touches; then
+the readings v_000 ... in the order of the sensor's protocol, an empty cell being a dead channel.
+"""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from touchcal.arrays import Array, Complex, Mask
+from touchcal.errors import InputFileError
+from touchcal.input_file import regular
+
+# What a reading is: a signed voltage, its size alone, or a touched voltage less the untouched one.
+KINDS = ("voltage", "magnitude", "difference")
+_LEADING = ("index", "time_s", "touch")  # columns that are no readings
+_READING = "v_"  # what the names of the readings begin with
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Frames of one sensor in time order."""
+
+    readings: Array | Complex  # (frames, m) volts, or the counts of the board; NaN where a channel is dead
+    index: NDArray[np.int64]  # (frames,) number of each frame in time; where the file has none, its row from 0
+    time_s: Array | None  # (frames,) s; None where the file has no clock
+    touch: NDArray[np.str_]  # (frames,) name of the touch, "" where nothing touches
+    kind: str  # one of KINDS
+    source: Path  # file that it was read from
+
+    @property
+    def untouched(self) -> Mask:
+        """(frames,) which frames are untouched; none of differences, which have no such frame."""
+        return (self.touch == "") & (self.kind != "difference")
+
+
+def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | None = None) -> Recording:
+    """Read a CSV of frames of one kind, each of `readings` numbers where that is given.
+
+    A file without a header holds readings alone. InputFileError names the line and the column: a name that is no
+    column of a recording, readings out of order, another number of them, a cell that is no finite number, an index or
+    a time that goes back. ValueError for another kind.
+    """
+    check_kind(kind, "kind")
+    path = Path(path)
+    rows = _rows(path)
+    names = rows[0][1] if not _is_number(rows[0][1][0]) else []
+    leading = _leading(path, rows[0][0], names)
+    body = rows[1:] if names else rows
+    if not body:
+        raise InputFileError(path, "a header without frames; give one row a frame below it.")
+    width = len(body[0][1]) - len(leading)
+    if readings is not None and width != readings:
+        raise InputFileError(path, f"{width} readings a frame, and the sensor's drive makes {readings}. Give the "
+                                   "sensor file that belongs to it, or correct its [drive].", line=body[0][0])
+    columns = {name: _column(path, body, place, name) for place, name in enumerate(leading) if name != "touch"}
+    touch = [cells[leading.index("touch")] for _, cells in body] if "touch" in leading else [""] * len(body)
+    number = columns.get("index", np.arange(len(body), dtype=float))
+    if odd := [row for row, value in zip(body, number, strict=True) if value % 1]:
+        raise InputFileError(path, "index must hold whole numbers; call it time_s where it is a time.", line=odd[0][0])
+    return Recording(_readings(path, body, len(leading)), number.astype(np.int64), columns.get("time_s"),
+                     np.array(touch, dtype=np.str_), kind, path)
+
+
+def check_kind(kind: object, where: str) -> None:
+    """ValueError where a kind of readings is not one of KINDS; where: what held it."""
+    if kind not in KINDS:
+        raise ValueError(f"{where} '{kind}' is unknown; known: {', '.join(KINDS)}.")
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Lines from 1 with their cells, blank lines left out, all of one width."""
+    try:
+        with open(regular(path), newline="", encoding="utf-8-sig") as file:
+            rows = [(line, [cell.strip() for cell in cells]) for line, cells in enumerate(csv.reader(file), start=1)
+                    if len(cells) > 1 or (cells and cells[0].strip())]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of one row a frame.") from None
+    if not rows:
+        raise InputFileError(path, "the file is empty. Expected a CSV of one row a frame.")
+    for line, cells in rows:
+        if len(cells) != len(rows[0][1]):
+            raise InputFileError(path, f"{len(cells)} columns, expected {len(rows[0][1])} as in line {rows[0][0]}. "
+                                       "Leave a cell empty where a channel is dead.", line=line)
+    return rows
+
+
+def _leading(path: Path, line: int, names: Sequence[str]) -> list[str]:
+    """Names of the columns before the readings; InputFileError where the header is not that of a recording."""
+    count = next((k for k, name in enumerate(names) if name.startswith(_READING)), len(names))
+    leading, fix = list(names[:count]), f"Expected {', '.join(_LEADING)} (each may be left out), then v_000, v_001 ..."
+    if odd := [name for name in leading if name not in _LEADING]:
+        raise InputFileError(path, f"the header names '{odd[0][:20]}', which is no column of a recording. {fix}",
+                             line=line)
+    if len(set(leading)) < len(leading):
+        raise InputFileError(path, f"the header names {', '.join(leading)}: one of them twice. {fix}", line=line)
+    if names and count == len(names):
+        raise InputFileError(path, f"the header names no readings. {fix}", line=line)
+    for number, name in enumerate(names[count:]):
+        if (name.removeprefix(_READING).lstrip("0") or "0") != str(number):
+            raise InputFileError(path, f"the header names '{name[:20]}' where reading {number} stands. {fix}",
+                                 line=line)
+    return leading
+
+
+def _column(path: Path, body: Sequence[tuple[int, list[str]]], place: int, name: str) -> Array:
+    """Column index or time_s (frames,), which never goes back."""
+    values = np.array([_value(path, line, name, cells[place]) for line, cells in body])
+    if len(back := np.flatnonzero(np.diff(values) < 0)):
+        raise InputFileError(path, f"{name} goes back to {values[back[0] + 1]:g}; sort the rows in time, or give each "
+                                   "recording a file of its own.", line=body[back[0] + 1][0])
+    return values
+
+
+def _readings(path: Path, body: Sequence[tuple[int, list[str]]], first: int) -> Array:
+    try:
+        values = np.array([[float(cell or "nan") for cell in cells[first:]] for _, cells in body])
+    except ValueError:
+        values = np.array([np.nan])
+    if np.isinf(values).any() or np.isnan(values).any():  # look at each cell for what is wrong; empty ones are not
+        return np.array([[_value(path, line, f"reading {k}", cell) if cell else np.nan
+                          for k, cell in enumerate(cells[first:])] for line, cells in body])
+    return values
+
+
+def _value(path: Path, line: int, name: str, cell: str) -> float:
+    if not _is_number(cell) or not np.isfinite(float(cell)):
+        raise InputFileError(path, f"{name} is '{cell[:20]}', no finite number. Correct it, or leave "
+                                   f"{'the row out' if name in _LEADING else 'the cell empty where it is dead'}.",
+                             line=line)
+    return float(cell)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,148 @@
+"""A sensor as a file describes it: body, skin, electrodes and drive of a scene, and what kind of readings it gives.
+
+    [body]
+    radius_mm = 45
+    [electrodes]
+    count = 16
+    [drive]
+    pairs = "pairs.csv"      # source, sink, plus, minus of each reading; or pattern, or currents with measurements
+    [readings]
+    kind = "magnitude"
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.scene.drive import Drive, Protocol, protocol, with_matrices
+from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
+from eitsim.scene.scene import Body, Scene, Skin, scene_from
+from eitsim.sensors.recording import check_kind
+from touchcal.csv_numbers import read_numbers
+from touchcal.errors import InputFileError, unknown_key
+from touchcal.toml_file import read_toml
+
+TABLES = ("body", "skin", "electrodes", "drive", "readings")
+PAIRS = ("source", "sink", "plus", "minus")  # columns of a file of pairs, electrodes from 0
+_OTHER_DRIVES = ("pattern", "reading", "currents", "measurements")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor as it is built, before any calibration."""
+
+    body: Body
+    skin: Skin
+    electrodes: Electrodes
+    drive: Drive
+    kind: str = "voltage"  # what its readings are, one of recording.KINDS
+
+    @property
+    def protocol(self) -> Protocol:
+        """Its drive as matrices; frames are their readings, pattern by pattern."""
+        return protocol(self.drive, self.electrodes.count)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of its untouched body, everything else by default."""
+        return Scene(self.body, skin=self.skin, electrodes=self.electrodes, drive=self.drive)
+
+
+def read_sensor(path: Path | str) -> Sensor:
+    """Read a sensor file (TOML); InputFileError names the file, and the key or line, of what it may not hold."""
+    path = Path(path)
+    raw = read_toml(path)
+    try:
+        return sensor_from(raw, path.parent)
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
+
+
+def sensor_from(raw: Mapping[str, Any], folder: Path) -> Sensor:
+    """A checked sensor from the tables of a sensor file, whose CSV files are named relative to `folder`; ValueError
+    names the key."""
+    if unknown := [key for key in raw if key not in TABLES]:
+        raise ValueError(unknown_key(unknown[0], TABLES))
+    readings = raw.get("readings", {})
+    if not isinstance(readings, Mapping):
+        raise ValueError(f"[readings] must be a table of keys, got {readings!r}.")
+    if unknown := [key for key in readings if key != "kind"]:
+        raise ValueError(unknown_key(unknown[0], ("kind",), "readings"))
+    kind = readings.get("kind", Sensor.kind)
+    check_kind(kind, "kind in [readings]")
+    tables = {name: table for name, table in raw.items() if name != "readings"}
+    scene = scene_from(with_matrices(_with_pairs(tables, folder), folder))
+    return Sensor(scene.body, scene.skin, scene.electrodes, scene.drive, kind)
+
+
+def pairs_of(sensor: Sensor) -> NDArray[np.intp]:
+    """(readings, 4) source, sink, plus and minus of each reading, electrodes from 0; ValueError where a pattern is no
+    current from one electrode to another, or a reading no difference of two voltages."""
+    asked, count = sensor.protocol, sensor.electrodes.count
+    currents = asked.currents_A / np.abs(asked.currents_A).max(axis=1, keepdims=True)
+    source, sink = _ends(currents, "pattern")
+    plus, minus = _ends(asked.weights.reshape(-1, count), "reading")
+    each = asked.shape[1]
+    return np.stack([np.repeat(source, each), np.repeat(sink, each), plus, minus], axis=1)
+
+
+def drive_of_pairs(pairs: NDArray[np.intp], count: int) -> dict[str, Any]:
+    """Currents and measurements, as [drive] holds them, of readings (readings, 4) by source, sink, plus and minus: one
+    pattern a run of readings of one current where all runs are as long, else one pattern a reading."""
+    ends = [(*map(int, one[:2]),) for one in pairs]
+    runs = [len(list(run)) for _, run in itertools.groupby(ends)]
+    each = runs[0] if len(set(runs)) == 1 else 1
+    unit = np.eye(count)
+    weights = (unit[pairs[:, 2]] - unit[pairs[:, 3]]).reshape(-1, each, count)
+    return {"currents": (unit[pairs[::each, 0]] - unit[pairs[::each, 1]]).tolist(), "measurements": weights.tolist()}
+
+
+def read_pairs(path: Path, count: int) -> NDArray[np.intp]:
+    """(readings, 4) electrodes from 0 of a CSV with the columns PAIRS; InputFileError names the line of what is none
+    of `count` electrodes, or the same electrode twice."""
+    table = read_numbers(path, what="electrodes")
+    if set(table.names) != set(PAIRS) or len(table.names) != len(PAIRS):
+        raise InputFileError(path, f"its header must name {', '.join(PAIRS)}, got {', '.join(table.names) or 'none'}.")
+    values = table.values[:, [table.names.index(name) for name in PAIRS]]
+    for line, row in zip(table.line, values, strict=True):
+        if odd := [cell for cell in row if cell % 1 or not 0 <= cell < count]:
+            raise InputFileError(path, f"{odd[0]:g} is no electrode; there are {count}, numbered from 0 (count in "
+                                       "[electrodes]).", line=int(line))
+        if row[0] == row[1] or row[2] == row[3]:
+            raise InputFileError(path, "source and sink, or plus and minus, are the same electrode.", line=int(line))
+    return values.astype(np.intp)
+
+
+def _with_pairs(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables, pairs in [drive] replaced by the currents and measurements that they stand for."""
+    drive = tables.get("drive")
+    if not isinstance(drive, Mapping) or "pairs" not in drive:
+        return dict(tables)
+    if other := [key for key in _OTHER_DRIVES if key in drive]:
+        raise ValueError(f"{other[0]} in [drive] has no effect with pairs; leave one of them out.")
+    if not isinstance(drive["pairs"], str):
+        raise ValueError(f"pairs in [drive] must be the name of a CSV file, got {drive['pairs']!r:.80}.")
+    electrodes = tables.get("electrodes", {})
+    count = electrodes.get("count", Electrodes.count) if isinstance(electrodes, Mapping) else None
+    if type(count) is not int or not FEWEST <= count <= MOST:
+        raise ValueError(f"count in [electrodes] must be a whole number from {FEWEST} to {MOST}, got {count!r:.80}.")
+    kept = {key: value for key, value in drive.items() if key != "pairs"}
+    return {**tables, "drive": kept | drive_of_pairs(read_pairs(folder / drive["pairs"], count), count)}
+
+
+def _ends(rows: NDArray[np.float64], what: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Electrodes of the 1 and of the -1 in each row."""
+    first, last = rows.argmax(axis=1), rows.argmin(axis=1)
+    unit = np.eye(rows.shape[1])
+    odd = np.flatnonzero(np.abs(rows - unit[first] + unit[last]).max(axis=1) > 1e-9)
+    if odd.size:
+        raise ValueError(f"{what} {odd[0]} in [drive] is not 1 at one electrode and -1 at another, and readings are "
+                         "compared by such pairs alone. Describe the drive with pairs.")
+    return first, last

@@ -1,0 +1,89 @@
+"""Recordings: what the columns say is what is read; what is no recording is refused with its line and the fix."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eitsim.sensors.recording import read_recording
+from eitsim.sensors.sensor_file import pairs_of, read_sensor
+from touchcal.errors import InputFileError
+
+REAL = Path(__file__).parents[4] / "shared" / "real"
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "frames.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_columns_come_back_with_dead_channels_as_nan(tmp_path: Path) -> None:
+    path = written(tmp_path, "index,time_s,touch,v_000,v_001\n3,0.5,,1.5,\n7,0.75,a,2.5,-4e-3\n")
+    found = read_recording(path, readings=2)
+    np.testing.assert_array_equal(found.readings, [[1.5, np.nan], [2.5, -4e-3]])
+    assert found.index.tolist() == [3, 7]
+    assert found.time_s is not None
+    assert found.time_s.tolist() == [0.5, 0.75]
+    assert found.touch.tolist() == ["", "a"]
+    assert found.untouched.tolist() == [True, False]
+    assert (found.kind, found.source) == ("voltage", path)
+
+
+def test_without_header_all_columns_are_readings_of_untouched_frames(tmp_path: Path) -> None:
+    found = read_recording(written(tmp_path, "1,2,3\n4,5,6\n"), kind="magnitude")
+    assert found.readings.shape == (2, 3)
+    assert found.index.tolist() == [0, 1]
+    assert found.time_s is None
+    assert found.untouched.all()
+
+
+def test_frames_of_differences_are_never_untouched(tmp_path: Path) -> None:
+    assert not read_recording(written(tmp_path, "v_000\n1\n2\n"), kind="difference").untouched.any()
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("", "empty"),
+    ("v_000,v_001\n", "without frames"),
+    ("touch\na\n", "names no readings"),
+    ("t,v_000\n0,1\n", "line 1: the header names 't'"),
+    ("v_000,v_002\n1,2\n", "line 1: the header names 'v_002' where reading 1"),
+    ("v_000,v_000\n1,2\n", "line 1: the header names 'v_000' where reading 1"),
+    ("touch,touch,v_000\na,b,2\n", "twice"),
+    ("v_000,v_001\n1,2\n3\n", "line 3: 1 columns, expected 2"),
+    ("v_000,v_001\n1,2\n3,inf\n", "line 3: reading 1 is 'inf'"),
+    ("v_000,v_001\n1,nan\n", "line 2: reading 1 is 'nan'"),
+    ("v_000,v_001\n1,x\n", "line 2: reading 1 is 'x'.*leave the cell empty"),
+    ("index,v_000\n,1\n", "line 2: index is ''"),
+    ("index,v_000\n0.5,1\n", "line 2: index must hold whole numbers"),
+    ("index,v_000\n2,1\n1,1\n", "line 3: index goes back to 1; sort the rows"),
+    ("time_s,v_000\n2,1\n1,1\n", "line 3: time_s goes back"),
+], ids=lambda text: repr(text)[:30])
+def test_what_is_no_recording_is_refused_by_line(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(InputFileError, match=words):
+        read_recording(written(tmp_path, text))
+
+
+def test_another_number_of_readings_than_the_drive_makes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match=r"line 2: 2 readings a frame, and the sensor's drive makes 208"):
+        read_recording(written(tmp_path, "v_000,v_001\n1,2\n"), readings=208)
+
+
+def test_an_unknown_kind_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="'current' is unknown; known: voltage, magnitude, difference"):
+        read_recording(written(tmp_path, "1,2\n"), kind="current")
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="recordings of real sensors are not here")
+@pytest.mark.parametrize(("name", "kind", "frames", "readings", "untouched"), [
+    ("hydrogel", "magnitude", 700, 192, 350), ("skin_carbon", "difference", 2000, 192, 0),
+    ("skin_plain", "difference", 2000, 192, 0), ("skin_radial", "difference", 2000, 192, 0),
+    ("tank", "voltage", 3, 2356, 1)])
+def test_recordings_of_real_sensors_are_read(name: str, kind: str, frames: int, readings: int, untouched: int) -> None:
+    sensor = read_sensor(REAL / name / "sensor.toml")
+    found = read_recording(REAL / name / "frames.csv", kind=sensor.kind, readings=len(pairs_of(sensor)))
+    assert (sensor.kind, found.readings.shape) == (kind, (frames, readings))
+    assert found.untouched.sum() == untouched
+    assert np.isfinite(found.readings).all()
