@@ -69,14 +69,19 @@ def test_fields_of_electrodes_are_the_derivatives_of_their_power_series(ring: Ri
 
 
 def test_slopes_of_the_basis_are_differences(ring: Ring) -> None:
-    q, z, h = 1 + 0.1 * np.random.default_rng(1).normal(size=20), np.array([0.3 - 0.5j, 0.1 + 0.2j]), 1e-6
+    q, z, h = 1 + 0.1 * np.random.default_rng(1).normal(size=20), np.array([0.3 - 0.5j, 0.1 + 0.2j, 0.2 - 0.3j]), 1e-6
 
     def at(moved: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
         fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
-        return list(multipole_series.basis_and_slopes(ring, fields))
+        return list(multipole_series.handed_over(moved, (0.33, 0.40), *multipole_series.basis_and_slopes(ring, fields)))
 
     here, by_x, by_y = at(z)
-    np.testing.assert_allclose(here, multipole_series.basis(*multipole_series.patterns(ring, q, z)), rtol=1e-12)
+    whole = multipole_series.basis(*multipole_series.patterns(ring, q, z))
+    lower, higher = np.split(here / whole, [multipole_series.NEAR_RIM], axis=2)
+    np.testing.assert_allclose(lower, 1.0, rtol=1e-12)
+    t = (np.hypot(0.2, 0.3) - 0.33) / (0.40 - 0.33)
+    kept = np.array([0.0, 1.0, 1 - t**2 * (3 - 2 * t)])
+    np.testing.assert_allclose(higher, np.broadcast_to(kept[:, None, None], higher.shape), atol=1e-12)
     for slope, way in ((by_x, h), (by_y, 1j * h)):
         np.testing.assert_allclose(slope, (at(z + way)[0] - at(z - way)[0]) / (2 * h), atol=1e-6 * np.abs(slope).max())
 
@@ -117,7 +122,7 @@ def noisy(ring: Ring) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDAr
     rng = np.random.default_rng(4)
     z = 0.4 * (rng.normal(size=12) + 1j * rng.normal(size=12)) / 2
     q = ring.modes * (1 + 0.2 * np.sin(np.arange(len(ring.modes))))
-    signal = multipole_series.combined(multipole_series.basis(*multipole_series.patterns(ring, q, z)),
+    signal = multipole_series.combined(multipole_series.basis(*multipole_series.patterns(ring, q, z, 3)),
                                        rng.uniform(0.5, 1, (12, 3)) * [1, 0.1, 0.01])
     return z, q, signal / np.linalg.norm(signal, axis=1, keepdims=True)
 
