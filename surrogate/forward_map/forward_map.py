@@ -17,6 +17,7 @@ from surrogate.forward_map import (
     strength_size,
 )
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
+from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection
 from surrogate.forward_map.simulator_error import SimulatorError
 from surrogate.forward_map.strength_size import Size
@@ -44,8 +45,10 @@ class ForwardMap:
     size: Size  # positive size of the strengths over F, V/N
     strengths: tuple[GaussianProcess, ...]  # p_n over the size and F, n = 1 ...
     beside: FittedCorrection  # what the rim adds, and the error there
+    handover: Array  # (2,) radii over the disc's between which the high orders of the series end
     p0: float  # pressure p0 of the load g, N/mm^2
-    floor: float  # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
+    floor: float  # standard deviation of what the series leaves in the interior, a reading, over the size of the signal
+    shift_mm: float  # standard deviation of the place, along x or y, by what the series leaves in the interior
     mean: Array  # (4,) mean of the training touches in (x, y, log d, g), mm and N
     sd: Array  # (4,) their standard deviation
     # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
@@ -66,8 +69,8 @@ class ForwardMap:
 
     @property
     def own(self) -> int:
-        """Standard normal unknowns of the map's own error: one a strength, and that of the simulator."""
-        return len(self.strengths) + 1
+        """Standard normal unknowns of the map's own error: one a strength, the simulator's, and two of the place."""
+        return len(self.strengths) + 3
 
     @property
     def discrepancies(self) -> int:
@@ -82,7 +85,8 @@ class Linearised:
     signal_V: Array  # (n, readings) signal, V
     jacobian: Array  # (n, readings, 4) derivative, V per unit of each
     # (n, readings, discrepancies) derivative along each strength times that strength's standard deviation, along the
-    # signal times the simulator's relative error, then along each state of the material, V
+    # signal times the simulator's relative error, by x and y times the shift of the series, then along each state of
+    # the material, V
     discrepancy: Array
 
 
@@ -104,8 +108,9 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     # those within the interior, or the innermost where these are few
     inner = np.abs(z) <= max(INTERIOR, float(np.sort(np.abs(z))[MIN_ROWS - 1]))
     inputs = _inputs(ring, unknown[inner], material[inner])
-    field, size, processes, floor = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
-    series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring), p0, floor, unknown.mean(0),
+    field, size, processes, floor, shift = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
+    series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
+                        np.array(rim_zone.ZONE), p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch),
                         simulator_error.learned_from(gap(ring, unknown), simulator))
     return _with_rim(series, z, unknown, signal_V, material)
@@ -113,14 +118,14 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
               material: Array) -> ForwardMap:
-    fields = multipole_series.fields_at(series.series, z)
-    base = multipole_series.handed_over(
-        z, rim_zone.ZONE, *multipole_series.basis_and_slopes(series.ring, fields))[0]
+    base = series_basis(series, multipole_series.fields_at(series.series, z), z)[0]
     found = _strengths(series, unknown, material)
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
-                               found.size * np.linalg.norm(base[..., 0], axis=1), np.linalg.norm(signal_V, axis=1))
-    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows))
+                               found.size * np.linalg.norm(base[..., 0], axis=1))
+    beside = rim_correction.fit(series.ring, series.field, rows)
+    taught = electrode_correction.teaches(beside.rim)
+    return replace(series, beside=beside, handover=series.handover if taught else np.array(rim_zone.UNTAUGHT))
 
 
 def gap(ring: Ring, unknown: Array) -> Array:
@@ -129,22 +134,31 @@ def gap(ring: Ring, unknown: Array) -> Array:
 
 
 def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
-            signal_V: Array) -> tuple[Array, Size, tuple[GaussianProcess, ...], float]:
+            signal_V: Array) -> tuple[Array, Size, tuple[GaussianProcess, ...], float, float]:
     field = multipole_series.learn_field(ring, z, signal_V)
     found = multipole_series.strengths(ring, field, z, signal_V)
-    norm = np.linalg.norm(signal_V, axis=1)
-    size = strength_size.fit(inputs, norm / found.dipole / force_N)
+    size = strength_size.fit(inputs, np.linalg.norm(signal_V, axis=1) / found.dipole / force_N)
     over = strength_size.at(size, inputs)[0] * force_N
     processes = [gaussian_process.fit(inputs, found.value[:, 0] / over)]
     processes += [gaussian_process.fit(inputs, found.value[:, n] / over, found.variance[:, n] / over**2)
                   for n in range(1, multipole_series.ORDERS)]
-    freedom = signal_V.shape[1] - multipole_series.ORDERS
-    floor = np.sqrt(np.mean((np.linalg.norm(found.residual, axis=1) / norm) ** 2) / freedom)
-    return field, size, tuple(processes), max(float(floor), MIN_NOISE_FLOOR)
+    return field, size, tuple(processes), *_left(ring, field, z, found, over)
+
+
+def _left(ring: Ring, field: Array, z: Complex, found: Strengths, size: Array) -> tuple[float, float]:
+    """What strengths at z (n,) leave of the signals: its standard deviation, a reading, over their sizes, and that of
+    the shift of the place, mm, that explains most of it."""
+    fields = multipole_series.electrode_fields(ring, field, z, multipole_series.ORDERS + 1)
+    base, *slopes = multipole_series.basis_and_slopes(ring, fields)
+    moved = np.stack([multipole_series.combined(by, found.value) for by in slopes], axis=2) / ring.radius_mm
+    shift = (np.linalg.pinv(np.concatenate([base, moved], axis=2)) @ found.residual[..., None])[:, -2:, 0]
+    left = found.residual / (size * found.dipole)[:, None]
+    return float(np.sqrt(np.mean(left**2) * left.shape[1] / (left.shape[1] - multipole_series.ORDERS))), float(
+        np.sqrt(np.mean(shift**2)))
 
 
 def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
-    """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at touches (n, 4) given as
+    """(n,) standard deviation of the map's error, a reading, over the size of the signal, at touches (n, 4) given as
     (x, y, log d, g); as large as it counts among readings that are taken for independent ones."""
     floor = np.full(len(unknown), forward.floor)
     near = electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown))
@@ -152,6 +166,13 @@ def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
         error = rim_covariance.size_at(forward.beside.error, gap(forward.ring, unknown[near]), unknown[near, 3])
         floor[near] = np.maximum(floor[near], error / np.sqrt(forward.beside.rim.directions.shape[2]))
     return floor * np.sqrt(forward.ring.copies)
+
+
+def signal_size(forward: ForwardMap, unknown: Array) -> Array:
+    """(n,) norm, V, of all readings of the ring by a dipole of the size of the strengths, at touches (n, 4) given as
+    (x, y, log d, g): that of the signal, but for strengths that vanish."""
+    drive, read = multipole_series.patterns(forward.beside.rim.whole, forward.field, place(forward.ring, unknown), 1)
+    return _strengths(forward, unknown).size * np.linalg.norm((drive * read.conj()).real[0], axis=1)
 
 
 def extent(touch: Array) -> Array:
@@ -189,16 +210,15 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
         by_card[near] += added[..., None] * found.size_by_card
     along = base * (found.size[:, None] * sd)[:, None]
     scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
-    return Linearised(signal, jacobian, np.concatenate([along, (signal * scale[:, None])[..., None], by_card], axis=2))
+    shift = jacobian[..., :2] * (forward.shift_mm * (1 - rim_zone.part_at(z, forward.handover)))[:, None, None]
+    whole = (signal * scale[:, None])[..., None]
+    return Linearised(signal, jacobian, np.concatenate([along, whole, shift, by_card], axis=2))
 
 
 def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Array, Array, Array]:
     """The basis of the series and its slopes by x and y over the radius, as `multipole_series.basis_and_slopes`, where
-    electrodes have these derivatives of their fields at z (n,); high orders end where what is learned of the rim sets
-    in."""
-    found = multipole_series.basis_and_slopes(forward.ring, fields)
-    zone = rim_zone.ZONE if electrode_correction.teaches(forward.beside.rim) else rim_zone.UNTAUGHT
-    return multipole_series.handed_over(z, zone, *found)
+    electrodes have these derivatives of their fields at z (n,); its high orders end within the handover."""
+    return multipole_series.handed_over(z, forward.handover, *multipole_series.basis_and_slopes(forward.ring, fields))
 
 
 def strengths(forward: ForwardMap, unknown: Array) -> Array:

@@ -65,7 +65,7 @@ def basis_and_slopes(ring: Ring, fields: Complex) -> tuple[Array, Array, Array]:
     return basis(drive[:-1], read[:-1]), np.moveaxis(by_x, 0, -1), np.moveaxis(by_y, 0, -1)
 
 
-def handed_over(z: Complex, zone: tuple[float, float], base: Array, by_x: Array,
+def handed_over(z: Complex, zone: Array, base: Array, by_x: Array,
                 by_y: Array) -> tuple[Array, Array, Array]:
     """A basis and its slopes at z (n,) whose orders above NEAR_RIM end within a zone of radii over the disc's."""
     part, slope = np.ones((len(z), 1, ORDERS)), np.zeros((2, len(z), 1, ORDERS))

@@ -46,17 +46,17 @@ def zero_correction() -> SharedProcess:
 
 
 def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, strength: Array,
-        norm: Array) -> SharedProcess:
+        size: Array) -> SharedProcess:
     """Learn the coefficients from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves
-    (n, readings) of signals of these norms (n,), and the size of the strengths (n,)."""
+    (n, readings) of signals of these sizes (n,), and that of the strengths (n,)."""
     near = near_rim(z, MAX_ROWS)
     half = half_width(ring, punch[near, 0])
     fields = multipole_series.electrode_fields(ring, field, z[near], ORDERS + 1)
-    design = _design(ring, fields, z[near], half) * (strength[near] / half**2 / norm[near])[:, None, None]
+    design = _design(ring, fields, z[near], half) * (strength[near] / half**2 / size[near])[:, None, None]
     inputs = _inputs(z[near], punch[near], side[near], half)
     spread = np.std(inputs[:, :len(LENGTHS)], axis=0)
     lengths = np.append(LENGTHS * np.where(spread > 1e-6, spread, 1.0), STEP)
-    return coefficient_process.fit(inputs, design, left[near] / norm[near, None], lengths, order=inputs[:, 2])
+    return coefficient_process.fit(inputs, design, left[near] / size[near, None], lengths, order=inputs[:, 2])
 
 
 def near_rim(z: Complex, most: int) -> Index:

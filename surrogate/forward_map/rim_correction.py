@@ -28,7 +28,6 @@ class Rows:
     left: Array  # (n, readings) what the series leaves, V
     strength: Array  # (n,) size of the strengths, V
     size: Array  # (n,) norm of the signal of a dipole of that strength, V
-    norm: Array  # (n,) norm of the whole signal, V
 
     def some(self, kept: Mask) -> Rows:
         """Those that are kept."""
@@ -87,7 +86,7 @@ def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> 
 
 
 def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: Index) -> Array:
-    """(n, readings) errors of the signals, over their norms, by what the rows of the other parts (n,) teach, as far as
+    """(n, readings) errors of the signals, over their sizes, by what the rows of the other parts (n,) teach, as far as
     it counts."""
     out = np.empty_like(near.left)
     for k in range(FOLDS):
@@ -96,7 +95,7 @@ def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool,
         effect = electrode_correction.effect(rim, ring, asked.z, asked.punch, change_point.side(asked.gap, where))
         left = _leaves(ring, field, asked, answer, where) - effect.value * asked.size[:, None]
         left = asked.left + rim_zone.part_at(asked.z)[:, None] * (left - asked.left)
-        out[part == k] = left / asked.norm[:, None]
+        out[part == k] = left / asked.size[:, None]
     return out
 
 
@@ -105,7 +104,7 @@ def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -
     if not answers:
         return polarization.zero_correction(), near.left
     side = change_point.side(near.gap, where)
-    answer = polarization.fit(ring, field, near.z, near.punch, side, near.left, near.strength, near.norm)
+    answer = polarization.fit(ring, field, near.z, near.punch, side, near.left, near.strength, near.size)
     return answer, _leaves(ring, field, near, answer, where)
 
 

@@ -10,13 +10,13 @@ ZONE = FROM, FULL = 0.33, 0.40
 UNTAUGHT = 0.50, 0.70
 
 
-def part_at(z: Complex, zone: tuple[float, float] = ZONE) -> Array:
+def part_at(z: Complex, zone: Array | tuple[float, float] = ZONE) -> Array:
     """(n,) the rim's share at places z (n,) over the disc's radius."""
     t = np.clip((np.abs(z) - zone[0]) / (zone[1] - zone[0]), 0, 1)
     return t**2 * (3 - 2 * t)
 
 
-def part_slope(z: Complex, zone: tuple[float, float] = ZONE) -> Array:
+def part_slope(z: Complex, zone: Array | tuple[float, float] = ZONE) -> Array:
     """(n, 2) derivatives of that share by x and y over the radius."""
     radius = np.abs(z)
     t = np.clip((radius - zone[0]) / (zone[1] - zone[0]), 0, 1)

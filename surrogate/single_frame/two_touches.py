@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.forward_map import multipole_series
-from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor
+from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor, signal_size
 from surrogate.forward_map.forward_map import place as scaled_place
 from surrogate.forward_map.inversion.diameter_force_posterior import make_table
 from surrogate.forward_map.inversion.multipole_location import on_range, spiral
@@ -99,8 +99,7 @@ def _error(forward: ForwardMap, state: Array) -> Array:
     """(n,) 2-norm of what the map, and of pairs superposition, miss of the signal, V."""
     unknown = _unknown(forward, state)
     signal = linearise(forward, unknown).signal_V
-    own = noise_floor(forward, unknown) * np.linalg.norm(signal, axis=1)
-    own = own * np.sqrt(signal.shape[1])
+    own = noise_floor(forward, unknown) * signal_size(forward, unknown) * np.sqrt(signal.shape[1])
     own = np.sqrt(np.sum(own.reshape(len(state), -1) ** 2, axis=1))
     if state.shape[1] == 4:
         return own

@@ -1,9 +1,9 @@
 """Touches from readings: Levenberg-Marquardt on the learned forward map, many frames at once, with covariance.
 
-Unknowns are (x, y, log d, load g), one standard normal discrepancy for each multipole strength and one for the
-simulator, so the map's own error is marginalised. The training touches give a Gaussian prior. Punches of different d
-and F may have nearly one signal, on a curved ridge with several branches: the start is sought over all of them, and
-away from the rim d and F are those of the whole posterior, `diameter_force_posterior`, instead of its peak.
+Unknowns are (x, y, log d, load g), one standard normal discrepancy for each multipole strength, one for the simulator
+and two for the place, so the map's own error is marginalised. The training touches give a Gaussian prior. Punches of
+different d and F may have nearly one signal, on a curved ridge with several branches: the start is sought over all of
+them, and away from the rim d and F are those of the whole posterior, `diameter_force_posterior`, instead of its peak.
 """
 
 from dataclasses import dataclass, replace
@@ -18,6 +18,7 @@ from surrogate.forward_map.forward_map import (
     linearise,
     noise_floor,
     place,
+    signal_size,
     strength_discrepancy,
 )
 from surrogate.forward_map.inversion import known_diameters, reading_covariance
@@ -81,14 +82,15 @@ class Inversion:
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
-    size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
-    located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
+    norm = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
+    located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * norm))
     punches = posterior(make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
-    usual = noise_floor(forward, near) * size
+    usual = noise_floor(forward, near) * norm
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
                      _starts(forward, signal, located, punches), SHORT)
     start = _unknown(forward, _best(short, len(signal), 1).state)
+    size = signal_size(forward, start)
     floor = noise_floor(forward, start) * size
     sd = reading_covariance.at(forward, start, size, noise_V)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)

@@ -73,7 +73,8 @@ def test_slopes_of_the_basis_are_differences(ring: Ring) -> None:
 
     def at(moved: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
         fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
-        return list(multipole_series.handed_over(moved, (0.33, 0.40), *multipole_series.basis_and_slopes(ring, fields)))
+        found = multipole_series.basis_and_slopes(ring, fields)
+        return list(multipole_series.handed_over(moved, np.array([0.33, 0.40]), *found))
 
     here, by_x, by_y = at(z)
     whole = multipole_series.basis(*multipole_series.patterns(ring, q, z))
