@@ -83,7 +83,8 @@ class Inversion:
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
     norm = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
-    located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * norm))
+    interior = forward.floor * np.sqrt(forward.ring.copies)
+    located = locate(forward, signal, np.hypot(noise_V, interior * norm))
     punches = posterior(make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
     usual = noise_floor(forward, near) * norm
@@ -96,6 +97,9 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversio
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
     found = _bounded(forward, _inversion(forward, free, punches, noise_V))
+    # the signals whose size is not their norm, as where the dipole vanishes, are less sure than foreseen
+    less = np.hypot(noise_V, interior * norm) / np.hypot(noise_V, interior * size)
+    located = replace(located, precision=located.precision * (less**2)[:, None, None])
     found = _without_rim(forward, signal, found, located, np.hypot(noise_V, floor))
     rest = np.flatnonzero(~found.broad)
     if len(forward.known_mm) and len(rest):
@@ -189,19 +193,17 @@ def _inside(forward: ForwardMap, touch: Array) -> Mask:
 
 def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array) -> Inversion:
     """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak."""
-    unknown = to_unknown(found.touch, forward.p0)
-    near, usable = electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)), found.broad
-    if not np.any(near):
-        return replace(found, broad=usable & resolved(found.punches))
-    series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
-    added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
-    usable = usable.copy()
-    usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
-    again = locate(forward, signal[near] - added, sd[near])
-    merged = Located(located.place_mm.copy(), located.strengths.copy(), located.precision.copy())
-    merged.place_mm[near], merged.strengths[near], merged.precision[near] = (
-        again.place_mm, again.strengths, again.precision)
-    punches = posterior(make_table(forward), merged)
+    unknown, usable = to_unknown(found.touch, forward.p0), found.broad.copy()
+    near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)))
+    if len(near):
+        series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
+        added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
+        usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
+        again = locate(forward, signal[near] - added, sd[near])
+        located = Located(located.place_mm.copy(), located.strengths.copy(), located.precision.copy())
+        located.place_mm[near], located.strengths[near], located.precision[near] = (
+            again.place_mm, again.strengths, again.precision)
+    punches = posterior(make_table(forward), located)
     return replace(found, punches=punches, broad=usable & resolved(punches))
 
 
