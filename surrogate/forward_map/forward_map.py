@@ -218,7 +218,7 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
 def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Array, Array, Array]:
     """The basis of the series and its slopes by x and y over the radius, as `multipole_series.basis_and_slopes`, where
     electrodes have these derivatives of their fields at z (n,); its high orders end within the handover."""
-    return multipole_series.handed_over(z, forward.handover, *multipole_series.basis_and_slopes(forward.ring, fields))
+    return rim_zone.handed_over(z, forward.handover, *multipole_series.basis_and_slopes(forward.ring, fields))
 
 
 def strengths(forward: ForwardMap, unknown: Array) -> Array:

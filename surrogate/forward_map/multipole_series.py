@@ -14,12 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.rim_zone import part_at, part_slope
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Complex
 
-# Angular orders of the series, and those of them that count near the rim, too, where higher ones grow without bound.
-ORDERS, NEAR_RIM = 5, 3
+ORDERS = 5  # angular orders of the series
 PRIOR_SD = 0.1  # spread of q_m about the foreseen ones that is believed before any data
 # How many times less than the foreseen field a learned one must leave of the signals: a series that lacks something
 # else bends the field to make up for it, and is then wrong elsewhere.
@@ -63,15 +61,6 @@ def basis_and_slopes(ring: Ring, fields: Complex) -> tuple[Array, Array, Array]:
     along, against = drive[1:] * read[:-1].conj(), drive[:-1] * read[1:].conj()
     by_x, by_y = (along + against).real, (1j * (along - against)).real
     return basis(drive[:-1], read[:-1]), np.moveaxis(by_x, 0, -1), np.moveaxis(by_y, 0, -1)
-
-
-def handed_over(z: Complex, zone: Array, base: Array, by_x: Array,
-                by_y: Array) -> tuple[Array, Array, Array]:
-    """A basis and its slopes at z (n,) whose orders above NEAR_RIM end within a zone of radii over the disc's."""
-    part, slope = np.ones((len(z), 1, ORDERS)), np.zeros((2, len(z), 1, ORDERS))
-    part[..., NEAR_RIM:] -= part_at(z, zone)[:, None, None]
-    slope[..., NEAR_RIM:] -= part_slope(z, zone).T[..., None, None]
-    return base * part, by_x * part + base * slope[0], by_y * part + base * slope[1]
 
 
 def combined(design: Array, strength: Array) -> Array:
