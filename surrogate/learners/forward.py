@@ -44,7 +44,7 @@ class TouchInversion(Learner):
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
         response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
-        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rms(rows.signal_sd)), response,
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd), response,
                    np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
@@ -58,7 +58,7 @@ class TouchInversion(Learner):
         """Modes of the series, relative errors of a reading in the interior and of the simulator's signals, and states
         of the material."""
         return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
-                "simulator_error": self.forward.simulator, "material_states": self.forward.materials}
+                "simulator_error": rms(self.forward.simulator.sd), "material_states": self.forward.materials}
 
     def amplitude(self) -> dict[str, Any]:
         """The signal over force for each diameter."""

@@ -136,7 +136,7 @@ def test_every_figure_of_the_networks_is_drawn(tmp_path: Path, read_pdf: Reader)
         assert list((tmp_path / "paper_files").glob(f"figure_{figure}*.png"))
     for words in ("Force, predicted (N)", "Contact area, predicted (mm²)", "/r, predicted (–)", "20 hidden units",
                   "Networks next to the paper", "learned from 20 rows in at most 60 steps",
-                  "Amplitude: size of the signal", "it is largest at 0.50 N",
+                  "Amplitude: size of the signal", "it has a top at 0.50 N",
                   "paper networks networks, full forward map forward map, full",
                   "8 of 8 networks stopped at 60 steps", "Stale: networks"):
         assert words in text, words
