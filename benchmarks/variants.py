@@ -13,7 +13,7 @@ and changes how it is learned: hidden units, scaling of readings, contact areas 
 A row each variant and output: RMSE of training and of unseen rows and the paper's, and the second singular value of
 the signals over the first, which tells how much they carry besides one number. All data are synthetic. Strains and
 coatings that scenes have no word for take the place of the skin's rule in this process alone. Writes
-results/variants.csv after each variant; rows of the stages that are not asked for stay.
+results/variants.csv after each variant; rows that are not measured again stay.
 """
 
 import argparse
@@ -205,15 +205,15 @@ def main() -> None:
     asked = parser.parse_args()
     named = {variant.name: variant for variant in VARIANTS}
     before = earlier("variants")
-    rows: list[dict[str, object]] = [] if before.empty else [
-        row for row in before.to_dict("records") if row["stage"] not in asked.stage]
+    rows: list[dict[str, object]] = [] if before.empty else before.to_dict("records")
 
     def swept(stage: str, name: str, ways: tuple[Way, ...] = (PAPERS,)) -> None:
         scenes, within_mm, steps = (SCREENED, NEAR_MM, SCREEN_STEPS) if stage == "screen" else (
             asked.scenes, asked.within, asked.epochs)
         samples = samples_of(asked.card, named[name], scenes, within_mm)
         for way in ways:
-            rows.extend(scored(stage, name, samples, within_mm, steps, way))
+            found = list(scored(stage, name, samples, within_mm, steps, way))
+            rows[:] = [row for row in rows if (row["stage"], row["variant"]) != (stage, found[0]["variant"])] + found
             shown(written(rows, "variants"))
 
     if "screen" in asked.stage:

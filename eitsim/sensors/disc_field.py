@@ -40,8 +40,8 @@ def disc_points(rings: int = 10, around: int = 48) -> tuple[Array, Array]:
 
 
 def pair_fields(ends: Index, count: int, points: Array) -> Array:
-    """(pairs, n) fields, as complex numbers, of 1 A from ends[:, 0] to ends[:, 1] (-1: spread evenly over the rim, which
-    has none)."""
+    """(pairs, n) fields, as complex numbers, of 1 A from ends[:, 0] to ends[:, 1]; -1 is the mean of all electrodes,
+    which has none."""
     place = np.exp(2j * np.pi * np.arange(count) / count)
     single = np.vstack([1 / np.conj(points[None, :] - place[:, None]), np.zeros(points.size)]) / np.pi
     return single[ends[:, 0]] - single[ends[:, 1]]

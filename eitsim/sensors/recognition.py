@@ -1,4 +1,4 @@
-"""Which order of readings a frame follows: every one is compared with a homogeneous disc, the nearest with imperfect ones.
+"""Which order of readings a frame follows: each is compared with a homogeneous disc, the nearest with imperfect ones.
 
 A symmetric disc cannot tell orders that differ by a turn or a mirror of some patterns. Imperfections of a real one can:
 displaced electrodes, an uneven sheet and unequal channels make the same few numbers of a wrong order a worse account.
@@ -6,7 +6,7 @@ The marginal likelihood of a linear model with Gaussian imperfections counts tha
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -51,14 +51,15 @@ class Account:
     unexplained: float  # 2-norm of what an imperfect disc misses over that of the frame; NaN where none is fitted
 
 
-def orders_of_conventions(readings: int, counts: Iterable[int]) -> list[Order]:
+@lru_cache(maxsize=2)
+def orders_of_conventions(readings: int, counts: tuple[int, ...]) -> tuple[Order, ...]:
     """Every order of that many readings that a convention makes, once."""
     found: dict[tuple[int, bytes], Order] = {}
     for count in counts:
         for one in conventions(readings, count):
             pairs = one.pairs()
             found.setdefault((count, pairs.tobytes()), Order(count, pairs, one))
-    return list(found.values())
+    return tuple(found.values())
 
 
 def orders_of_sensor(pairs: Index, count: int) -> list[Order]:
@@ -67,14 +68,14 @@ def orders_of_sensor(pairs: Index, count: int) -> list[Order]:
             for way in (1, -1) for turn in range(count)]
 
 
-def accounts(profile: Array, orders: Sequence[Order], *, signed: bool, touched: bool = False) -> list[Account]:
-    """The orders that may have made a frame (readings,), the likeliest first, one of each set that no ring can tell.
+def accounts(profile: Array, orders: Sequence[Order], *, signed: bool) -> list[Account]:
+    """The orders that may have made an untouched frame (readings,), the likeliest first, one of each set that no ring
+    can tell.
 
-    signed: whether readings have a sign; touched: whether the profile is the median size of many touches' signals
-    instead of an untouched frame. NaN is a dead channel.
+    signed: whether readings have a sign. NaN is a dead channel.
     """
     profile = profile / np.sqrt(np.nanmean(profile**2))
-    losses, signs = _compared(profile, orders, signed, touched)
+    losses, signs = _compared(profile, orders, signed)
     ranked = [k for k in np.argsort(losses, kind="stable")[:_MOST_NEAR]
               if losses[k] < losses.min() + _NEAR * len(profile)]
     classes: dict[tuple[int, bytes], int] = {}
@@ -82,16 +83,22 @@ def accounts(profile: Array, orders: Sequence[Order], *, signed: bool, touched: 
         classes.setdefault((orders[k].count, canonical(orders[k].pairs, orders[k].count, signed)), int(k))
         if len(classes) == _MOST:
             break
-    made = [Account(orders[k], int(signs[k]), -losses[k], np.nan) if touched else
-            _account(profile, orders[k], int(signs[k])) for k in classes.values()]
+    made = [_account(profile, orders[k], int(signs[k])) for k in classes.values()]
     return sorted(made, key=lambda one: -one.log_likelihood)
 
 
 def account_of(profile: Array, order: Order, *, signed: bool) -> Account:
     """One order's account of a frame (readings,)."""
     profile = profile / np.sqrt(np.nanmean(profile**2))
-    _, signs = _compared(profile, [order], signed, False)
+    _, signs = _compared(profile, [order], signed)
     return _account(profile, order, int(signs[0]))
+
+
+def exchanged(order: Order, one: int, other: int) -> Order:
+    """An order whose leads of two electrodes are exchanged."""
+    leads = np.arange(-1, order.count)
+    leads[[one + 1, other + 1]] = other, one
+    return replace(order, pairs=leads[order.pairs + 1])
 
 
 def canonical(pairs: Index, count: int, signed: bool) -> bytes:
@@ -105,56 +112,48 @@ def canonical(pairs: Index, count: int, signed: bool) -> bytes:
     return min(found)
 
 
-def _compared(profile: Array, orders: Sequence[Order], signed: bool, touched: bool) -> tuple[Array, Index]:
+def _compared(profile: Array, orders: Sequence[Order], signed: bool) -> tuple[Array, Index]:
     """Loss (minus log likelihood) and sign of each order, at the best of some even discs."""
     losses, signs = np.full(len(orders), np.inf), np.zeros(len(orders), dtype=np.intp)
     groups: dict[tuple[int, int, bool], list[int]] = {}
     for k, one in enumerate(orders):
         step = one.convention.step if one.convention else 0
-        groups.setdefault((one.count, step, _driven(one.pairs)), []).append(k)
-    for (count, step, driven), members in groups.items():
+        groups.setdefault((one.count, step, driven(one.pairs)), []).append(k)
+    for (count, step, on_driven), members in groups.items():
         pairs = np.array([orders[k].pairs for k in members])
-        for model in _models(pairs, count, step, driven, touched):
+        for model in _models(pairs, count, step, on_driven):
             loss, sign = _loss(profile, model, signed)
             signs[members] = np.where(loss < losses[members], sign, signs[members])
             losses[members] = np.minimum(loss, losses[members])
     return losses, signs
 
 
-def _driven(pairs: Index) -> bool:
+def driven(pairs: Index) -> bool:
     """Whether a reading includes an electrode that carries current."""
     return bool((pairs[:, :2, None] == pairs[:, None, 2:]).any())
 
 
-def _models(pairs: Index, count: int, step: int, driven: bool, touched: bool) -> Iterable[Array]:
+def _models(pairs: Index, count: int, step: int, on_driven: bool) -> Iterable[Array]:
     """(orders, readings) of several discs; all orders drive to `step`, 0 where the drives of one differ."""
     if not step:
         flat = pairs.reshape(-1, 4)
-        yield from (predicted(flat, kernel).reshape(pairs.shape[:2]) for kernel in _kernels(count, driven))
+        yield from (predicted(flat, kernel).reshape(pairs.shape[:2]) for kernel in _kernels(count, on_driven))
         return
     source, _, plus, minus = np.moveaxis(pairs, -1, 0)
     to_plus, to_minus = (plus - source) % count, np.where(minus == MEAN, count, (minus - source) % count)
-    yield from (table[to_plus, to_minus] for table in _tables(count, step, driven, touched))
+    yield from (table[to_plus, to_minus] for table in _tables(count, step, on_driven))
 
 
-def _kernels(count: int, driven: bool) -> list[Array]:
-    return [ring_kernel(count, _WIDTH, contact) for contact in _CONTACTS] if driven else [
+def _kernels(count: int, on_driven: bool) -> list[Array]:
+    return [ring_kernel(count, _WIDTH, contact) for contact in _CONTACTS] if on_driven else [
         ring_kernel(count, width) for width in _WIDTHS]
 
 
 @lru_cache(maxsize=64)
-def _tables(count: int, step: int, driven: bool, touched: bool) -> tuple[Array, ...]:
+def _tables(count: int, step: int, on_driven: bool) -> tuple[Array, ...]:
     """(count, count + 1) readings by the electrodes from the source to plus and to minus (count: the mean of all), of a
-    drive to `step`, for several discs: of an untouched one, or the r.m.s. signal of touches all over it."""
-    if touched:
-        points, area = disc_points()
-        drive = pair_fields(np.array([[0, step]]), count, points)
-        single = pair_fields(np.column_stack([np.arange(count), np.full(count, MEAN)]), count, points)
-        product = np.vstack([np.real(np.conj(drive) * single), np.zeros(points.size)])
-        gram = (product * area) @ product.T
-        own = np.diagonal(gram)
-        return (np.sqrt(np.maximum(own[:-1, None] + own - 2 * gram[:-1], 0)),)
-    potentials = [np.append(kernel - np.roll(kernel, step), 0.0) for kernel in _kernels(count, driven)]
+    drive to `step`, for several discs."""
+    potentials = [np.append(kernel - np.roll(kernel, step), 0.0) for kernel in _kernels(count, on_driven)]
     return tuple(potential[:-1, None] - potential for potential in potentials)
 
 
@@ -188,9 +187,9 @@ def _account(profile: Array, order: Order, sign: int) -> Account:
 
 
 def _evidence(value: Array, gram: Array, along: Array, weight: Array) -> tuple[float, float]:
-    """Logarithm of the marginal likelihood of a linear model with normal coefficients, whose standard deviations are the
-    weights (q,), at the best of _NOISES, and the part of the value that it leaves there; gram (q, q) and along (q,) are
-    the products of its columns with each other and with the value."""
+    """Logarithm of the marginal likelihood of a linear model with normal coefficients, whose standard deviations are
+    the weights (q,), at the best of _NOISES, and the part of the value that it leaves there; gram (q, q) and along (q,)
+    are the products of its columns with each other and with the value."""
     size, turn = np.linalg.eigh(weight[:, None] * gram * weight)
     kept = size > 1e-12 * size[-1]
     size, total = size[kept], float(value @ value)

@@ -89,7 +89,7 @@ def amplitude(run: Run) -> Section:
     if found is None or not (own := found[1].get("amplitude")):
         return Section("A", title, "", "", "", (FORWARD,), missing="Not there: no forward map was trained or scored.")
     turned = [one for one in own["diameters"] if one["peak_N"] is not None]
-    numbers = tuple(Number(f"force of the largest signal, punch of {number(one['d_mm'])} mm", "N", one["peak_N"])
+    numbers = tuple(Number(f"force of the signal's first top, punch of {number(one['d_mm'])} mm", "N", one["peak_N"])
                     for one in turned)
     differs = ("" if not turned else
                f"Under {len(turned)} of {len(own['diameters'])} diameters the signal turns back within the paper's "

@@ -32,7 +32,7 @@ class Setting:
     epochs: int  # most steps of the paper's networks
 
 
-# what a quick run takes where nothing is kept, as Makefile, README and the command's help say
+# what a quick run takes where nothing is kept, as Makefile, docs and the command's help say
 COST = "seven CPU minutes, within five minutes on two idle cores"
 QUICK, FULL = Setting("quick", 200, 60), Setting("full", 4000, 100)
 

@@ -1,4 +1,4 @@
-"""The signal's amplitude over force, one line a diameter, with the forces where it is largest."""
+"""The signal's amplitude over force, one line a diameter, with the forces of its tops."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +23,7 @@ def plate(found: Mapping[str, Any]) -> ReportFigure:
         axes.annotate(f"{number(one['d_mm'])} mm", (force[-1], rms[-1]), (3, 0), textcoords="offset points",
                       va="center")
         if one["peak_N"] is not None:
-            axes.plot(one["peak_N"], rms.max(), "o", ms=4, color=style.SECOND)
+            axes.plot(one["peak_N"], np.interp(one["peak_N"], force, rms), "o", ms=4, color=style.SECOND)
         tables.append(pd.DataFrame({"d_mm": one["d_mm"], "F_N": force, "rms_mV": rms}))
     axes.set_ylim(bottom=0)
     style.label(axes, "Force (N)", "RMS of the signal (mV)")
@@ -32,11 +32,11 @@ def plate(found: Mapping[str, Any]) -> ReportFigure:
 
 
 def in_words(found: Mapping[str, Any]) -> str:
-    """Where the signal is largest, and between which forces F has two answers by amplitude."""
+    """Where the signal has its first top, and between which forces F has two answers by amplitude."""
     turned = [one for one in found["diameters"] if one["peak_N"] is not None]
     if not turned:
         return "it grows with the force at every diameter."
     peaks = ", ".join(f"{number(one['peak_N'], 2)} N at {number(one['d_mm'])} mm" for one in turned)
     low, high = min(turned, key=lambda one: one["d_mm"])["two_answers_N"]
-    return (f"it is largest at {peaks} (dots) and falls for heavier touches, so that by amplitude F has two answers "
-            f"around a peak, as between {number(low, 2)} and {number(high, 2)} N at the smallest of these diameters.")
+    return (f"it has a top at {peaks} (dots) and falls for heavier touches, so that by amplitude F has two answers "
+            f"around a top, as between {number(low, 2)} and {number(high, 2)} N at the smallest of these diameters.")

@@ -222,12 +222,13 @@ def _print_amplitude(amplitude: Mapping[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("d, mm", "largest RMS, mV", "at F, N", "RMS at most F, mV", "F of two answers, N",
+    table = Table("d, mm", "RMS at its top, mV", "at F, N", "RMS at most F, mV", "F of two answers, N",
                   title=f"signal over force, {amplitude['radius_mm']:.3g} mm from the centre")
     for one in amplitude["diameters"]:
-        ends = one["two_answers_N"]
-        table.add_row(f"{one['d_mm']:.4g}", f"{1e3 * max(one['rms_V']):.3g}",
-                      "highest" if one["peak_N"] is None else f"{one['peak_N']:.2f}", f"{1e3 * one['rms_V'][-1]:.3g}",
+        ends, force = one["two_answers_N"], amplitude["force_N"]
+        peak = force[-1] if one["peak_N"] is None else one["peak_N"]
+        table.add_row(f"{one['d_mm']:.4g}", f"{1e3 * one['rms_V'][force.index(peak)]:.3g}",
+                      "highest" if one["peak_N"] is None else f"{peak:.2f}", f"{1e3 * one['rms_V'][-1]:.3g}",
                       "-" if ends is None else f"{ends[0]:.2f} to {ends[1]:.2f}")
     Console().print(table)
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.polarization import FROM, Effect, half_width, log_gap, near_rim
+from surrogate.forward_map.polarization import Effect, half_width, log_gap, near_rim
+from surrogate.forward_map.rim_zone import FROM
 from surrogate.forward_map.ring_symmetry import Symmetry, filled_from, fold, symmetry_of
 from surrogate.statistics import change_point, matern_process
 from surrogate.statistics.matern_process import Matern
@@ -25,8 +26,8 @@ OF_STEP = 4
 
 @dataclass(frozen=True, eq=False)
 class RimEffect:
-    """effect = strength of the dipole x norm of its pattern x directions @ y(log d, g, place in the half-sector, gap,
-    side of the step)."""
+    """effect = size of the strengths x norm of the dipole's pattern x directions @ y(log d, g, place in the
+    half-sector, gap, side of the step)."""
 
     symmetry: Symmetry
     directions: Array  # (maps, readings, components) directions of the effect at touches that each map folds
@@ -44,7 +45,7 @@ def zero_correction(ring: Ring) -> RimEffect:
 
 def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
     """Learn from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves (n, readings) of
-    signals, and the dipole's strength times the norm of its pattern (n,)."""
+    signals, and the size of the strengths times the norm of the dipole's pattern (n,)."""
     near = near_rim(z, MAX_ROWS)
     symmetry = symmetry_of(ring)
     place, folded = _folded(symmetry, z[near], residual[near] / size[near, None])
@@ -78,7 +79,7 @@ def _axes(folded: Array) -> Array:
 
 
 def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array) -> Effect:
-    """The effect over the dipole's strength and the norm of its pattern, at places z (n,) that it reaches,
+    """The effect over the size of the strengths and the norm of the dipole's pattern, at places z (n,) that it reaches,
     (log d, g) (n, 2) and sides of the step (n,)."""
     place, chosen = fold(rim.symmetry, z)
     mean, by_input = matern_process.predict(rim.process, _inputs(ring, place, punch, side))

@@ -6,9 +6,21 @@ from functools import cached_property
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_correction, rim_covariance
+from surrogate.forward_map import (
+    electrode_correction,
+    multipole_series,
+    polarization,
+    rim_correction,
+    rim_covariance,
+    rim_zone,
+    simulator_error,
+    strength_size,
+)
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
+from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection
+from surrogate.forward_map.simulator_error import SimulatorError
+from surrogate.forward_map.strength_size import Size
 from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
 from touchcal.arrays import Array, Complex
@@ -30,18 +42,20 @@ class ForwardMap:
 
     ring: Ring
     field: Array  # (modes,) harmonic coefficients of one electrode's field
-    sign: float  # sign of the dipole strength: -1 or 1
-    strengths: tuple[GaussianProcess, ...]  # log of |p_1| / F in V/N, then p_n / p_1 for n = 2 ...
+    size: Size  # positive size of the strengths over F, V/N
+    strengths: tuple[GaussianProcess, ...]  # p_n over the size and F, n = 1 ...
     beside: FittedCorrection  # what the rim adds, and the error there
+    handover: Array  # (2,) radii over the disc's between which the high orders of the series end
     p0: float  # pressure p0 of the load g, N/mm^2
-    floor: float  # standard deviation of what the series leaves in the interior, a reading, over the norm of the signal
+    floor: float  # standard deviation of what the series leaves in the interior, a reading, over the size of the signal
+    shift_mm: float  # standard deviation of the place, along x or y, by what the series leaves in the interior
     mean: Array  # (4,) mean of the training touches in (x, y, log d, g), mm and N
     sd: Array  # (4,) their standard deviation
     # (2, 3) bounds of the training touches in (radius, d, F), mm, mm, N, with the gap that a draw leaves at its ends
     bounds: Array
     known_mm: Array  # diameters of the known punches that training rows share, mm; none where these vary
     rows: int  # training rows
-    simulator: float  # relative error of the size of the signals that it was learned from
+    simulator: SimulatorError  # relative error of the size of the signals that it was learned from
 
     @property
     def materials(self) -> int:
@@ -54,9 +68,14 @@ class ForwardMap:
         return multipole_series.field_series(self.ring, self.field, FIELDS)
 
     @property
+    def own(self) -> int:
+        """Standard normal unknowns of the map's own error: one a strength, the simulator's, and two of the place."""
+        return len(self.strengths) + 3
+
+    @property
     def discrepancies(self) -> int:
-        """Standard normal unknowns besides the touch: one a strength, then those of the material."""
-        return len(self.strengths) + self.materials
+        """Standard normal unknowns besides the touch: those of the map's own error, then those of the material."""
+        return self.own + self.materials
 
 
 @dataclass(frozen=True)
@@ -65,16 +84,18 @@ class Linearised:
 
     signal_V: Array  # (n, readings) signal, V
     jacobian: Array  # (n, readings, 4) derivative, V per unit of each
-    # (n, readings, discrepancies) derivative along each strength times that strength's standard deviation, then along
-    # each state of the material, V
+    # (n, readings, discrepancies) derivative along each strength times that strength's standard deviation, along the
+    # signal times the simulator's relative error, by x and y times the shift of the series, then along each state of
+    # the material, V
     discrepancy: Array
 
 
-def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None, simulator: float = 0.0) -> ForwardMap:
+def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None,
+        simulator: Array | None = None) -> ForwardMap:
     """Learn the map from touches (n, 4) in mm and N, their signals (n, readings) in V, and standard normal states of
-    their materials (n, k); simulator: relative error of these signals, which is counted along the signal itself.
+    their materials (n, k); simulator: relative error (n,) of these signals, which is counted along the signal itself.
 
-    ValueError where there are too few rows or the touches do not share one sign of conductance change.
+    ValueError where there are too few rows.
     """
     if len(touch) < MIN_ROWS:
         raise ValueError(f"{len(touch)} training rows are too few for the forward map; it needs {MIN_ROWS} or more. "
@@ -82,24 +103,29 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     p0 = light_pressure(touch)
     unknown = to_unknown(touch, p0)
     material = np.zeros((len(touch), 0)) if material is None else material
+    simulator = np.zeros(len(touch)) if simulator is None else simulator
     z = place(ring, touch)
     # those within the interior, or the innermost where these are few
     inner = np.abs(z) <= max(INTERIOR, float(np.sort(np.abs(z))[MIN_ROWS - 1]))
     inputs = _inputs(ring, unknown[inner], material[inner])
-    field, sign, processes, floor = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
-    series = ForwardMap(ring, field, sign, processes, rim_correction.zero_correction(ring), p0, floor, unknown.mean(0),
-                        np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch), simulator)
+    field, size, processes, floor, shift = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
+    series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
+                        np.array(rim_zone.ZONE), p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
+                        np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch),
+                        simulator_error.learned_from(gap(ring, unknown), simulator))
     return _with_rim(series, z, unknown, signal_V, material)
 
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
               material: Array) -> ForwardMap:
-    base = multipole_series.basis(*multipole_series.patterns(series.ring, series.field, z))
-    value = _strengths(series, unknown, material)[0]
-    left, size = signal_V - multipole_series.combined(base, value), value[:, 0] * np.linalg.norm(base[..., 0], axis=1)
-    rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, value[:, 0], size,
-                               np.linalg.norm(signal_V, axis=1))
-    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows))
+    base = series_basis(series, multipole_series.fields_at(series.series, z), z)[0]
+    found = _strengths(series, unknown, material)
+    left = signal_V - multipole_series.combined(base, found.value)
+    rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
+                               found.size * np.linalg.norm(base[..., 0], axis=1))
+    beside = rim_correction.fit(series.ring, series.field, rows)
+    taught = electrode_correction.teaches(beside.rim)
+    return replace(series, beside=beside, handover=series.handover if taught else np.array(rim_zone.UNTAUGHT))
 
 
 def gap(ring: Ring, unknown: Array) -> Array:
@@ -108,24 +134,31 @@ def gap(ring: Ring, unknown: Array) -> Array:
 
 
 def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
-            signal_V: Array) -> tuple[Array, float, tuple[GaussianProcess, ...], float]:
+            signal_V: Array) -> tuple[Array, Size, tuple[GaussianProcess, ...], float, float]:
     field = multipole_series.learn_field(ring, z, signal_V)
     found = multipole_series.strengths(ring, field, z, signal_V)
-    first = found.value[:, 0]
-    sign = float(np.sign(np.median(first)))
-    if not np.all(first * sign > 0):
-        raise ValueError(f"{np.sum(first * sign <= 0)} of {len(first)} training rows change the skin's conductance the "
-                         "other way, and the forward map needs one sign. Use --method ridge or trainbr.")
-    processes = [gaussian_process.fit(inputs, np.log(np.abs(first) / force_N))]
-    processes += [gaussian_process.fit(inputs, found.value[:, n] / first, found.variance[:, n] / first**2)
+    size = strength_size.fit(inputs, np.linalg.norm(signal_V, axis=1) / found.dipole / force_N)
+    over = strength_size.at(size, inputs)[0] * force_N
+    processes = [gaussian_process.fit(inputs, found.value[:, 0] / over)]
+    processes += [gaussian_process.fit(inputs, found.value[:, n] / over, found.variance[:, n] / over**2)
                   for n in range(1, multipole_series.ORDERS)]
-    freedom = signal_V.shape[1] - multipole_series.ORDERS
-    floor = np.sqrt(np.mean(np.sum(found.residual**2, axis=1) / np.sum(signal_V**2, axis=1)) / freedom)
-    return field, sign, tuple(processes), max(float(floor), MIN_NOISE_FLOOR)
+    return field, size, tuple(processes), *_left(ring, field, z, found, over)
+
+
+def _left(ring: Ring, field: Array, z: Complex, found: Strengths, size: Array) -> tuple[float, float]:
+    """What strengths at z (n,) leave of the signals: its standard deviation, a reading, over their sizes, and that of
+    the shift of the place, mm, that explains most of it."""
+    fields = multipole_series.electrode_fields(ring, field, z, multipole_series.ORDERS + 1)
+    base, *slopes = multipole_series.basis_and_slopes(ring, fields)
+    moved = np.stack([multipole_series.combined(by, found.value) for by in slopes], axis=2) / ring.radius_mm
+    shift = (np.linalg.pinv(np.concatenate([base, moved], axis=2)) @ found.residual[..., None])[:, -2:, 0]
+    left = found.residual / (size * found.dipole)[:, None]
+    return float(np.sqrt(np.mean(left**2) * left.shape[1] / (left.shape[1] - multipole_series.ORDERS))), float(
+        np.sqrt(np.mean(shift**2)))
 
 
 def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
-    """(n,) standard deviation of the map's error, a reading, over the norm of the signal, at touches (n, 4) given as
+    """(n,) standard deviation of the map's error, a reading, over the size of the signal, at touches (n, 4) given as
     (x, y, log d, g); as large as it counts among readings that are taken for independent ones."""
     floor = np.full(len(unknown), forward.floor)
     near = electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown))
@@ -133,6 +166,13 @@ def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
         error = rim_covariance.size_at(forward.beside.error, gap(forward.ring, unknown[near]), unknown[near, 3])
         floor[near] = np.maximum(floor[near], error / np.sqrt(forward.beside.rim.directions.shape[2]))
     return floor * np.sqrt(forward.ring.copies)
+
+
+def signal_size(forward: ForwardMap, unknown: Array) -> Array:
+    """(n,) norm, V, of all readings of the ring by a dipole of the size of the strengths, at touches (n, 4) given as
+    (x, y, log d, g): that of the signal, but for strengths that vanish."""
+    drive, read = multipole_series.patterns(forward.beside.rim.whole, forward.field, place(forward.ring, unknown), 1)
+    return _strengths(forward, unknown).size * np.linalg.norm((drive * read.conj()).real[0], axis=1)
 
 
 def extent(touch: Array) -> Array:
@@ -151,43 +191,55 @@ def _bounds(touch: Array) -> Array:
 def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = None) -> Linearised:
     """Signal, derivatives and discrepancy of the map at touches (n, 4) given as (x, y, log d, g); `discrepancy`
     (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
-    fields = multipole_series.fields_at(forward.series, place(forward.ring, unknown))
-    base, by_x, by_y = multipole_series.basis_and_slopes(forward.ring, fields)
-    value, slope, by_card = _strengths(forward, unknown)
+    z = place(forward.ring, unknown)
+    fields = multipole_series.fields_at(forward.series, z)
+    base, by_x, by_y = series_basis(forward, fields, z)
+    found = _strengths(forward, unknown)
     sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
-    jacobian = base @ slope
-    jacobian[..., 0] += multipole_series.combined(by_x, value) / forward.ring.radius_mm
-    jacobian[..., 1] += multipole_series.combined(by_y, value) / forward.ring.radius_mm
-    signal = multipole_series.combined(base, value)
-    near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)))
+    jacobian = base @ found.slope
+    jacobian[..., 0] += multipole_series.combined(by_x, found.value) / forward.ring.radius_mm
+    jacobian[..., 1] += multipole_series.combined(by_y, found.value) / forward.ring.radius_mm
+    signal = multipole_series.combined(base, found.value)
+    by_card = base @ found.by_card
+    near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, z))
     if len(near):
-        parts = (part[near] for part in (base, by_x, by_y, value, slope, unknown))
+        parts = (part[near] for part in (base, by_x, by_y, found.size, found.size_slope, unknown))
         added, added_slope = _near_rim(forward, fields[:, near], *parts)
         signal[near] += added
         jacobian[near] += added_slope
-    along = np.concatenate([sd[:, :, None] * np.eye(sd.shape[1]), by_card], axis=2)
-    change = signal[..., None] * along[:, :1] + base[..., 1:] @ (value[:, :1, None] * along[:, 1:])
-    return Linearised(signal, jacobian, change)
+        by_card[near] += added[..., None] * found.size_by_card
+    along = base * (found.size[:, None] * sd)[:, None]
+    scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
+    shift = jacobian[..., :2] * (forward.shift_mm * (1 - rim_zone.part_at(z, forward.handover)))[:, None, None]
+    whole = (signal * scale[:, None])[..., None]
+    return Linearised(signal, jacobian, np.concatenate([along, whole, shift, by_card], axis=2))
 
 
-def by_material(forward: ForwardMap, unknown: Array) -> Array:
-    """(n, orders, k) derivatives of log |p_1| and of the ratios p_n / p_1 by the states of the material, at touches
-    (n, 4) given as (x, y, log d, g)."""
-    return _strengths(forward, unknown)[2]
+def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Array, Array, Array]:
+    """The basis of the series and its slopes by x and y over the radius, as `multipole_series.basis_and_slopes`, where
+    electrodes have these derivatives of their fields at z (n,); its high orders end within the handover."""
+    return rim_zone.handed_over(z, forward.handover, *multipole_series.basis_and_slopes(forward.ring, fields))
 
 
-def log_strengths(forward: ForwardMap, unknown: Array) -> Array:
-    """(n, orders) log |p_1 / V| and the ratios p_n / p_1 of touches (n, 4) given as (x, y, log d, g)."""
-    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
-    out = np.column_stack([gaussian_process.mean(process, inputs)[0] for process in forward.strengths])
-    out[:, 0] += np.log(force(unknown[:, 2], unknown[:, 3], forward.p0))
-    return out
+def strengths(forward: ForwardMap, unknown: Array) -> Array:
+    """(n, orders) p_n, V, of touches (n, 4) given as (x, y, log d, g)."""
+    return _strengths(forward, unknown).value
 
 
-def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by_y: Array, value: Array,
-              slope: Array, unknown: Array) -> tuple[Array, Array]:
+def strength_covariance(forward: ForwardMap, unknown: Array) -> Array:
+    """(n, orders, orders) covariance, V^2, of the strengths by the map's own error, the simulator's, and what is left
+    open of the material, at touches (n, 4) given as (x, y, log d, g)."""
+    found = _strengths(forward, unknown)
+    own = (found.size[:, None] * strength_discrepancy(forward, unknown)) ** 2
+    scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
+    alike = np.concatenate([(found.value * scale[:, None])[..., None], found.by_card], axis=2)
+    return own[..., None] * np.eye(own.shape[1]) + alike @ alike.transpose(0, 2, 1)
+
+
+def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by_y: Array, size: Array,
+              size_slope: Array, unknown: Array) -> tuple[Array, Array]:
     """What polarization and the electrodes' metal add to the signal, and its derivatives by (x, y, log d, g)."""
-    z, punch, dipole = place(forward.ring, unknown), unknown[:, 2:], value[:, 0]
+    z, punch = place(forward.ring, unknown), unknown[:, 2:]
     fitted, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
     answer = polarization.counted(polarization.effect(fitted.polarization, forward.ring, fields, z, punch, side), z)
     metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, z, punch, side), z)
@@ -200,7 +252,7 @@ def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by
     by_unknown = answer.slope + metal.slope * norm[:, None, None]
     by_unknown[..., :2] /= forward.ring.radius_mm
     by_unknown += metal.value[..., None] * norm_slope[:, None]
-    return whole * dipole[:, None], by_unknown * dipole[:, None, None] + whole[..., None] * slope[:, :1]
+    return whole * size[:, None], by_unknown * size[:, None, None] + whole[..., None] * size_slope[:, None]
 
 
 def place(ring: Ring, touch: Array) -> Complex:
@@ -220,31 +272,39 @@ def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
 
 
 def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
-    """(n, orders) standard deviations of log p_1 and of p_n / p_1 at touches (n, 4) given as (x, y, log d, g).
+    """(n, orders) standard deviations of p_n over the size at touches (n, 4) given as (x, y, log d, g).
 
-    The scatter of log p_1 about its process (noise) is discrepancy, and so is the simulator's error; that of the ratios
-    is mostly what least squares on one row leaves undetermined, which the floor stands for already.
+    The scatter of p_1 about its process (noise) is discrepancy; that of the others is mostly what least squares on one
+    row leaves undetermined, which the floor stands for already.
     """
     inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
     variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])
-    variance[:, 0] += forward.strengths[0].noise[0] + forward.simulator**2
+    variance[:, 0] += forward.strengths[0].noise[0]
     return np.sqrt(variance)
 
 
-def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = None) -> tuple[Array, Array, Array]:
-    """Strengths (n, orders), their slopes (n, orders, 4), and the derivatives (n, orders, k) of log p_1 and of the
-    ratios by the material, the mean one where none is given."""
+@dataclass(frozen=True)
+class _Strengths:
+    value: Array  # (n, orders) p_n, V
+    slope: Array  # (n, orders, 4) derivatives by (x, y, log d, g)
+    by_card: Array  # (n, orders, k) derivatives by the material
+    size: Array  # (n,) V
+    size_slope: Array  # (n, 4) derivatives by (x, y, log d, g)
+    size_by_card: Array  # (k,) derivatives of its logarithm by the material
+
+
+def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = None) -> _Strengths:
+    """Strengths of touches by a material, the mean one where none is given."""
     held = np.zeros((len(unknown), forward.materials)) if material is None else material
     inputs = _inputs(forward.ring, unknown, held)
+    size, by_log = strength_size.at(forward.size, inputs)
+    size *= force(unknown[:, 2], unknown[:, 3], forward.p0)
+    by_log[:, 0] += 2.0
+    by_log[:, 1] += 1 / np.tanh(unknown[:, 3])
     found = [gaussian_process.mean(process, inputs) for process in forward.strengths]
-    first = forward.sign * force(unknown[:, 2], unknown[:, 3], forward.p0) * np.exp(found[0][0])
-    ratio = np.column_stack([np.ones(len(first))] + [mean for mean, _ in found[1:]])
-    value = first[:, None] * ratio
-    by_first = found[0][1].copy()
-    by_first[:, 0] += 2.0
-    by_first[:, 1] += 1 / np.tanh(unknown[:, 3])
-    by_input = value[..., None] * by_first[:, None, :]
-    for n, (_, gradient) in enumerate(found[1:], start=1):
-        by_input[:, n] += first[:, None] * gradient
-    slope = _by_unknown(forward.ring, unknown[:, None], by_input)
-    return value, slope, np.stack([gradient[:, TOUCH_INPUTS:] for _, gradient in found], axis=1)
+    over = np.column_stack([mean for mean, _ in found])
+    by_input = (over[..., None] * by_log[:, None] + np.stack([gradient for _, gradient in found], axis=1)
+                ) * size[:, None, None]
+    return _Strengths(over * size[:, None], _by_unknown(forward.ring, unknown[:, None], by_input),
+                      by_input[..., TOUCH_INPUTS:], size,
+                      _by_unknown(forward.ring, unknown, by_log * size[:, None]), by_log[0, TOUCH_INPUTS:])

@@ -17,7 +17,7 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Complex
 
-ORDERS = 3  # angular orders of the series
+ORDERS = 5  # angular orders of the series
 PRIOR_SD = 0.1  # spread of q_m about the foreseen ones that is believed before any data
 # How many times less than the foreseen field a learned one must leave of the signals: a series that lacks something
 # else bends the field to make up for it, and is then wrong elsewhere.
@@ -31,6 +31,7 @@ class Strengths:
 
     value: Array  # (n, ORDERS) p_n, V
     variance: Array  # (n, ORDERS) variance of each up to one common factor
+    dipole: Array  # (n,) norm of the signal of a dipole of unit strength
     residual: Array  # (n, readings) what the series leaves of the signal, V
 
 
@@ -54,9 +55,9 @@ def basis(drive: Complex, read: Complex) -> Array:
 
 
 def basis_and_slopes(ring: Ring, fields: Complex) -> tuple[Array, Array, Array]:
-    """The basis where electrodes have these derivatives of their fields (ORDERS + 1, n, electrodes), and its
+    """The basis where electrodes have these derivatives of their fields (ORDERS + 1 or more, n, electrodes), and its
     derivatives by x and y over the radius; each (n, readings, ORDERS)."""
-    drive, read = _pairs(ring, fields)
+    drive, read = _pairs(ring, fields[:ORDERS + 1])
     along, against = drive[1:] * read[:-1].conj(), drive[:-1] * read[1:].conj()
     by_x, by_y = (along + against).real, (1j * (along - against)).real
     return basis(drive[:-1], read[:-1]), np.moveaxis(by_x, 0, -1), np.moveaxis(by_y, 0, -1)
@@ -134,7 +135,8 @@ def _strengths(design: Array, signal_V: Array) -> Strengths:
     inverse = np.linalg.inv(triangle)
     value = np.einsum("npq,nq->np", inverse, along)
     residual = signal_V - combined(onto, along)
-    return Strengths(value, np.sum(inverse**2, axis=2) * np.sum(signal_V**2, axis=1, keepdims=True), residual)
+    return Strengths(value, np.sum(inverse**2, axis=2) * np.sum(signal_V**2, axis=1, keepdims=True),
+                     np.linalg.norm(design[..., 0], axis=1), residual)
 
 
 def _coefficients(q: Array, orders: int) -> Array:

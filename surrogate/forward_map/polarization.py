@@ -15,6 +15,7 @@ import numpy as np
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
+from surrogate.forward_map.rim_zone import FROM, part_at, part_slope
 from surrogate.statistics import coefficient_process
 from surrogate.statistics.coefficient_process import SharedProcess
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -23,8 +24,6 @@ from touchcal.arrays import Array, Complex, Index
 # Orders of the series, and of the coefficients that they make: two for each pair of orders.
 ORDERS = 3
 PAIRS = tuple((i, j) for i in range(ORDERS) for j in range(i, ORDERS))
-# Radii over the disc's: rows from FROM on teach what the rim changes, which sets in there and is whole from FULL on.
-FROM, FULL = 0.33, 0.40
 MIN_ROWS, MAX_ROWS = 200, 3000  # fewest rows that teach it, and most
 SOFT = 0.03  # gaps between the punch's edge and the rim are felt as log(SOFT + gap), over the disc's radius
 # Lengths of the coefficients over the spread of (log d, g, the gap's logarithm), chosen on validation rows, and over
@@ -34,7 +33,7 @@ LENGTHS, STEP = np.array([6.0, 1.0, 1.0]), 2.0
 
 @dataclass(frozen=True)
 class Effect:
-    """What is added to a signal, over the dipole's strength or another size."""
+    """What is added to a signal, over the size of the strengths or another size."""
 
     value: Array  # (n, readings)
     slope: Array  # (n, readings, 4) derivative by (x / R, y / R, log d, g)
@@ -46,18 +45,18 @@ def zero_correction() -> SharedProcess:
     return SharedProcess(np.zeros((0, q)), np.zeros(q), np.ones(q), np.zeros((1 + q, 2 * len(PAIRS))))
 
 
-def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, dipole: Array,
-        norm: Array) -> SharedProcess:
+def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, strength: Array,
+        size: Array) -> SharedProcess:
     """Learn the coefficients from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves
-    (n, readings) of signals of these norms (n,), and the dipole's strength (n,)."""
+    (n, readings) of signals of these sizes (n,), and that of the strengths (n,)."""
     near = near_rim(z, MAX_ROWS)
     half = half_width(ring, punch[near, 0])
     fields = multipole_series.electrode_fields(ring, field, z[near], ORDERS + 1)
-    design = _design(ring, fields, z[near], half) * (dipole[near] / half**2 / norm[near])[:, None, None]
+    design = _design(ring, fields, z[near], half) * (strength[near] / half**2 / size[near])[:, None, None]
     inputs = _inputs(z[near], punch[near], side[near], half)
     spread = np.std(inputs[:, :len(LENGTHS)], axis=0)
     lengths = np.append(LENGTHS * np.where(spread > 1e-6, spread, 1.0), STEP)
-    return coefficient_process.fit(inputs, design, left[near] / norm[near, None], lengths, order=inputs[:, 2])
+    return coefficient_process.fit(inputs, design, left[near] / size[near, None], lengths, order=inputs[:, 2])
 
 
 def near_rim(z: Complex, most: int) -> Index:
@@ -68,7 +67,7 @@ def near_rim(z: Complex, most: int) -> Index:
 
 def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punch: Array, side: Array) -> Effect:
     """The effect at places z (n,) that it reaches, (log d, g) (n, 2) and sides of the step (n,), where electrodes have
-    these derivatives of their fields (ORDERS + 1, n, electrodes)."""
+    these derivatives of their fields (ORDERS + 1 or more, n, electrodes)."""
     half = half_width(ring, punch[:, 0])
     mean, gradient = coefficient_process.predict(process, _inputs(z, punch, side, half))
     scale = half[:, None] ** -2
@@ -115,19 +114,11 @@ def _readings(ring: Ring, table: Array) -> Array:
     return plus - flat[:, ring.source * count + ring.ground] - flat[:, ring.sink * count + ring.read]
 
 
-def part_at(z: Complex) -> Array:
-    """(n,) part of an effect that counts at places z (n,)."""
-    t = np.clip((np.abs(z) - FROM) / (FULL - FROM), 0, 1)
-    return t**2 * (3 - 2 * t)
-
-
 def counted(effect: Effect, z: Complex) -> Effect:
-    """The part of an effect at places z (n,) that counts: none at FROM, all from FULL on."""
-    t, unit = np.clip((np.abs(z) - FROM) / (FULL - FROM), 0, 1), z / np.abs(z)
-    part, by_radius = part_at(z), 6 * t * (1 - t) / (FULL - FROM)
+    """The part of an effect at places z (n,) that counts."""
+    part = part_at(z)
     slope = effect.slope * part[:, None, None]
-    slope[..., 0] += effect.value * (by_radius * unit.real)[:, None]
-    slope[..., 1] += effect.value * (by_radius * unit.imag)[:, None]
+    slope[..., :2] += effect.value[..., None] * part_slope(z)[:, None]
     return Effect(effect.value * part[:, None], slope)
 
 
@@ -162,7 +153,7 @@ def _series(fields: Complex, z: Complex, half: Array) -> tuple[Array, Array]:
     order = np.arange(1, ORDERS + 1)[:, None, None]
     factorial = np.array([math.factorial(k) for k in range(1, ORDERS + 1)])[:, None, None]
     scale = ((z / np.abs(z) * half)[:, None]) ** order / factorial
-    value, onward = fields[:-1] * scale, fields[1:] * scale
+    value, onward = fields[:ORDERS] * scale, fields[1:ORDERS + 1] * scale
     turn = [(step * z.conj()).imag / np.abs(z) ** 2 for step in (1, 1j)]
     slopes = [onward * step + value * (1j * order * by[:, None]) for step, by in zip((1, 1j), turn, strict=True)]
     return _parts(value), np.stack([_parts(one) for one in (*slopes, value * order)])

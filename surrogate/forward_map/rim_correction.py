@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_covariance
+from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_covariance, rim_zone
 from surrogate.forward_map.electrode_correction import RimEffect
 from surrogate.forward_map.rim_covariance import RimError
 from surrogate.statistics import change_point
@@ -26,9 +26,8 @@ class Rows:
     punch: Array  # (n, 2) log d and load g
     gap: Array  # (n,) gap to the rim over the radius
     left: Array  # (n, readings) what the series leaves, V
-    dipole: Array  # (n,) strength of the dipole
-    size: Array  # (n,) norm of its signal, V
-    norm: Array  # (n,) norm of the whole signal, V
+    strength: Array  # (n,) size of the strengths, V
+    size: Array  # (n,) norm of the signal of a dipole of that strength, V
 
     def some(self, kept: Mask) -> Rows:
         """Those that are kept."""
@@ -60,7 +59,7 @@ def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorre
 
 def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
     """Learn from touches; the effect of electrodes and an error only where enough of them lie near the rim."""
-    near = rows.some(np.abs(rows.z) > polarization.FROM)
+    near = rows.some(np.abs(rows.z) > rim_zone.FROM)
     touch = _touch(near)
     fewest = (1 - 1 / FOLDS) * len(np.unique(touch))
     if fewest < electrode_correction.MIN_ROWS:
@@ -87,7 +86,7 @@ def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> 
 
 
 def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: Index) -> Array:
-    """(n, readings) errors of the signals, over their norms, by what the rows of the other parts (n,) teach, as far as
+    """(n, readings) errors of the signals, over their sizes, by what the rows of the other parts (n,) teach, as far as
     it counts."""
     out = np.empty_like(near.left)
     for k in range(FOLDS):
@@ -95,8 +94,8 @@ def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool,
         answer, rim = _both(ring, field, near.some(part != k), where, answers)
         effect = electrode_correction.effect(rim, ring, asked.z, asked.punch, change_point.side(asked.gap, where))
         left = _leaves(ring, field, asked, answer, where) - effect.value * asked.size[:, None]
-        left = asked.left + polarization.part_at(asked.z)[:, None] * (left - asked.left)
-        out[part == k] = left / asked.norm[:, None]
+        left = asked.left + rim_zone.part_at(asked.z)[:, None] * (left - asked.left)
+        out[part == k] = left / asked.size[:, None]
     return out
 
 
@@ -105,7 +104,7 @@ def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -
     if not answers:
         return polarization.zero_correction(), near.left
     side = change_point.side(near.gap, where)
-    answer = polarization.fit(ring, field, near.z, near.punch, side, near.left, near.dipole, near.norm)
+    answer = polarization.fit(ring, field, near.z, near.punch, side, near.left, near.strength, near.size)
     return answer, _leaves(ring, field, near, answer, where)
 
 
@@ -117,5 +116,5 @@ def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: 
     for rows in np.array_split(np.arange(len(near.z)), len(near.z) // BATCH + 1):
         fields = multipole_series.electrode_fields(ring, field, near.z[rows], polarization.ORDERS + 1)
         effect = polarization.effect(answer, ring, fields, near.z[rows], near.punch[rows], side[rows])
-        left[rows] -= effect.value * near.dipole[rows, None]
+        left[rows] -= effect.value * near.strength[rows, None]
     return left

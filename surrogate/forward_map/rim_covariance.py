@@ -17,7 +17,7 @@ DIRECTIONS, REST = 16, 0.01
 
 @dataclass(frozen=True, eq=False)
 class RimError:
-    """Errors of signals, over the norm of the signal, in bins of the gap and the load."""
+    """Errors of signals, over the size of the signal, in bins of the gap and the load."""
 
     symmetry: Symmetry
     # (bins,) gap over the disc's radius, (bins, LOADS) load g, and the error, which half the touches stay below
@@ -45,7 +45,7 @@ def zero_correction(symmetry: Symmetry) -> RimError:
 
 def learned_from(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error: Array) -> RimError:
     """From places z, gaps and loads g (n,) of touches that the map was not learned from, and the errors (n, readings)
-    of their signals over the norms of these."""
+    of their signals over the sizes of these."""
     folded = np.einsum("nij,nj->ni", symmetry.readings[fold(symmetry, z)[1]], error)
     bins = np.split(np.argsort(gap), _ends(len(gap)))
     each = [[b[part] for part in np.array_split(np.argsort(load[b]), LOADS)] for b in bins]
@@ -76,7 +76,7 @@ def _alike(unit: Array) -> tuple[Array, float]:
 
 
 def size_at(of: RimError, gap: Array, load: Array) -> Array:
-    """(n,) error of the signal over its norm, its median, at gaps and loads g (n,)."""
+    """(n,) error of the signal over its size, its median, at gaps and loads g (n,)."""
     loads, errors = (np.column_stack([np.interp(gap, of.gap, column) for column in table.T])
                      for table in (of.load, of.error))
     return np.array([np.interp(*one) for one in zip(load, loads, errors, strict=True)])
@@ -92,5 +92,5 @@ def spread(of: RimError, z: Complex, gap: Array) -> tuple[Array, Array, Array]:
 
 
 def without(of: RimError, kept: Mask) -> RimError:
-    """The errors of the readings that are kept, over the norm of all."""
+    """The errors of the readings that are kept, over the size of all."""
     return replace(of, alike=of.alike[:, :, kept])

@@ -44,7 +44,7 @@ class TouchInversion(Learner):
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
         response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
-        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rms(rows.signal_sd)), response,
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd), response,
                    np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
@@ -58,16 +58,18 @@ class TouchInversion(Learner):
         """Modes of the series, relative errors of a reading in the interior and of the simulator's signals, and states
         of the material."""
         return {"modes": len(self.forward.field), "signal_floor": self.forward.floor,
-                "simulator_error": self.forward.simulator, "material_states": self.forward.materials}
+                "simulator_error": rms(self.forward.simulator.sd), "material_states": self.forward.materials}
 
     def amplitude(self) -> dict[str, Any]:
         """The signal over force for each diameter."""
         return amplitude(self.forward)
 
-    def discrete(self, names: tuple[str, ...]) -> Mask:
-        """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
+    def branched(self, names: tuple[str, ...]) -> Mask:
+        """(outputs,) the diameter where punches are known, and all but the place where two forces of one punch have
+        one amplitude."""
         known = len(self.forward.known_mm) > 0
-        return np.array([known and name == "d" for name in names])
+        twice = any(curve["two_answers_N"] for curve in self.amplitude()["diameters"])
+        return np.array([(known and name == "d") or (twice and name not in outputs.NAMES[:2]) for name in names])
 
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""

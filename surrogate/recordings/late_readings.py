@@ -8,7 +8,8 @@ from surrogate.recordings.presses import Presses
 from surrogate.statistics.gaussian_process import squared_distance
 from touchcal.arrays import Array, Index
 
-LENGTH, NOISE = 0.25, 0.05  # of the smoother: length over the spread of the places, variance of noise over the process's
+# Of the smoother: its length over the spread of the places, and the variance of noise over that of the process.
+LENGTH, NOISE = 0.25, 0.05
 SURE = 2.0  # times 1 / sqrt(presses): how much more of a reading places must explain a frame later
 FEWEST = 10  # presses whose following frame is there
 

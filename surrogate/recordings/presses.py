@@ -37,8 +37,8 @@ def presses_of(recording: Recording) -> Presses:
     if not touched.any():
         raise InputFileError(recording.source, "no frame is touched: fill in the column touch.")
     rest = np.asarray(frames[untouched], float)
-    signal, following = np.asarray(frames[touched], float), _following(np.asarray(frames, float), recording.index)[touched]
-    age = np.zeros(int(touched.sum()))
+    signal, age = np.asarray(frames[touched], float), np.zeros(int(touched.sum()))
+    following = _following(np.asarray(frames, float), recording.index)[touched]
     if recording.kind != "difference":
         if not untouched.any():
             raise InputFileError(recording.source, f"no frame is untouched, and the readings are of the kind "

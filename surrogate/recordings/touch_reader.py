@@ -110,7 +110,8 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     of_cut = networks.held_out(ensemble, features.of(without(drift, cut, projected)), blocks)
     return TouchReader(late, readings, drift, projected, ridge, direction.templates, compressed.templates, features,
                        waves, ensemble, on_templates, correction, old.templates, weights,
-                       calibrated(value - place, spread), calibrated(of_cut - place, np.zeros_like(place)), float(presses.age.max()), float(direction.misfit.max()),
+                       calibrated(value - place, spread), calibrated(of_cut - place, np.zeros_like(place)),
+                       float(presses.age.max()), float(direction.misfit.max()),
                        float(np.linalg.norm(kept, axis=1).min()),
                        np.array([_distance(one, place) for one in (*each, value, mean)]))
 

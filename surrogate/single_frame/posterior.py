@@ -15,7 +15,7 @@ import numpy as np
 
 from matcal.posterior.ensembles import Derived, run_ensembles
 from surrogate.bounds.fisher_information import Prior
-from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor
+from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor, signal_size
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown
 from surrogate.single_frame import branches, diameter_profile, likelihood_emulator
@@ -118,7 +118,7 @@ def posterior_of(forward: ForwardMap, signal_V: Array, noise_V: float, seed: int
     start = invert(replace(forward, known_mm=np.zeros(0)), signal_V[None], noise_V).touch
     unknown = to_unknown(start, forward.p0)
     here = linearise(forward, unknown)
-    floor = noise_floor(forward, unknown)[0] * np.linalg.norm(here.signal_V)
+    floor = (noise_floor(forward, unknown) * signal_size(forward, unknown))[0]
     whiten = Unknowns(float(np.hypot(noise_V, floor)), here.discrepancy[0]).whitening
     return sampled(forward, signal_V, whiten, start[0], seed)
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor
+from surrogate.forward_map import multipole_series
+from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor, signal_size
+from surrogate.forward_map.forward_map import place as scaled_place
 from surrogate.forward_map.inversion.diameter_force_posterior import make_table
-from surrogate.forward_map.inversion.multipole_location import candidates, on_range
+from surrogate.forward_map.inversion.multipole_location import on_range, spiral
 from surrogate.forward_map.load_coordinates import to_touch, touch_slope
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
 from touchcal.arrays import Array, Index
@@ -97,8 +99,7 @@ def _error(forward: ForwardMap, state: Array) -> Array:
     """(n,) 2-norm of what the map, and of pairs superposition, miss of the signal, V."""
     unknown = _unknown(forward, state)
     signal = linearise(forward, unknown).signal_V
-    own = noise_floor(forward, unknown) * np.linalg.norm(signal, axis=1)
-    own = own * np.sqrt(signal.shape[1])
+    own = noise_floor(forward, unknown) * signal_size(forward, unknown) * np.sqrt(signal.shape[1])
     own = np.sqrt(np.sum(own.reshape(len(state), -1) ** 2, axis=1))
     if state.shape[1] == 4:
         return own
@@ -110,12 +111,19 @@ def _error(forward: ForwardMap, state: Array) -> Array:
 
 def _starts(forward: ForwardMap, signal_V: Array) -> Array:
     """(PAIRS, 8) scaled states: pairs of places whose dipoles together explain most, each a mean punch."""
-    place, direction, size = candidates(forward, PLACES)
+    place = spiral(forward, PLACES)
+    z = scaled_place(forward.ring, place)
+    pattern = multipole_series.basis(*multipole_series.patterns(forward.ring, forward.field, z, 1))[..., 0]
+    size = np.linalg.norm(pattern, axis=1)
+    direction = pattern / size[:, None]
     match, identical = direction @ signal_V, direction @ direction.T
     i, j = np.triu_indices(len(place), 1)
     free = np.maximum(1 - identical[i, j] ** 2, 1e-6)
     first, second = (match[i] - identical[i, j] * match[j]) / free, (match[j] - identical[i, j] * match[i]) / free
-    explained = np.where((first > 0) & (second > 0), first * match[i] + second * match[j], -np.inf)
+    lowest, highest = _dipoles(forward)
+    one, two = np.clip(first / size[i], lowest, highest), np.clip(second / size[j], lowest, highest)
+    trained = (one * first > 0) & (two * second > 0)
+    explained = np.where(trained, first * match[i] + second * match[j], -np.inf)
     out: list[Array] = []
     for k in np.argsort(-explained):
         pair = np.concatenate([place[i[k]], place[j[k]]])
@@ -128,11 +136,18 @@ def _starts(forward: ForwardMap, signal_V: Array) -> Array:
     return scaled.reshape(-1, 8)
 
 
+def _dipoles(forward: ForwardMap) -> tuple[float, float]:
+    """Weakest and strongest dipole of trained punches, signed, V."""
+    table = make_table(forward)
+    dipole = table.strengths[1, ..., 0] * table.unit[0]
+    return float(dipole.min()), float(dipole.max())
+
+
 def _punch(forward: ForwardMap, place_mm: Array, dipole: float) -> Array:
     """(4,) a punch of the mean diameter whose dipole is nearest."""
     table = make_table(forward)
     middle = table.known + (len(table.d_mm) - table.known) // 2
-    nearest = np.argmin(np.abs(table.strengths[1, middle, :, 0] - np.log(max(dipole, 1e-12))))
+    nearest = np.argmin(np.abs(table.strengths[1, middle, :, 0] * table.unit[0] - dipole))
     return np.array([*place_mm, np.log(table.d_mm[middle]), table.load[middle, nearest]])
 
 

@@ -13,6 +13,7 @@ from touchcal.arrays import Array
 MAX_SEARCH, MAX_QUANTITIES = 600, 8  # most rows and quantities that the lengths are searched on
 # Bounds of the lengths over the spread of their input, of the noise over the amplitude, and the most iterations.
 LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
+ROUNDING = 1e-5  # spread of an input over its largest value, or over 1, that counts as rounding
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def hyperparameters(x: Array, y: Array) -> tuple[Array, float]:
     rows = np.random.default_rng(0).permutation(len(x))[:MAX_SEARCH]
     x, y = x[rows], y[rows, :MAX_QUANTITIES]
     span = np.std(x, axis=0)
-    span = np.where(span > 1e-9 * np.maximum(np.abs(x).max(axis=0), 1.0), span, 1.0)
+    span = np.where(span > ROUNDING * np.maximum(np.abs(x).max(axis=0), 1.0), span, 1.0)
     q = x.shape[1]
     bounds = [tuple(np.log(LENGTH_BOUNDS))] * q + [tuple(np.log(NOISE_BOUNDS))]
     start = np.r_[np.zeros(q), np.log(1e-2)]

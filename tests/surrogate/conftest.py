@@ -113,6 +113,15 @@ def synthetic() -> Callable[..., tuple[Array, Array]]:
 
 
 @pytest.fixture(scope="session")
+def spots() -> Callable[..., Array]:
+    """(touches, radii in mm, contrasts) -> exact signals of circular spots at the places of the touches."""
+    def signals(touch: Array, radius_mm: Array, contrast: Array) -> Array:
+        each = zip(touch[:, 0], touch[:, 1], radius_mm, contrast, strict=True)
+        return np.array([spot_signal(*map(float, one)) for one in each])
+    return signals
+
+
+@pytest.fixture(scope="session")
 def untouched_V() -> Array:
     return baseline()
 

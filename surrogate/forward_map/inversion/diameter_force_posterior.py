@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.special import log_ndtr, ndtri
 
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, by_material, log_strengths, strength_discrepancy
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_covariance, strengths
 from surrogate.forward_map.inversion.multipole_location import Located
 from surrogate.forward_map.load_coordinates import force
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -27,7 +27,6 @@ FITS = 25.0  # squared distance in standard deviations from which a punch of the
 DRAWS = 1000  # punches in equal steps of probability that stand for the posterior of a frame
 # Squares of the radii of the table over that of the interior; between them strengths are taken as parabolas.
 RADII = np.array([0.0, 0.5, 1.0])
-UNKNOWN = 1e3  # variance of a logarithm or a ratio of strengths from which nothing is known of it
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,10 @@ class Table:
     known: int  # how many of them are known
     load: Array  # (D, G) loads g
     force_N: Array  # (D, G) their forces
-    strengths: Array  # (RADII, D, G, orders) log |p_1 / V|, p_2 / p_1 ...
-    variance: Array  # (RADII, D, G, orders) of their own errors
+    strengths: Array  # (RADII, D, G, orders) p_n over the unit
+    covariance: Array  # (RADII, D, G, orders, orders) of their errors, and by what is left open of the material
+    unit: Array  # (orders,) RMS of p_n over the table, V
+    interior_mm: float  # radius of the interior, mm
     log_diameter: Array  # (D,) log of the prior of each diameter
     log_prior: Array  # (D, G - 1) of each interval
 
@@ -91,8 +92,12 @@ def make_table(forward: ForwardMap) -> Table:
     log_prior = np.log(diameter[:, None] * np.diff(force_N, axis=1) / (f_hi - f_lo))
     # an end of the trapezoidal rule counts half, and is as likely as the others
     log_diameter = np.log(np.r_[diameter[:len(known)], np.full(len(others), diameter[len(known):].max())])
-    return Table(d, len(known), load, force_N, log_strengths(forward, flat).reshape(shape),
-                 strength_discrepancy(forward, flat).reshape(shape) ** 2, log_diameter, log_prior)
+    found = strengths(forward, flat)
+    unit = np.sqrt(np.mean(found**2, axis=0))
+    covariance = strength_covariance(forward, flat) / np.outer(unit, unit)
+    return Table(d, len(known), load, force_N, (found / unit).reshape(shape),
+                 covariance.reshape(*shape, len(unit)), unit,
+                 INTERIOR * forward.ring.radius_mm, log_diameter, log_prior)
 
 
 def _diameter_prior(forward: ForwardMap, others: int) -> Array:
@@ -104,22 +109,21 @@ def _diameter_prior(forward: ForwardMap, others: int) -> Array:
     return np.r_[np.full(known, (1 - other) / max(known, 1)), other * uniform / uniform.sum()]
 
 
-def posterior(forward: ForwardMap, table: Table, located: Located) -> Posterior:
-    """Posterior of the punches of located touches; what the material makes of the strengths of the mean touch counts as
-    error, too."""
-    radial = _radial(forward, located.place_mm)
-    of_card = by_material(forward, forward.mean[None])[0]
+def posterior(table: Table, located: Located) -> Posterior:
+    """Posterior of the punches of located touches."""
+    radial = _radial(table, located.place_mm)
     strengths = np.tensordot(radial, table.strengths, 1)
-    covariance = (_cut(located.covariance) + of_card @ of_card.T)[:, None, None] + (
-        np.maximum(np.tensordot(radial, table.variance, 1)[:, :, :-1], 0.0)[..., None] * np.eye(strengths.shape[-1]))
-    precision = np.linalg.inv(covariance)
-    miss, step = strengths[:, :, :-1] - located.strengths[:, None, None], np.diff(strengths, axis=2)
+    nearest = np.abs(_square(table, located.place_mm)[:, None] - RADII).argmin(axis=1)
+    # of the sum of both covariances, that of the signal in its inverse alone, which may be singular
+    known = (located.precision * np.outer(table.unit, table.unit))[:, None, None]
+    both = np.eye(len(table.unit)) + known @ table.covariance[nearest][:, :, :-1]
+    precision, size = np.linalg.solve(both, np.broadcast_to(known, both.shape)), np.linalg.slogdet(both)[1]
+    miss, step = strengths[:, :, :-1] - (located.strengths / table.unit)[:, None, None], np.diff(strengths, axis=2)
     weighed = np.einsum("nijpq,nijq->nijp", precision, step, optimize=True)
     curvature = np.maximum(np.sum(weighed * step, axis=-1), np.finfo(float).tiny)
     best, width = -np.sum(weighed * miss, axis=-1) / curvature, 1 / np.sqrt(curvature)
     cost = np.einsum("nijp,nijpq,nijq->nij", miss, precision, miss, optimize=True) - best**2 * curvature
     mass = _log_mass(-best / width, (1 - best) / width)
-    size = np.linalg.slogdet(covariance)[1]
     log_weight = -0.5 * (cost + size) + mass + np.log(width) + table.log_prior
     log_weight -= log_weight.max(axis=(1, 2), keepdims=True)
     log_weight -= np.log(np.sum(np.exp(log_weight), axis=(1, 2), keepdims=True))
@@ -137,22 +141,14 @@ def _likely(nearest: Array, cost: Array, added: Array, best: Array, width: Array
     return np.where(nearest + added <= most, np.clip([best - half, best + half], 0.0, 1.0), np.nan)
 
 
-def _cut(covariance: Array) -> Array:
-    """Covariances (n, k, k) of located strengths, cut to UNKNOWN along axes of more, of which the noise leaves nothing
-    known: their inverses would be singular."""
-    wide = np.trace(covariance, axis1=1, axis2=2) > UNKNOWN
-    if not wide.any():
-        return covariance
-    variance, axes = np.linalg.eigh(covariance[wide])
-    least = np.finfo(float).eps * variance[:, -1:]
-    cut = covariance.copy()
-    cut[wide] = (axes * np.clip(variance, least, UNKNOWN)[:, None]) @ axes.transpose(0, 2, 1)
-    return cut
+def _square(table: Table, place_mm: Array) -> Array:
+    """(n,) squares of the radii of places (n, 2) over that of the interior, at most 1."""
+    return np.minimum(np.sum((place_mm / table.interior_mm) ** 2, axis=1), 1.0)
 
 
-def _radial(forward: ForwardMap, place_mm: Array) -> Array:
+def _radial(table: Table, place_mm: Array) -> Array:
     """(n, RADII) weights of Lagrange's parabola through the table's radii at places (n, 2)."""
-    square = np.minimum((np.hypot(*place_mm.T) / (INTERIOR * forward.ring.radius_mm)) ** 2, 1.0)
+    square = _square(table, place_mm)
     return np.stack([np.prod([(square - b) / (a - b) for b in RADII if b != a], axis=0) for a in RADII], axis=1)
 
 

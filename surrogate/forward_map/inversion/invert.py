@@ -1,9 +1,9 @@
 """Touches from readings: Levenberg-Marquardt on the learned forward map, many frames at once, with covariance.
 
-Unknowns are (x, y, log d, load g) and one standard normal discrepancy for each multipole strength, so the map's own
-error is marginalised. The training touches give a Gaussian prior. Punches of different d and F may have nearly one
-signal, on a curved ridge with several branches: the start is sought over all of them, and away from the rim d and F are
-those of the whole posterior, `diameter_force_posterior`, instead of its peak.
+Unknowns are (x, y, log d, load g), one standard normal discrepancy for each multipole strength, one for the simulator
+and two for the place, so the map's own error is marginalised. The training touches give a Gaussian prior. Punches of
+different d and F may have nearly one signal, on a curved ridge with several branches: the start is sought over all of
+them, and away from the rim d and F are those of the whole posterior, `diameter_force_posterior`, instead of its peak.
 """
 
 from dataclasses import dataclass, replace
@@ -18,6 +18,7 @@ from surrogate.forward_map.forward_map import (
     linearise,
     noise_floor,
     place,
+    signal_size,
     strength_discrepancy,
 )
 from surrogate.forward_map.inversion import known_diameters, reading_covariance
@@ -81,19 +82,24 @@ class Inversion:
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
-    size = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
-    located = locate(forward, signal, np.hypot(noise_V, forward.floor * np.sqrt(forward.ring.copies) * size))
-    punches = posterior(forward, make_table(forward), located)
+    norm = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
+    interior = forward.floor * np.sqrt(forward.ring.copies)
+    located = locate(forward, signal, np.hypot(noise_V, interior * norm))
+    punches = posterior(make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
-    usual = noise_floor(forward, near) * size
+    usual = noise_floor(forward, near) * norm
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
                      _starts(forward, signal, located, punches), SHORT)
     start = _unknown(forward, _best(short, len(signal), 1).state)
+    size = signal_size(forward, start)
     floor = noise_floor(forward, start) * size
     sd = reading_covariance.at(forward, start, size, noise_V)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
     found = _bounded(forward, _inversion(forward, free, punches, noise_V))
+    # the signals whose size is not their norm, as where the dipole vanishes, are less sure than foreseen
+    less = np.hypot(noise_V, interior * norm) / np.hypot(noise_V, interior * size)
+    located = replace(located, precision=located.precision * (less**2)[:, None, None])
     found = _without_rim(forward, signal, found, located, np.hypot(noise_V, floor))
     rest = np.flatnonzero(~found.broad)
     if len(forward.known_mm) and len(rest):
@@ -187,19 +193,17 @@ def _inside(forward: ForwardMap, touch: Array) -> Mask:
 
 def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array) -> Inversion:
     """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak."""
-    unknown = to_unknown(found.touch, forward.p0)
-    near, usable = electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)), found.broad
-    if not np.any(near):
-        return replace(found, broad=usable & resolved(found.punches))
-    series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
-    added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
-    usable = usable.copy()
-    usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
-    again = locate(forward, signal[near] - added, sd[near])
-    merged = Located(*(part.copy() for part in (located.place_mm, located.strengths, located.covariance)))
-    merged.place_mm[near], merged.strengths[near], merged.covariance[near] = (
-        again.place_mm, again.strengths, again.covariance)
-    punches = posterior(forward, make_table(forward), merged)
+    unknown, usable = to_unknown(found.touch, forward.p0), found.broad.copy()
+    near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)))
+    if len(near):
+        series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
+        added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
+        usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
+        again = locate(forward, signal[near] - added, sd[near])
+        located = Located(located.place_mm.copy(), located.strengths.copy(), located.precision.copy())
+        located.place_mm[near], located.strengths[near], located.precision[near] = (
+            again.place_mm, again.strengths, again.precision)
+    punches = posterior(make_table(forward), located)
     return replace(found, punches=punches, broad=usable & resolved(punches))
 
 
@@ -229,7 +233,7 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: f
     slope = touch_slope(unknown, forward.p0) * forward.sd
     peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
     covariance = peak.joint[:, :4, :4]
-    return Inversion(touch, covariance, state[:, 4 + len(forward.strengths):], peak, misfit, _inside(forward, touch),
+    return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, _inside(forward, touch),
                      np.ones(len(touch), bool), punches, np.zeros_like(touch), np.zeros_like(touch))
 
 
@@ -244,7 +248,7 @@ def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
 def _peak(forward: ForwardMap, normal: Array, slope: Array, widened: Array, noise: Array) -> Peak:
     """From normal matrices (n, p, p) of the scaled states, derivatives (n, 4, 4) of the touch by them, the factor (n,)
     by which the misfit widens variances, and the covariance (n, 4, 4) of the scaled touches by noise alone."""
-    n, k, known = len(normal), forward.materials, 4 + len(forward.strengths)
+    n, k, known = len(normal), forward.materials, 4 + forward.own
     to_touch_and_card = np.broadcast_to(np.eye(4 + k), (n, 4 + k, 4 + k)).copy()
     to_touch_and_card[:, :4, :4] = slope
     kept = np.r_[:4, known:known + k]

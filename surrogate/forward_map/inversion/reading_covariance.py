@@ -34,8 +34,8 @@ def white(sd: Array, readings: int) -> Uncertainty:
 
 
 def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Uncertainty:
-    """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of norms size
-    (n,), V, as far as known of all readings of the ring."""
+    """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of these sizes
+    (n,), V."""
     ring, fitted = forward.ring, forward.beside
     floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
     near = electrode_correction.reaches(fitted.rim, z)

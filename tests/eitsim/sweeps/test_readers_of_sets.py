@@ -1,4 +1,4 @@
-"""A data set opens in other libraries by the very lines that the README gives, where these are installed."""
+"""A data set opens in other libraries by the very lines that the documentation gives, where these are installed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from eitsim.sweeps.dataset import parquet
 from touchcal.errors import InputFileError
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "sweep.md"
 ROWS = 40
 MODULES = {"pandas": {"pd": "pandas"}, "Arrow": {"pyarrow": "pyarrow"}, "Dask": {"dask": "dask"},
            "polars": {"pl": "polars"}}
@@ -30,12 +30,12 @@ def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def line_of(library: str) -> str:
-    (line,) = re.findall(rf"^\| {library} \| `([^`]*)`", README.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    (line,) = re.findall(rf"^\| {library} \| `([^`]*)`", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
     return line
 
 
 @pytest.mark.parametrize("library", MODULES)
-def test_the_readmes_line_reads_the_set(library: str, beside: None) -> None:
+def test_the_line_of_the_documentation_reads_the_set(library: str, beside: None) -> None:
     line, names = line_of(library), {name: pytest.importorskip(module) for name, module in MODULES[library].items()}
     for module in re.findall(r"(?:pyarrow|dask)\.\w+", line):
         importlib.import_module(module)

@@ -125,7 +125,7 @@ def test_the_signal_over_force_is_drawn_with_its_tops(tmp_path: Path, read_pdf: 
     write_model(tmp_path / "model", amplitude=amplitude)
     write(tmp_path / "model", tmp_path / "s.pdf")
     text = " ".join(read_pdf(tmp_path / "s.pdf").whole.split())
-    assert "it is largest at 0.50 N at 10.0 mm" in text
+    assert "it has a top at 0.50 N at 10.0 mm" in text
     assert "between 0.50 and 2.0 N" in text
     drawn = pd.read_csv(tmp_path / "s_files" / "amplitude.csv")
     assert np.allclose(drawn.loc[drawn["d_mm"] == 10, "rms_mV"], [1, 4, 3, 2])

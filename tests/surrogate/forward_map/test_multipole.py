@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import multipole_series
+from surrogate.forward_map import multipole_series, rim_zone
 
 Synthetic = Callable[[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -68,15 +68,22 @@ def test_fields_of_electrodes_are_the_derivatives_of_their_power_series(ring: Ri
             np.testing.assert_allclose(found[n - 1, :, e], f.deriv(n)(z), rtol=1e-11)
 
 
-def test_slopes_of_the_basis_are_differences(ring: Ring) -> None:
-    q, z, h = 1 + 0.1 * np.random.default_rng(1).normal(size=20), np.array([0.3 - 0.5j, 0.1 + 0.2j]), 1e-6
+def test_slopes_of_the_basis_are_differences_and_high_orders_end_in_their_zone(ring: Ring) -> None:
+    """From 1 to 0 by 1 - t^2 (3 - 2 t) between radii 0.33 and 0.40."""
+    q, h = 1 + 0.1 * np.random.default_rng(1).normal(size=20), 1e-6
+    z = np.array([0.3 - 0.5j, 0.1 + 0.2j, 0.2 - 0.3j])
 
     def at(moved: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
         fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
-        return list(multipole_series.basis_and_slopes(ring, fields))
+        found = multipole_series.basis_and_slopes(ring, fields)
+        return list(rim_zone.handed_over(moved, np.array([0.33, 0.40]), *found))
 
     here, by_x, by_y = at(z)
-    np.testing.assert_allclose(here, multipole_series.basis(*multipole_series.patterns(ring, q, z)), rtol=1e-12)
+    t = (np.hypot(0.2, 0.3) - 0.33) / (0.40 - 0.33)
+    kept = np.ones((3, multipole_series.ORDERS))
+    kept[:, rim_zone.ORDERS:] = np.array([[0.0], [1.0], [1 - t**2 * (3 - 2 * t)]])
+    whole = multipole_series.basis(*multipole_series.patterns(ring, q, z))
+    np.testing.assert_allclose(here, whole * kept[:, None], rtol=1e-9, atol=1e-12)
     for slope, way in ((by_x, h), (by_y, 1j * h)):
         np.testing.assert_allclose(slope, (at(z + way)[0] - at(z - way)[0]) / (2 * h), atol=1e-6 * np.abs(slope).max())
 
@@ -117,7 +124,7 @@ def noisy(ring: Ring) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDAr
     rng = np.random.default_rng(4)
     z = 0.4 * (rng.normal(size=12) + 1j * rng.normal(size=12)) / 2
     q = ring.modes * (1 + 0.2 * np.sin(np.arange(len(ring.modes))))
-    signal = multipole_series.combined(multipole_series.basis(*multipole_series.patterns(ring, q, z)),
+    signal = multipole_series.combined(multipole_series.basis(*multipole_series.patterns(ring, q, z, 3)),
                                        rng.uniform(0.5, 1, (12, 3)) * [1, 0.1, 0.01])
     return z, q, signal / np.linalg.norm(signal, axis=1, keepdims=True)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, log_strengths, strength_discrepancy
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_covariance, strengths
 from surrogate.forward_map.inversion import diameter_force_posterior
 from surrogate.forward_map.inversion.multipole_location import Located, locate
 from surrogate.forward_map.load_coordinates import to_unknown
@@ -25,10 +25,15 @@ def learned(ring: Ring, synthetic: Synthetic) -> ForwardMap:
 
 
 def measured(learned: ForwardMap, d_mm: float, force_N: float, sd: Array) -> Located:
-    """Exact strengths of one punch at the table's radius, said to be known to sd."""
+    """Exact strengths of one punch at the table's radius: that of the dipole said to be known to sd[0] of itself, the
+    ratios of the next ones to it to sd[1] and sd[2], and nothing said of higher ones."""
     place = np.array([[np.hypot(*learned.sd[:2]), 0.0]])
     unknown = to_unknown(np.column_stack([place, [[d_mm, force_N]]]), learned.p0)
-    return Located(place, log_strengths(learned, unknown), np.diag(sd**2)[None])
+    exact = strengths(learned, unknown)
+    ratio = exact[0, 1:3] / exact[0, 0]
+    by_strength = np.zeros((3, exact.shape[1]))
+    by_strength[:, 0], by_strength[[1, 2], [1, 2]] = np.r_[1, -ratio] / exact[0, 0], 1 / exact[0, 0]
+    return Located(place, exact, (by_strength.T @ np.diag(sd**-2.0) @ by_strength)[None])
 
 
 def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tuple[Array, Array]:
@@ -36,10 +41,10 @@ def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tup
     (_, d_lo, f_lo), (_, d_hi, f_hi) = learned.bounds
     d, force = (g.ravel() for g in np.meshgrid(np.linspace(d_lo, d_hi, points), np.linspace(f_lo, f_hi, points)))
     unknown = to_unknown(np.column_stack([np.repeat(located.place_mm, len(d), axis=0), d, force]), learned.p0)
-    miss, error = log_strengths(learned, unknown) - located.strengths, strength_discrepancy(learned, unknown)
-    covariance = located.covariance + error[..., None] ** 2 * np.eye(error.shape[1])
-    log_weight = -0.5 * np.einsum("np,npq,nq->n", miss, np.linalg.inv(covariance), miss)
-    log_weight -= 0.5 * np.linalg.slogdet(covariance)[1]
+    miss, error = strengths(learned, unknown) - located.strengths, strength_covariance(learned, unknown)
+    both = np.eye(error.shape[1]) + located.precision @ error
+    log_weight = -0.5 * np.einsum("np,npq,nq->n", miss, np.linalg.solve(both, located.precision + 0 * both), miss)
+    log_weight -= 0.5 * np.linalg.slogdet(both)[1]
     return np.column_stack([d, force]), np.exp(log_weight - log_weight.max())
 
 
@@ -47,7 +52,7 @@ def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tup
                                                      (17.0, 1.8, [0.3, 1e-2, 1.0])])
 def test_the_posterior_equals_brute_force(learned: ForwardMap, d_mm: float, force_N: float, sd: list[float]) -> None:
     located = measured(learned, d_mm, force_N, np.array(sd))
-    found = diameter_force_posterior.posterior(learned, diameter_force_posterior.make_table(learned), located)
+    found = diameter_force_posterior.posterior(diameter_force_posterior.make_table(learned), located)
     punches = diameter_force_posterior.drawn(found, found.table.touch[None])
     mean, covariance = diameter_force_posterior.moments(punches)
     values, likelihood = brute_force(learned, located)
@@ -66,10 +71,10 @@ def test_the_posterior_equals_brute_force(learned: ForwardMap, d_mm: float, forc
 
 
 def test_strengths_of_which_nothing_is_known_leave_the_prior(learned: ForwardMap) -> None:
-    """As the noise of some volts leaves them: a covariance that is singular to rounding."""
-    axis = np.array([[1.1e10, 1e15, -1.8e12]])
-    located = replace(measured(learned, 14.0, 1.0, np.ones(3)), covariance=(axis.T @ axis)[None])
-    found = diameter_force_posterior.posterior(learned, diameter_force_posterior.make_table(learned), located)
+    """As the noise of some volts leaves them, but for one combination, of which next to nothing is known."""
+    axis = np.array([[1.1, 1e2, -1.8, 0.0, 3.0]])
+    located = replace(measured(learned, 14.0, 1.0, np.ones(3)), precision=1e-9 * (axis.T @ axis)[None])
+    found = diameter_force_posterior.posterior(diameter_force_posterior.make_table(learned), located)
     mean, covariance = diameter_force_posterior.moments(diameter_force_posterior.drawn(found, found.table.touch[None]))
     low, high = learned.bounds[:, 1:]
     assert np.allclose(mean[0], (low + high) / 2, rtol=0.05)
@@ -81,7 +86,7 @@ def test_known_punches_keep_every_branch(learned: ForwardMap) -> None:
     between known ones is taken."""
     known = replace(learned, known_mm=np.array([10.0, 12, 14, 16, 18]))
     located = measured(known, 10.0, 1.6, np.array([3e-3, 1e-2, 1.0]))
-    found = diameter_force_posterior.posterior(known, diameter_force_posterior.make_table(known), located)
+    found = diameter_force_posterior.posterior(diameter_force_posterior.make_table(known), located)
     punches = diameter_force_posterior.drawn(found, found.table.touch[None])
     mean = punches.mean(axis=1)
     below, above = 1.6449 * diameter_force_posterior.one_sided(found, found.table.touch[None], mean)[:, 0, 1]
@@ -96,9 +101,12 @@ def test_intervals_hold_the_smallest_and_the_largest_punch_as_often_as_others(le
     that of the smallest or the largest."""
     known, frames, sd = replace(learned, known_mm=np.array([10.0, 12, 14, 16, 18])), 400, np.array([3e-2, 2e-3, 1.0])
     exact = measured(known, d_mm, 0.3, sd)
-    strengths = exact.strengths + sd * np.random.default_rng(3).normal(size=(frames, 3))
-    located = Located(np.repeat(exact.place_mm, frames, 0), strengths, np.repeat(exact.covariance, frames, 0))
-    found = diameter_force_posterior.posterior(known, diameter_force_posterior.make_table(known), located)
+    error = sd * np.random.default_rng(3).normal(size=(frames, 3))
+    drawn = np.repeat(exact.strengths, frames, 0)
+    drawn[:, 1:3] += error[:, 1:] * drawn[:, :1]
+    drawn *= 1 + error[:, :1]
+    located = Located(np.repeat(exact.place_mm, frames, 0), drawn, np.repeat(exact.precision, frames, 0))
+    found = diameter_force_posterior.posterior(diameter_force_posterior.make_table(known), located)
     nodes = found.table.touch[None]
     force = diameter_force_posterior.drawn(found, nodes).mean(axis=1)
     below, above = 1.6449 * diameter_force_posterior.one_sided(found, nodes, force)[..., 1]
@@ -108,13 +116,13 @@ def test_intervals_hold_the_smallest_and_the_largest_punch_as_often_as_others(le
 def test_strengths_of_no_punch_of_the_table_are_left_to_the_peak(learned: ForwardMap) -> None:
     known = replace(learned, known_mm=np.array([10.0, 12, 14, 16, 18]))
     located = measured(known, 10.9, 1.0, np.array([1e-4, 1e-6, 1e-6]))
-    found = diameter_force_posterior.posterior(known, diameter_force_posterior.make_table(known), located)
+    found = diameter_force_posterior.posterior(diameter_force_posterior.make_table(known), located)
     assert not diameter_force_posterior.resolved(found)[0]
 
 
 def test_a_sharp_posterior_is_left_to_its_peak(learned: ForwardMap) -> None:
     located = measured(learned, 14.0, 1.0, np.array([1e-4, 1e-6, 1e-8]))
-    found = diameter_force_posterior.posterior(learned, diameter_force_posterior.make_table(learned), located)
+    found = diameter_force_posterior.posterior(diameter_force_posterior.make_table(learned), located)
     assert not diameter_force_posterior.resolved(found)[0]
     start = diameter_force_posterior.starts(found, 4)[0]
     assert np.abs(start[:, 0] - 14).min() < 0.2
@@ -126,8 +134,9 @@ def test_strengths_are_located_within_their_covariance(learned: ForwardMap, synt
     training touches leave less of the ratios than the signals do."""
     touch, signal = synthetic(200, 1, (), 100 * INTERIOR)
     found = locate(learned, signal + noise * np.random.default_rng(0).normal(size=signal.shape), np.full(200, noise))
-    truth = log_strengths(learned, to_unknown(touch, learned.p0))
-    z = (found.strengths - truth)[:, :2] / np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))[:, :2]
+    truth = strengths(learned, to_unknown(touch, learned.p0))
+    sd = np.sqrt(np.diagonal(np.linalg.pinv(found.precision, hermitian=True), axis1=1, axis2=2))
+    z = (found.strengths - truth)[:, :2] / sd[:, :2]
     assert np.all(np.abs(np.mean(z**2, axis=0) - 1) < 0.3)
     assert np.sqrt(np.mean((found.place_mm - touch[:, :2]) ** 2)) < 5e3 * noise
 

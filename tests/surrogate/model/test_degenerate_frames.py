@@ -117,8 +117,8 @@ def test_a_dead_channel_is_left_out_of_an_inversion(predictors: dict[str, Predic
 
 def test_a_dead_electrode_widens_the_intervals(predictors: dict[str, Predictor], synthetic: Synthetic,
                                                untouched_V: Array) -> None:
-    """All readings that need one electrode are gone. The map's own error is a part of the signal's norm, of which dead
-    channels hide some, so that single touches may be told the same."""
+    """All readings that need one electrode are gone. The misfit of those left, which widens intervals where it exceeds
+    1, is another draw of the noise, so that single touches may be told a little less."""
     model = predictors["forward"].model
     ring = model.ring
     dead = np.any([getattr(ring, name) == 3 for name in ("source", "sink", "read", "ground")], axis=0)
@@ -130,7 +130,9 @@ def test_a_dead_electrode_widens_the_intervals(predictors: dict[str, Predictor],
     assert 40 < dead.sum() < 104
     assert within.sum() > 8
     assert np.all(np.abs(found.value[:, :2] - touch[:, :2])[within] < 2 * found.half_width[within, :2])
-    assert np.all(found.half_width[within, :2] > whole.half_width[within, :2])
+    wider = found.half_width[within, :2] / whole.half_width[within, :2]
+    assert np.all(wider > 0.95)
+    assert np.all(np.median(wider, axis=0) > 1.05)
     signal = (frames - untouched_V)[within]
     ratio = estimate(without(model, dead), signal[:, ~dead], NOISE_V).sd / estimate(model, signal, NOISE_V).sd
     assert np.all(ratio > 0.95)

@@ -1,0 +1,57 @@
+"""Commands of `eitsim sensor`: what recordings of real sensors say."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from touchcal.errors import InputFileError
+from touchcal.terminal import JsonOption, application, print_json
+
+app = application("Real sensors: their recordings, and what the readings say of themselves.")
+
+
+@app.callback()
+def group() -> None:
+    """Real sensors: their recordings, and what the readings say of themselves."""
+
+
+@app.command()
+def inspect(recording: Annotated[Path, typer.Argument(
+                metavar="RECORDING", help="CSV of one row a frame: index or time_s, touch (empty: untouched), v_000 "
+                                          "...; or a board's file: Sciospec .eit, OpenEIT, EIT-kit, .mat.")],
+            sensor: Annotated[Path | None, typer.Option(
+                help="Sensor file (TOML) with [body], [electrodes], [drive] and [readings], whose drive is compared "
+                     "with what the readings look like.")] = None,
+            as_json: JsonOption = False) -> None:
+    """Say what readings tell of their order, sign, faults and noise, without a model and with one, and ask where they
+    do not decide.
+
+    Example: eitsim sensor inspect frames.csv --sensor sensor.toml
+    """
+    from rich.console import Console
+
+    from eitsim.cli.display import show_inspection
+    from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.inspection import inspect as inspected
+    from eitsim.sensors.inspection_words import document
+    from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor
+
+    known, readings = None, None
+    if sensor is not None:
+        known = read_sensor(sensor)
+        try:
+            readings = len(pairs_of(known))
+        except ValueError as error:
+            raise InputFileError(sensor, str(error)) from None
+    frames = open_recording(recording, kind=known.kind if known else Sensor.kind, readings=readings)
+    console = Console(stderr=True)
+    with console.status("comparing orders of readings") if console.is_terminal else nullcontext():
+        found = inspected(frames, known)
+    if as_json:
+        print_json(document(found))
+    else:
+        show_inspection(found)

@@ -1,0 +1,45 @@
+"""A positive size of the multipole strengths of a touch, smooth in the punch whatever the signs of the strengths.
+
+Strengths are learned over it. Each of them may pass zero, as the dipole does where a contact shunts the skin as much as
+its strain opens it; the size does not, so that errors over it stay those of a signal.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from touchcal.arrays import Array
+
+PUNCH = 2  # inputs that it bends with: log d and g; the others move its logarithm linearly
+HELD = 1e-3  # part of a squared weight that counts as misfit, so that inputs that differ by rounding move nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Size:
+    """size(x) = exp(b0 + b.u + sum_ij c_ij u_i u_j), u = x - centre, i <= j < PUNCH, a unit of strength per N."""
+
+    centre: Array  # (q,) mean training input
+    weights: Array  # (1 + q + PUNCH (PUNCH + 1) / 2,) b0, b, c
+
+
+def fit(x: Array, size: Array) -> Size:
+    """Least squares of the logarithm of sizes (n,) > 0 at inputs (n, q), of which the first are log d and g."""
+    centre = x.mean(axis=0)
+    regressors = _regressors(x - centre)
+    normal = regressors.T @ regressors + HELD * np.eye(regressors.shape[1])
+    return Size(centre, np.linalg.solve(normal, regressors.T @ np.log(size)))
+
+
+def at(size: Size, x: Array) -> tuple[Array, Array]:
+    """Sizes (n,) at inputs (n, q), and the gradients (n, q) of their logarithms."""
+    u, q = x - size.centre, x.shape[1]
+    gradient = np.repeat(size.weights[None, 1:1 + q], len(x), axis=0)
+    for weight, i, j in zip(size.weights[1 + q:], *np.triu_indices(PUNCH), strict=True):
+        gradient[:, i] += weight * u[:, j]
+        gradient[:, j] += weight * u[:, i]
+    return np.exp(_regressors(u) @ size.weights), gradient
+
+
+def _regressors(u: Array) -> Array:
+    products = [u[:, i] * u[:, j] for i, j in zip(*np.triu_indices(PUNCH), strict=True)]
+    return np.column_stack([np.ones(len(u)), u, *products])
