@@ -14,7 +14,7 @@ import csv
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +80,8 @@ def with_drift(recording: Recording, presses: Presses, drift: str) -> Presses:
         frames = np.concatenate([presses.rest[kept], touched])
         untouched = np.arange(len(frames)) < len(known)
         rest, age = tracked(frames[order], all_time[order], untouched[order])
-    return Presses(presses.name, presses.index, touched - rest, age, presses.rest[kept], presses.rest_time[kept])
+    return replace(presses, signal=touched - rest, following=np.full_like(rest, np.nan), age=age,
+                   rest=presses.rest[kept], rest_time=presses.rest_time[kept])
 
 
 def rows_of(case: Case, count: int) -> tuple[Index, Index]:
@@ -102,8 +103,7 @@ def measured(case: Case) -> dict[str, object]:
     known = presses
     if len(presses.rest):
         before = presses.rest_time <= presses.index[train].max()
-        known = Presses(presses.name, presses.index, presses.signal, presses.age, presses.rest[before],
-                        presses.rest_time[before])
+        known = replace(presses, rest=presses.rest[before], rest_time=presses.rest_time[before])
     begun = time.process_time()
     found = scored(known, place, train, test, case.split, 0)
     return asdict(case) | {
