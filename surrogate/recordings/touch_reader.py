@@ -124,7 +124,7 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     the main directions of drift read the place; intervals then do not hold, which the flag says.
     """
     dead = np.isnan(presses.signal).sum(axis=1)
-    cut: Mask = np.isnan(presses.following[:, reader.late]).any(axis=1)
+    cut = np.isnan(presses.following[:, reader.late]).sum(axis=1) > 0
     signal = filled(reader.readings, with_late(presses, reader.late))
     kept = without(reader.drift, signal, reader.projected)
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)

@@ -100,7 +100,8 @@ def drifting(seed: int, count: int, apart: int) -> tuple[Presses, Array]:
     rest += 0.005 * size * rng.standard_normal(rest.shape)
     old = rest[np.maximum(np.arange(count) - apart, 0)]
     return Presses(np.arange(count).astype(np.str_), 2 * np.arange(count) + 1, signal + rest - old,
-                   np.full_like(signal, np.nan), np.full(count, 2.0 * apart + 1), rest, np.arange(0.0, 2 * count, 2)), place
+                   np.full_like(signal, np.nan), np.full(count, 2.0 * apart + 1), rest,
+                   np.arange(0.0, 2 * count, 2)), place
 
 
 def test_an_old_untouched_frame_is_read_by_what_drift_spares(quick: object) -> None:
