@@ -10,14 +10,15 @@ frames 10 presses apart.
 
 from __future__ import annotations
 
-import csv
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from conditions import earlier, quick, shown, written
 
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
@@ -28,8 +29,9 @@ from surrogate.recordings.reader_scores import scored, split_rows
 from touchcal.arrays import Array, Index
 
 REAL = Path(__file__).parents[1].parent / "shared" / "real"
-TABLE = Path(__file__).parent / "results" / "real_skins.csv"
-SKINS = ("skin_plain", "skin_radial", "skin_carbon", "hydrogel")
+NAME = "real_skins"
+SKINS = quick(("skin_plain", "skin_radial", "skin_carbon", "hydrogel"), ("hydrogel",))
+LABELS = quick((20, 100, 0), (20,))
 KEYS = ("skin", "labels", "split", "taken", "drift")
 
 
@@ -44,7 +46,7 @@ class Case:
     drift: str = ""  # how the untouched frame is known; empty: as recorded
 
 
-def cases(labels: list[int]) -> Iterator[Case]:
+def cases(labels: Sequence[int]) -> Iterator[Case]:
     """The rows of the table in the order in which they are measured."""
     for count in labels:
         for skin in SKINS:
@@ -114,26 +116,18 @@ def measured(case: Case) -> dict[str, object]:
         "cpu_s": round(time.process_time() - begun, 1)}
 
 
-def main(labels: list[int]) -> None:
+def main(labels: Sequence[int]) -> None:
     if not REAL.is_dir():
         print(f"{REAL} is not there; nothing is measured.")
         return
-    done = set()
-    if TABLE.exists():
-        with open(TABLE, newline="", encoding="utf-8") as file:
-            done = {tuple(row[key] for key in KEYS) for row in csv.DictReader(file)}
+    table = earlier(NAME)
+    done = set(table[[*KEYS]].astype(object).fillna("").astype(str).itertuples(index=False, name=None)) if len(table) else set()
     for case in cases(labels):
-        if tuple(str(getattr(case, key)) for key in KEYS) in done:
-            continue
-        row = measured(case)
-        new = not TABLE.exists()
-        with open(TABLE, "a", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, [*row], lineterminator="\n")
-            if new:
-                table.writeheader()
-            table.writerow(row)
-        print(*row.values(), flush=True)
+        if tuple(str(getattr(case, key)) for key in KEYS) not in done:
+            row = pd.DataFrame([measured(case)])
+            shown(row)
+            table = written(pd.concat([table, row], ignore_index=True), NAME)
 
 
 if __name__ == "__main__":
-    main([int(one) for one in sys.argv[1:]] or [20, 100, 0])
+    main([int(one) for one in sys.argv[1:]] or LABELS)
