@@ -121,7 +121,8 @@ def main(labels: Sequence[int]) -> None:
         print(f"{REAL} is not there; nothing is measured.")
         return
     table = earlier(NAME)
-    done = set(table[[*KEYS]].astype(object).fillna("").astype(str).itertuples(index=False, name=None)) if len(table) else set()
+    known = table[[*KEYS]].astype(object).fillna("").astype(str) if len(table) else pd.DataFrame(columns=[*KEYS])
+    done = set(known.itertuples(index=False, name=None))
     for case in cases(labels):
         if tuple(str(getattr(case, key)) for key in KEYS) not in done:
             row = pd.DataFrame([measured(case)])

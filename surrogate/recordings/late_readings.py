@@ -11,7 +11,7 @@ from touchcal.arrays import Array, Index
 # Of the smoother: its length over the spread of the places, and the variance of noise over that of the process.
 LENGTH, NOISE = 0.25, 0.05
 SURE = 2.0  # times 1 / sqrt(presses): how much more of a reading places must explain a frame later
-FEWEST = 10  # presses whose following frame is there
+FEWEST = 40  # presses whose following frame is there, from which late readings are sought
 
 
 def late_readings(presses: Presses, place: Array) -> Index:
