@@ -9,7 +9,7 @@ import numpy as np
 from eitsim.sensors.companions import FEWEST, LIKELY, supports
 from eitsim.sensors.conventions import MEAN, pattern_name, predicted
 from eitsim.sensors.disc_field import ring_kernel
-from eitsim.sensors.recognition import Account, Order, accounts, exchanged
+from eitsim.sensors.recognition import Account, Order, accounts, exchanged, unordered
 from touchcal.arrays import Array, Index
 
 CERTAIN = 8.0  # orders by which a disc is this much less likely than by the best, in natural logarithms, are excluded
@@ -76,8 +76,8 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     """The orders that may have made an untouched frame (readings,), or signals (frames, readings) of touches.
 
     kind: "voltage", "magnitude", or "difference", whose signals have no untouched frame. An imperfect homogeneous disc
-    decides where it explains the frame, otherwise the touches where there are enough. expected: pairs of the order that
-    a sensor file describes.
+    decides where it explains the frame, and better than one number for all readings does, otherwise the touches where
+    there are enough. expected: pairs of the order that a sensor file describes.
     """
     if not orders:
         return Identified((), "nothing", _sign_alone(kind), np.nan)
@@ -85,7 +85,7 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     if profile is not None:
         fit, found = _fit_of_kind(profile, orders, kind)
         unexplained = fit.unexplained
-        if unexplained < EXPLAINED:
+        if unexplained < EXPLAINED and fit.log_likelihood > unordered(profile) + CERTAIN:
             return Identified(fit.orders, "disc", found, unexplained, fit.swapped)
     if len(signals) >= FEWEST:
         likely = supports(signals, orders, expected)

@@ -94,6 +94,14 @@ def account_of(profile: Array, order: Order, *, signed: bool) -> Account:
     return _account(profile, order, int(signs[0]))
 
 
+def unordered(profile: Array) -> float:
+    """Natural logarithm, as that of an account, of the likelihood that all readings (readings,), or their sizes, are
+    one number but for noise: what an order has to be likelier than."""
+    profile = profile[np.isfinite(profile)] / np.sqrt(np.nanmean(profile**2))
+    return max(_evidence(value, np.array([[len(value)]], dtype=float), np.array([value.sum()]), np.array([_FACTOR]))[0]
+               for value in (profile, np.abs(profile)))
+
+
 def exchanged(order: Order, one: int, other: int) -> Order:
     """An order whose leads of two electrodes are exchanged."""
     leads = np.arange(-1, order.count)

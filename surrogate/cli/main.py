@@ -12,6 +12,7 @@ import typer
 
 from surrogate.cli.limit_command import counted, limit
 from surrogate.cli.predict_command import ModelFolder, predict
+from surrogate.cli.recording_command import train_recording
 from surrogate.learners.registry import METHODS, method_of
 from touchcal.terminal import JsonOption, SeedOption, application, check_out, numbers, print_json, run
 
@@ -24,7 +25,10 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 app = application("Learn touches from electrode voltages: the paper's networks, a forward map, ridge regression.")
 
-DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
+TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data set that `eitsim sweep` wrote, or "
+                                                                        "recorded frames with --labels, --sensor.")]
+LABELS_HELP = "CSV of what is known of a recording's touches: touch, x_mm, y_mm."
+SENSOR_HELP = "Sensor file (TOML) of a recording."
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
@@ -36,15 +40,17 @@ LEVELS_HELP = "Noise levels of the stored scores besides no noise, in dB below t
 
 
 @app.command()
-def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of the model.")],
+def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of the model.")],
           method: Annotated[str, typer.Option(help=METHOD_HELP)] = "forward",
           outputs: Annotated[str, typer.Option(help=OUTPUTS_HELP)] = "all",
-          seed: SeedOption = 0,
+          labels: Annotated[Path | None, typer.Option(help=LABELS_HELP)] = None,
+          sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None, seed: SeedOption = 0,
           epochs: Annotated[int | None, typer.Option(help=f"Most steps; where left out {STEPS}.")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
           noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
-    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test.
+    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or on a recording: places
+    are learnt from all labelled presses, and scores are those of readers of four fifths of them.
 
     Example: surrogate train sweep --out forward --method forward --seed 1
     """
@@ -54,6 +60,12 @@ def train(folder: DataFolder, out: Annotated[Path, typer.Option(help="Folder of 
 
     check_out(out, folder=True)
     store.check_own(out)
+    if folder.is_file() or labels is not None or sensor is not None:
+        if (method, outputs, epochs, calibrate) != ("forward", "all", None, None):
+            raise ValueError("--method, --outputs, --epochs and --calibrate are for sweeps; a recording is learnt by "
+                             "all families of readers, for the places of its labels. Leave them out.")
+        train_recording(folder, labels, sensor, out, seed, workers or _cores(), as_json)
+        return
     method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)
     samples = _samples(folder)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from surrogate.cli.limit_command import counted
+from surrogate.cli.recording_command import predict_recording
 from touchcal.terminal import JsonOption, SeedOption, check_apart, check_out, print_json
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     in a file of three or more frames, not in a stream. --direct, --posterior and --touches 2 leave frames with dead
     channels unread.
 
+    A model of a recording reads a recording: a row a touched frame, against the untouched frames tracked to its time.
+
     Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
     evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; in noise a heavier or
     a thicker punch may look like one within, and then no flag can tell: where an interval of d or F reaches an end
@@ -65,6 +68,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
     import surrogate
+    from surrogate.recordings.reader_store import is_reader
 
     if out is not None:
         check_out(out)
@@ -78,6 +82,12 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     if direct and card is None:
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
+    if is_reader(model_folder):
+        if frames == "-" or (baseline, noise_v, card, data, scene, held) != (None,) * 6 or direct or posterior:
+            raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
+                             "rows are the baseline. Give that file and --out alone.")
+        _written(predict_recording(model_folder, Path(frames)), model_folder, out, as_json)
+        return
     model = surrogate.load(model_folder)
     if held is not None and (direct or posterior or touches == 2):
         raise ValueError("--held is for plain predictions; leave it out with --direct, --posterior and --touches 2.")

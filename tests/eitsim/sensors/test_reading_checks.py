@@ -82,14 +82,16 @@ def test_noise_is_that_of_one_reading_whatever_drifts() -> None:
 
 
 def test_dead_channels_and_electrodes() -> None:
-    values = np.random.default_rng(2).normal(size=(5, len(PAIRS)))
+    values = np.random.default_rng(2).normal(size=(12, len(PAIRS)))
     values[:, 3] = np.nan
     values[:, 4] = 0.0
     values[:, 5] = 0.7
     dead = reading_checks.dead_readings(recording(values))
     assert np.flatnonzero(dead).tolist() == [3, 4, 5]
+    few = reading_checks.dead_readings(recording(values[:2]))
+    assert np.flatnonzero(few).tolist() == [3, 4]  # of few bits: the same value twice is no fault
     uses_3 = (PAIRS[:, 2:] == 3).any(axis=1)
     assert reading_checks.dead_electrodes(uses_3, PAIRS, 4) == [3]
     assert reading_checks.dead_electrodes(np.zeros(len(PAIRS), bool), PAIRS, 4) == []
-    twice = recording(np.tile(values[:1, :3], (2, 1)))
+    twice = recording(np.tile(values[:1, :3], (20, 1)))
     assert not reading_checks.dead_readings(twice).any()

@@ -1,0 +1,1 @@
+"""Touches learnt from recorded presses."""

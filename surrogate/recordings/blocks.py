@@ -1,0 +1,14 @@
+"""Blocks in time: each is held out once, so that a row is read by what was learnt before and after it."""
+
+import numpy as np
+
+from touchcal.arrays import Index
+
+# Blocks of many rows; of fewer than FEW rows there are more blocks, for each row that is held out is missed.
+BLOCKS, FEW, BLOCKS_OF_FEW = 8, 50, 20
+
+
+def time_blocks(rows: int) -> Index:
+    """(rows,) block of each row: runs of rows in time, as long as each other to one row."""
+    count = min(BLOCKS if rows >= FEW else BLOCKS_OF_FEW, rows)
+    return (np.arange(rows) * count // rows).astype(np.intp)

@@ -1,0 +1,82 @@
+"""Kernel ridge regression from signals to places, every setting by leave-one-out: the yardstick of the other families.
+
+y(s) = mean + sum_i a_i exp(-|f(s) - f(s_i)|^2 / (c h)), h the median squared distance of the training features.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from surrogate.recordings.patterns import compressed, compression_scale, direction
+from surrogate.statistics.gaussian_process import spread_evenly, squared_distance
+from touchcal.arrays import Array, Index
+
+VIEWS = ("plain", "direction", "compressed")
+WIDTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # c
+RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)  # added to the diagonal of the kernel
+MOST_SEARCHED = 600  # rows that settings are chosen on
+
+
+@dataclass(frozen=True, eq=False)
+class KernelRidge:
+    """A fitted regression."""
+
+    view: str  # one of VIEWS
+    scale: float  # of the compressed view
+    width: float  # c h
+    ridge: float
+    nodes: Array  # (n, m) training features
+    weights: Array  # (n, k) a_i
+    mean: Array  # (k,)
+
+    def read(self, signal: Array) -> Array:
+        """(n, k) targets of signals (n, m)."""
+        apart = squared_distance(_view(self.view, self.scale, signal), self.nodes)
+        return self.mean + np.exp(-apart / self.width) @ self.weights
+
+
+def fit(signal: Array, target: Array) -> KernelRidge:
+    """Fit targets (n, k) on signals (n, m), the view, the width and the ridge of least leave-one-out distance over at
+    most MOST_SEARCHED rows, evenly spread."""
+    scale, searched = compression_scale(signal), spread_evenly(len(signal), MOST_SEARCHED)
+    scored = [(score, view, width, ridge) for view in VIEWS
+              for score, width, ridge in _leave_one_out(_view(view, scale, signal[searched]), target[searched])]
+    _, view, width, ridge = min(scored)
+    return _solved(view, scale, width, ridge, signal, target)
+
+
+def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index) -> Array:
+    """(n, k) targets of the training signals, each read without the rows of its block, settings as fitted."""
+    out = np.empty_like(target)
+    for block in np.unique(blocks):
+        kept = blocks != block
+        part = _solved(fitted.view, fitted.scale, fitted.width, fitted.ridge, signal[kept], target[kept])
+        out[~kept] = part.read(signal[~kept])
+    return out
+
+
+def _leave_one_out(nodes: Array, target: Array) -> list[tuple[float, float, float]]:
+    """Mean leave-one-out distance, width and ridge of each setting."""
+    apart, left = squared_distance(nodes, nodes), target - target.mean(axis=0)
+    typical = max(float(np.median(apart)), np.finfo(float).tiny)
+    out = []
+    for c in WIDTHS:
+        values, axes = np.linalg.eigh(np.exp(-apart / (c * typical)))
+        for ridge in RIDGES:
+            inverse = 1 / (np.maximum(values, 0) + ridge)
+            missed = axes @ (inverse[:, None] * (axes.T @ left)) / (axes**2 @ inverse)[:, None]
+            out.append((float(np.linalg.norm(missed, axis=1).mean()), c * typical, ridge))
+    return out
+
+
+def _solved(view: str, scale: float, width: float, ridge: float, signal: Array, target: Array) -> KernelRidge:
+    nodes, mean = _view(view, scale, signal), target.mean(axis=0)
+    factor = cho_factor(np.exp(-squared_distance(nodes, nodes) / width) + ridge * np.eye(len(nodes)))
+    return KernelRidge(view, scale, width, ridge, nodes, cho_solve(factor, target - mean), mean)
+
+
+def _view(view: str, scale: float, signal: Array) -> Array:
+    if view == "plain":
+        return signal
+    return direction(signal) if view == "direction" else compressed(signal, scale)

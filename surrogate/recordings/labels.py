@@ -1,0 +1,79 @@
+"""Labels of recorded presses: a CSV with `touch` and any of x_mm, y_mm, d_mm, F_N, depth_mm, z_mm."""
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from touchcal.arrays import Array
+from touchcal.errors import InputFileError, unknown_key
+from touchcal.input_file import regular
+
+NAMES = ("x_mm", "y_mm", "d_mm", "F_N", "depth_mm", "z_mm")
+TOUCH = "touch"
+PLACE = NAMES[:2]
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """What is known of some touches."""
+
+    touch: NDArray[np.str_]  # (n,) name of each touch, all different
+    names: tuple[str, ...]  # some of NAMES
+    values: Array  # (n, len(names)) in the units of the names
+
+
+def read_labels(path: Path | str) -> Labels:
+    """Read a CSV of labels; InputFileError names the line and column of what is no label."""
+    path = Path(path)
+    try:
+        with open(regular(path), newline="", encoding="utf-8-sig") as file:
+            rows = [(line, [cell.strip() for cell in cells]) for line, cells in enumerate(csv.reader(file), start=1)
+                    if any(cell.strip() for cell in cells)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of one row a touch.") from None
+    if not rows:
+        raise InputFileError(path, f"the file is empty. Expected a header of {TOUCH} and any of {', '.join(NAMES)}.")
+    header = rows[0][1]
+    _check_header(path, rows[0][0], header)
+    if len(rows) < 2:
+        raise InputFileError(path, "a header without touches; give one row a touch below it.")
+    seen: dict[str, int] = {}
+    for line, cells in rows[1:]:
+        if len(cells) != len(header):
+            raise InputFileError(path, f"{len(cells)} columns, expected {len(header)} as in the header.", line=line)
+        name = cells[header.index(TOUCH)]
+        if not name:
+            raise InputFileError(path, "touch is empty; name each touch as the recording does.", line=line)
+        if name in seen:
+            raise InputFileError(path, f"touch '{name[:20]}' stands in line {seen[name]} too; label a touch once.",
+                                 line=line)
+        seen[name] = line
+    names = tuple(name for name in NAMES if name in header)
+    values = [[_value(path, line, name, cells[header.index(name)]) for name in names] for line, cells in rows[1:]]
+    return Labels(np.array([*seen], dtype=np.str_), names, np.array(values))
+
+
+def _check_header(path: Path, line: int, header: list[str]) -> None:
+    known = (TOUCH, *NAMES)
+    if odd := [name for name in header if name not in known]:
+        raise InputFileError(path, unknown_key(odd[0][:20], known), line=line)
+    if len(set(header)) < len(header):
+        raise InputFileError(path, f"the header names {', '.join(header)}: one of them twice.", line=line)
+    if TOUCH not in header or len(header) < 2:
+        raise InputFileError(path, f"the header names {', '.join(header)}; expected {TOUCH} and any of "
+                                   f"{', '.join(NAMES)}.", line=line)
+
+
+def _value(path: Path, line: int, name: str, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputFileError(path, f"{name} is '{cell[:20]}', no finite number. Correct it, or leave the row out.",
+                             line=line)
+    return value

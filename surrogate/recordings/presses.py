@@ -1,0 +1,78 @@
+"""Presses of a recording: what each touched frame adds to the untouched one, and where it was pressed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.sensors.recording import Recording
+from surrogate.recordings.baselines import in_order, tracked
+from surrogate.recordings.labels import PLACE, Labels
+from touchcal.arrays import Array
+from touchcal.errors import InputFileError
+
+
+@dataclass(frozen=True, eq=False)
+class Presses:
+    """Touched frames in time order."""
+
+    name: NDArray[np.str_]  # (n,) touch
+    index: NDArray[np.int64]  # (n,) number of the frame in time
+    signal: Array  # (n, m) touched less untouched readings, in the unit of the readings; NaN where a channel is dead
+    # (n, m) the frame that follows in the recording, likewise; NaN where it is not there
+    following: Array
+    age: Array  # (n,) time to the nearest untouched frame, in the unit of `rest_time`; 0 for differences
+    rest: Array  # (k, m) untouched frames, in time order
+    rest_time: Array  # (k,) their times, s, or their indices where the recording has no clock
+
+
+def presses_of(recording: Recording) -> Presses:
+    """The touched frames of a recording, each less the untouched frame tracked to its time; InputFileError where there
+    is no untouched frame, no touched one, or a complex reading."""
+    frames, time = recording.readings, in_order(recording.index, recording.time_s)
+    if np.iscomplexobj(frames):
+        raise InputFileError(recording.source, "complex readings; give their magnitudes or their real parts.")
+    untouched = recording.untouched
+    touched = ~untouched if recording.kind == "difference" else recording.touch != ""
+    if not touched.any():
+        raise InputFileError(recording.source, "no frame is touched: fill in the column touch.")
+    rest = np.asarray(frames[untouched], float)
+    signal, age = np.asarray(frames[touched], float), np.zeros(int(touched.sum()))
+    following = _following(np.asarray(frames, float), recording.index)[touched]
+    if recording.kind != "difference":
+        if not untouched.any():
+            raise InputFileError(recording.source, f"no frame is untouched, and the readings are of the kind "
+                                                   f"{recording.kind}. Record untouched frames, their touch empty.")
+        used = touched | untouched
+        baseline, age = tracked(np.asarray(frames[used], float), time[used], untouched[used])
+        signal, following = signal - baseline, following - baseline
+    return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched])
+
+
+def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Array]:
+    """The presses that have a place, and their places (n, 2) in mm; ValueError where the labels have no x_mm and y_mm
+    or name no touch of the recording."""
+    if any(name not in labels.names for name in PLACE):
+        raise ValueError(f"{source}: the labels are {', '.join(labels.names)}; places need x_mm and y_mm.")
+    row = {name: number for number, name in enumerate(labels.touch.tolist())}
+    known = np.array([name in row for name in presses.name.tolist()])
+    if not known.any():
+        raise ValueError(f"{source}: none of its {len(row)} touches is one of the recording's, which begin with "
+                         f"{', '.join(presses.name[:3].tolist())}. Name touches as the recording does.")
+    kept = taken(presses, np.flatnonzero(known))
+    columns = [labels.names.index(name) for name in PLACE]
+    return kept, labels.values[[row[name] for name in kept.name.tolist()]][:, columns]
+
+
+def taken(presses: Presses, rows: NDArray[np.intp]) -> Presses:
+    """Some of the presses, in this order."""
+    return Presses(presses.name[rows], presses.index[rows], presses.signal[rows], presses.following[rows],
+                   presses.age[rows], presses.rest, presses.rest_time)
+
+
+def _following(frames: Array, index: NDArray[np.int64]) -> Array:
+    """(frames, m) the frame whose index is one more; NaN where there is none."""
+    out = np.full_like(frames, np.nan)
+    next_to = np.flatnonzero(np.diff(index) == 1)
+    out[next_to] = frames[next_to + 1]
+    return out

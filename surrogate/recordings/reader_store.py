@@ -1,0 +1,71 @@
+"""A trained reader as a folder: model.json says what it is, arrays.npz holds its numbers; nothing is ever executed."""
+
+import hashlib
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from surrogate.recordings.reader_scores import ReaderScore
+from surrogate.recordings.touch_reader import TouchReader
+from surrogate.recordings.train_reader import TrainedReader
+from touchcal.array_store import flat, read_npz, rebuilt
+from touchcal.document import Keys, Number, check
+from touchcal.errors import InputFileError
+from touchcal.json_file import digest, read_json, write_json
+from touchcal.whole_file import written
+
+METHOD, SCHEMA = "recording", 1
+DESCRIPTION, ARRAYS, PART = "model.json", "arrays.npz", "reader"
+_HASH, _DESCRIBED = "arrays_sha256", "description_sha256"
+_RETRAIN = "A model is the folder that `surrogate train --out` writes; train it again."
+_COUNT = Number(0, 1e15, whole=True)
+_SHAPE = Keys({"schema": _COUNT, "method": str, "kind": str, "presses": _COUNT, "seed": Number(0, whole=True),
+               "fit_s": Number(0), "scores": list, _HASH: str})
+
+
+def save(model: TrainedReader, folder: Path) -> None:
+    """Write a model; model.json comes last, so that a folder that has it is whole."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / DESCRIPTION).unlink(missing_ok=True)
+    text: dict[str, Any] = {"schema": SCHEMA, "method": METHOD, "kind": model.kind, "presses": model.presses,
+                            "seed": model.seed, "fit_s": model.fit_s, "scores": [asdict(one) for one in model.scores]}
+    with written(folder / ARRAYS) as file:
+        np.savez_compressed(file, allow_pickle=False, **dict(flat(model.reader, PART)),
+                            **{_DESCRIBED: np.array(digest(text))})
+    write_json(text | {_HASH: _file_hash(folder / ARRAYS)}, folder / DESCRIPTION)
+
+
+def is_reader(folder: Path) -> bool:
+    """Whether a folder holds a model of this kind."""
+    path = folder / DESCRIPTION
+    return path.is_file() and read_json(path, "a model", _RETRAIN).get("method") == METHOD
+
+
+def load(folder: Path) -> TrainedReader:
+    """Read a model; InputFileError where the folder is none, of another schema, damaged or changed."""
+    text = read_json(folder / DESCRIPTION, "a model", _RETRAIN)
+    try:
+        check(text, _SHAPE)
+        if (text["schema"], text["method"]) != (SCHEMA, METHOD):
+            raise ValueError(f"schema {text['schema']}, method {text['method']} is not one that this version reads")
+        stated, arrays = text.pop(_HASH), read_npz(folder / ARRAYS)
+        if stated != _file_hash(folder / ARRAYS):
+            raise ValueError(f"{ARRAYS} was changed, or is of another model")
+        if str(arrays.pop(_DESCRIBED)) != digest(text):
+            raise ValueError(f"{DESCRIPTION} was changed")
+        scores = tuple(ReaderScore(**one | {name: tuple(one[name]) for name in ("coverage", "width_mm")})
+                       for one in text["scores"])
+        return TrainedReader(rebuilt(TouchReader, PART, arrays), text["kind"], text["presses"], text["seed"], scores,
+                             text["fit_s"])
+    except (LookupError, TypeError, ValueError) as error:
+        raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
+                                     f"({error}). Train the model again.") from None
+
+
+
+
+def _file_hash(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,110 @@
+"""Each family of readers on synthetic presses, and how they are combined."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surrogate.recordings import kernel_ridge, networks, stacking, templates
+from surrogate.recordings.blocks import time_blocks
+from surrogate.recordings.dead_channels import filled, learn_readings
+from surrogate.recordings.intervals import calibrated
+from surrogate.recordings.patterns import learn_features
+from surrogate.recordings.presses import Presses
+from touchcal.arrays import Array
+
+from .conftest import synthetic_presses
+
+Pressed = tuple[Presses, Array]
+
+
+def distance(value: Array, place: Array) -> float:
+    return float(np.linalg.norm(value - place, axis=1).mean())
+
+
+def test_blocks_are_runs_of_equal_length() -> None:
+    blocks = time_blocks(21)
+    assert np.all(np.diff(blocks) >= 0)
+    assert set(np.bincount(blocks)) == {1, 2}
+    assert set(np.bincount(time_blocks(1603))) == {200, 201}
+    assert len(np.bincount(time_blocks(1603))) == 8
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_templates_read_new_presses_and_say_so_of_held_out_ones(presses: Pressed, compress: bool) -> None:
+    signal, place = presses[0].signal, presses[1]
+    fitted = templates.fit(signal, place, time_blocks(len(place)), compress=compress)
+    new, there = synthetic_presses(2, 100)
+    error = distance(fitted.templates.read(new.signal)[0], there)
+    assert error < 8
+    assert distance(fitted.place, place) == pytest.approx(error, rel=0.6)
+
+
+def test_templates_of_direction_do_not_depend_on_depth(presses: Pressed) -> None:
+    fitted = templates.fit(presses[0].signal, presses[1], time_blocks(len(presses[1])), compress=False)
+    once, thrice = (fitted.templates.read(depth * presses[0].signal)[0] for depth in (1.0, 3.0))
+    np.testing.assert_allclose(once, thrice, atol=1e-6)
+
+
+def test_kernel_ridge_chooses_by_what_refits_without_a_row_would_say(presses: Pressed) -> None:
+    signal, place = presses[0].signal, presses[1]
+    fitted = kernel_ridge.fit(signal, place)
+    each = kernel_ridge.held_out(fitted, signal, place, np.arange(len(place)))
+    nodes = fitted.nodes
+    scores = {(width, ridge): score for score, width, ridge in kernel_ridge._leave_one_out(nodes, place)}
+    width, ridge = min(scores, key=lambda one: abs(one[0] - fitted.width) + abs(one[1] - fitted.ridge))
+    assert (width, ridge) == pytest.approx((fitted.width, fitted.ridge))
+    # The quick formula keeps the mean of all rows; refits take their own.
+    assert distance(each, place) == pytest.approx(scores[width, ridge], rel=0.05)
+
+
+def test_networks_learn_and_hold_rows_out(presses: Pressed) -> None:
+    inputs, place = learn_features(presses[0].signal).of(presses[0].signal), presses[1]
+    blocks = time_blocks(len(place))
+    ensemble, held_out = networks.fit(inputs, place, blocks, seed=1, epochs=60)
+    seen = distance(ensemble.read_each(inputs).mean(axis=0), place)
+    assert seen < 0.8 * distance(held_out, place)
+    assert distance(held_out, place) < 0.6 * distance(np.broadcast_to(place.mean(axis=0), place.shape), place)
+
+
+def test_networks_are_the_same_for_the_same_seed(presses: Pressed) -> None:
+    inputs, place, blocks = presses[0].signal[:20], presses[1][:20], time_blocks(20)
+    one, two, other = (networks.fit(inputs, place, blocks, seed, epochs=2)[1] for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one, two)
+    assert np.abs(one - other).max() > 1e-3
+
+
+def test_weights_are_the_inverse_variances_of_independent_errors() -> None:
+    rng = np.random.default_rng(0)
+    target, size = np.zeros((20000, 2)), np.array([1.0, 2.0, 4.0])
+    found = stacking.weights(size[:, None, None] * rng.standard_normal((3, 20000, 2)), target)
+    np.testing.assert_allclose(found, size**-2 / np.sum(size**-2), atol=0.02)
+
+
+def test_a_family_whose_error_is_another_ones_and_more_has_no_weight() -> None:
+    rng = np.random.default_rng(0)
+    good = rng.standard_normal((500, 2))
+    found = stacking.weights(np.stack([good, 2 * good + 0.1 * rng.standard_normal((500, 2))]), np.zeros((500, 2)))
+    np.testing.assert_array_equal(found, [1, 0])
+
+
+def test_intervals_hold_and_follow_the_spread() -> None:
+    rng = np.random.default_rng(0)
+    spread = rng.uniform(0.5, 4, (2, 4000, 2))
+    error = spread * rng.standard_t(4, (2, 4000, 2))
+    intervals = calibrated(error[0], spread[0])
+    half = intervals.half_width(spread[1])
+    assert np.mean(np.abs(error[1]) <= half) == pytest.approx(0.9, abs=0.02)
+    assert half[spread[1] > 3].mean() > 2 * half[spread[1] < 1].mean()
+
+
+def test_a_dead_channel_is_filled_in_by_its_neighbours(presses: Pressed) -> None:
+    signal, new = presses[0].signal, synthetic_presses(3, 20)[0].signal
+    readings = learn_readings(signal)
+    dead = new.copy()
+    dead[:, [5, 77]] = np.nan
+    found = filled(readings, dead)
+    assert np.isfinite(found).all()
+    np.testing.assert_array_equal(np.delete(found, [5, 77], axis=1), np.delete(new, [5, 77], axis=1))
+    error = np.abs(found - new)[:, [5, 77]].mean()
+    assert error < 0.5 * np.abs(new - readings.mean)[:, [5, 77]].mean()

@@ -1,0 +1,59 @@
+"""Readings that a row holds a frame late, on synthetic presses whose rows begin in the middle of a scan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eitsim.sensors.recording import Recording
+from surrogate.recordings import networks, touch_reader
+from surrogate.recordings.late_readings import late_readings, with_late
+from surrogate.recordings.presses import Presses, presses_of
+from touchcal.arrays import Array
+
+from .conftest import synthetic_presses
+
+LATE = np.arange(40)
+
+
+def shifted(seed: int, count: int) -> tuple[Presses, Array]:
+    """Presses whose first readings stand a row too low, read from a recording."""
+    made, place = synthetic_presses(seed, count)
+    rows = made.signal.copy()
+    rows[1:, LATE] = made.signal[:-1, LATE]
+    return presses_of(Recording(rows, np.arange(count), None, made.name, "difference", Path("shifted.csv"))), place
+
+
+def test_late_readings_are_found_and_only_these() -> None:
+    found = late_readings(*shifted(1, 80))
+    assert np.mean(np.isin(LATE, found)) > 0.7
+    assert np.mean(np.isin(found, LATE)) > 0.9
+    made, place = synthetic_presses(1, 80)
+    inert = replace(made, following=np.roll(made.signal, -1, axis=0))
+    assert len(late_readings(inert, place)) <= 4
+
+
+def test_a_frame_follows_only_where_its_index_is_one_more() -> None:
+    frames = np.arange(8.0).reshape(4, 2)
+    found = presses_of(Recording(frames, np.array([3, 4, 6, 7]), None, np.array(list("abcd")), "difference", Path("x")))
+    np.testing.assert_array_equal(found.following, [[2, 3], [np.nan] * 2, [6, 7], [np.nan] * 2])
+    np.testing.assert_array_equal(with_late(found, np.array([1]))[0], [0, 1, 3])
+
+
+def test_late_readings_help_and_their_lack_widens_intervals_and_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(networks, "MOST_STEPS", 100)
+    known, place = shifted(1, 80)
+    reader = touch_reader.fit(known, place)
+    new, there = shifted(2, 100)
+    lacking = replace(new, following=np.full_like(new.following, np.nan))
+    whole, cut = touch_reader.read(reader, new), touch_reader.read(reader, lacking)
+    unaware = touch_reader.fit(replace(known, following=np.full_like(known.following, np.nan)), place)
+    miss = [np.linalg.norm(one.value - there, axis=1).mean() for one in (whole, touch_reader.read(unaware, lacking))]
+    assert miss[0] < 0.95 * miss[1]
+    assert cut.half_width.mean() > whole.half_width.mean()
+    assert np.mean(np.abs(cut.value - there) <= cut.half_width) > 0.85
+    assert all("frame that follows" in flag for flag in cut.flag)
+    assert not any("frame that follows" in flag for flag in whole.flag[:-1])

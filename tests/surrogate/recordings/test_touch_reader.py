@@ -1,0 +1,165 @@
+"""The reader whole: it reads, refuses, flags, is stored, and is what the commands use."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from surrogate.cli.main import app
+from surrogate.recordings import networks, reader_store, touch_reader
+from surrogate.recordings.presses import Presses
+from surrogate.recordings.reader_scores import score, split_rows
+from surrogate.recordings.touch_reader import NothingToRead, TouchReader
+from surrogate.recordings.train_reader import TrainedReader, choice
+from touchcal.arrays import Array
+from touchcal.errors import InputFileError
+
+from .conftest import synthetic_places, synthetic_presses, synthetic_signal
+
+Pressed = tuple[Presses, Array]
+
+
+@pytest.fixture(scope="module")
+def quick() -> object:
+    """Few, short networks: what is tested here does not depend on how well they learn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(networks, "MOST_STEPS", 40)
+        patch.setattr(networks, "HIDDEN", (32,))
+        yield
+
+
+@pytest.fixture(scope="module")
+def reader(presses: Pressed, quick: object) -> TouchReader:
+    return touch_reader.fit(*presses)
+
+
+def test_new_presses_are_read_and_held(reader: TouchReader) -> None:
+    new, place = synthetic_presses(5, 200)
+    found = touch_reader.read(reader, new)
+    error = np.linalg.norm(found.value - place, axis=1).mean()
+    assert error < 1.3 * reader.held_out[:6].min()
+    assert 0.8 < np.mean(np.abs(found.value - place) <= found.half_width) < 0.99
+    assert sum(map(bool, found.flag)) < 10
+
+
+def test_the_choice_names_the_families_that_read(reader: TouchReader) -> None:
+    for name, weight in zip(touch_reader.FAMILIES, reader.weights, strict=True):
+        assert (f"{name} {weight:.2f}" in choice(reader)) == (weight > 0)
+
+
+def test_labels_of_other_presses_are_refused(presses: Pressed, quick: object) -> None:
+    refused = 0
+    for seed in range(100, 106):
+        try:
+            touch_reader.fit(presses[0], np.random.default_rng(seed).permutation(presses[1]))
+        except NothingToRead as refusal:
+            refused += "nothing to read here" in str(refusal)
+    assert refused >= 5  # chance reaches the level of the test once in 20 times
+
+
+def test_too_few_presses_are_refused(presses: Pressed) -> None:
+    few = replace(presses[0], signal=presses[0].signal[:9])
+    with pytest.raises(ValueError, match="9 labelled presses are too few"):
+        touch_reader.fit(few, presses[1][:9])
+    with pytest.raises(ValueError, match="one x or one y"):
+        touch_reader.fit(presses[0], presses[1] * [1, 0])
+
+
+def test_a_dead_channel_is_flagged_and_costs_little(reader: TouchReader) -> None:
+    new, place = synthetic_presses(6, 50)
+    dead = new.signal.copy()
+    dead[:, 9] = np.nan
+    whole, found = touch_reader.read(reader, new), touch_reader.read(reader, replace(new, signal=dead))
+    assert all("1 dead channels filled in" in flag for flag in found.flag)
+    miss = [np.linalg.norm(one.value - place, axis=1).mean() for one in (whole, found)]
+    assert miss[1] < 1.5 * miss[0]
+
+
+def test_strange_and_weak_patterns_are_flagged(reader: TouchReader) -> None:
+    new, _ = synthetic_presses(7, 2)
+    strange = np.random.default_rng(0).standard_normal(new.signal[0].shape) * np.abs(new.signal).mean()
+    found = touch_reader.read(reader, replace(new, signal=np.stack([strange, 1e-3 * new.signal[1]])))
+    assert "unlike" in found.flag[0]
+    assert "weaker" in found.flag[1]
+
+
+def drifting(seed: int, count: int, apart: int) -> tuple[Presses, Array]:
+    """Synthetic presses against the untouched frame of `apart` presses before, which drifts along two axes."""
+    rng = np.random.default_rng(seed)
+    place = synthetic_places(rng, count)
+    signal = synthetic_signal(place, np.ones(count))
+    size = np.abs(signal).mean()
+    axes = np.random.default_rng(99).standard_normal((2, signal.shape[1]))
+    rest = size * np.cumsum(rng.standard_normal((count, 2)), axis=0) @ axes * 0.3
+    rest += 0.005 * size * rng.standard_normal(rest.shape)
+    old = rest[np.maximum(np.arange(count) - apart, 0)]
+    return Presses(np.arange(count).astype(np.str_), 2 * np.arange(count) + 1, signal + rest - old,
+                   np.full_like(signal, np.nan), np.full(count, 2.0 * apart + 1), rest,
+                   np.arange(0.0, 2 * count, 2)), place
+
+
+def test_an_old_untouched_frame_is_read_by_what_drift_spares(quick: object) -> None:
+    known, place = drifting(1, 60, 0)
+    trained = touch_reader.fit(known, place)
+    new, there = drifting(2, 60, 15)
+    found = touch_reader.read(trained, new)
+    assert all("older than any in training" in flag for flag in found.flag)
+    as_if_new = touch_reader.read(trained, replace(new, age=np.zeros(60)))
+    miss = [np.linalg.norm(one.value - there, axis=1).mean() for one in (found, as_if_new)]
+    assert miss[0] < 0.7 * miss[1]
+
+
+def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) -> None:
+    for split in ("random", "time"):
+        train, test = split_rows(60, split, 0)
+        assert sorted([*train, *test]) == list(range(60))
+    assert split_rows(60, "time", 0)[1].min() == 48
+    found = score(*presses, "time")
+    assert (found.trained, found.tested) == (48, 12)
+    assert found.distance_mm < 0.3 * found.centre_mm
+
+
+def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: TouchReader, tmp_path: Path) -> None:
+    model = TrainedReader(reader, "difference", 60, 0, (), 1.5)
+    reader_store.save(model, tmp_path)
+    assert reader_store.is_reader(tmp_path)
+    again = reader_store.load(tmp_path)
+    new, _ = synthetic_presses(8, 5)
+    one, two = (touch_reader.read(part.reader, new) for part in (model, again))
+    np.testing.assert_array_equal(one.value, two.value)
+    np.testing.assert_array_equal(one.half_width, two.half_width)
+    text = json.loads((tmp_path / "model.json").read_text())
+    (tmp_path / "model.json").write_text(json.dumps(text | {"presses": 61}))
+    with pytest.raises(InputFileError, match="was changed"):
+        reader_store.load(tmp_path)
+
+
+def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
+    presses, place = synthetic_presses(9, 40)
+    names = [f"v_{k:03d}" for k in range(presses.signal.shape[1])]
+    frames = pd.DataFrame(presses.signal, columns=names)
+    frames.insert(0, "touch", [f"t{k}" for k in range(40)])
+    frames.to_csv(tmp_path / "frames.csv", index=False)
+    pd.DataFrame({"touch": frames["touch"], "x_mm": place[:, 0], "y_mm": place[:, 1]}).iloc[:30].to_csv(
+        tmp_path / "touches.csv", index=False)
+    (tmp_path / "sensor.toml").write_text('[readings]\nkind = "difference"\n')
+    run = CliRunner()
+    trained = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--labels", f"{tmp_path}/touches.csv", "--sensor",
+                               f"{tmp_path}/sensor.toml", "--out", f"{tmp_path}/model", "--workers", "1"])
+    assert trained.exit_code == 0, trained.output
+    assert "kernel ridge" in trained.output
+    found = run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/out.csv"])
+    assert found.exit_code == 0, found.output
+    table = pd.read_csv(tmp_path / "out.csv")
+    assert [*table] == ["touch", "x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm", "flag"]
+    assert table["touch"].tolist() == frames["touch"].tolist()
+    assert np.hypot(table["x0_mm"] - place[:, 0], table["y0_mm"] - place[:, 1])[30:].mean() < 12
+    refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
+    assert isinstance(refused.exception, ValueError)
+    assert "needs its labels and its sensor" in str(refused.exception)
