@@ -105,8 +105,8 @@ class Learner(Protocol):
         without a map from touch to signal."""
         return None
 
-    def discrete(self, names: tuple[str, ...]) -> Mask:
-        """(outputs,) whether an output takes one of a few values."""
+    def branched(self, names: tuple[str, ...]) -> Mask:
+        """(outputs,) whether an output takes one of a few values, or one signal may have several answers for it."""
         return np.zeros(len(names), bool)
 
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self:

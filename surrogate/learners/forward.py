@@ -64,10 +64,12 @@ class TouchInversion(Learner):
         """The signal over force for each diameter."""
         return amplitude(self.forward)
 
-    def discrete(self, names: tuple[str, ...]) -> Mask:
-        """(outputs,) whether an output takes one of a few values: the diameter where punches are known."""
+    def branched(self, names: tuple[str, ...]) -> Mask:
+        """(outputs,) the diameter where punches are known, and all but the place where two forces of one punch have
+        one amplitude."""
         known = len(self.forward.known_mm) > 0
-        return np.array([known and name == "d" for name in names])
+        twice = any(curve["two_answers_N"] for curve in self.amplitude()["diameters"])
+        return np.array([(known and name == "d") or (twice and name not in outputs.NAMES[:2]) for name in names])
 
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""

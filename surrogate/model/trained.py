@@ -112,6 +112,6 @@ def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> 
     # the simulator's error, as the forward map counts it
     noisy += signal * (np.tile(rows.signal_sd, draws) * rng.normal(size=len(target)))[:, None]
     found = estimate(model, noisy, noise_V)
-    error, few = found.value - target, model.learner.discrete(model.names)
+    error, branched = found.value - target, model.learner.branched(model.names)
     sd = np.where(error > 0, found.below, found.above)
-    return np.array([conformal_scale(error, sd, len(rows.target), c, few) for c in coverages])
+    return np.array([conformal_scale(error, sd, len(rows.target), c, branched) for c in coverages])

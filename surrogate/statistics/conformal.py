@@ -54,19 +54,20 @@ def enough() -> int:
 
 
 def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERAGE,
-                    discrete: Mask | None = None) -> Array:
+                    branched: Mask | None = None) -> Array:
     """(k,) factor of sd (n, k), on the side of the error, whose intervals hold this part of errors (n, k) made on
     `rows` different rows.
 
     The order statistic is that of `rows` exchangeable errors. Few rows have none (fewer than 9 at 90 %, 19 at 95 %):
     then the largest ratio is taken, or the normal factor where that is larger.
 
-    discrete: (k,) outputs that take one of a few values. Rows sure of theirs have ratios near 0 and say nothing of rows
-    in doubt, so the factor of these outputs is never below the normal one.
+    branched: (k,) outputs with one of a few values, or with several answers to one signal. Rows sure of theirs have
+    ratios near 0 and say nothing of rows in doubt, whose interval a factor below the normal one would draw from the
+    branch that it ends on; so the factor of these outputs is never below that.
     """
     ratio = np.abs(error) / np.maximum(sd, np.finfo(float).tiny)
     too_few = math.ceil((rows + 1) * coverage) > rows
-    floored = too_few if discrete is None else discrete | too_few
+    floored = too_few if branched is None else branched | too_few
     least = np.where(floored, normal(coverage), 0.0)
     place = -(-_order(rows, coverage) * len(ratio) // rows) - 1
     return np.maximum(np.partition(ratio, place, axis=0)[place], least)

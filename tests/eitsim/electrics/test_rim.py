@@ -131,6 +131,28 @@ def test_poor_contacts_give_each_electrode_its_own_impedance():
     assert np.abs(solve_rim(Body(), poor, 6e-4).impedance_Ohm - centre @ own @ centre).max() < 1e-6 * own.max()
 
 
+def test_poor_contacts_reflect_waves_by_ohms_law_alone():
+    """In the limit S z / R >> 1 the inflow is (U - g) / z, U the mean of g on the electrode, and a_n its component n
+    over n: both parts of the field that floating electrodes add."""
+    z, body, sheet = 1e5, Body(), 1e-3
+    electrodes = Electrodes(count=3, angles_rad=(0.2, 1.5, 4.0), width_m=(0.05, 0.02, 0.08), contact_impedance_Ohm_m=z)
+    rim, n = solve_rim(body, electrodes, sheet), np.arange(1, 9)
+    same = np.zeros((2, len(n), len(n)), complex)
+    for start, stop in arcs(body.radius_m, electrodes) - electrodes.first_angle_rad:
+        for part, sign in zip(same, (1, -1), strict=True):
+            within = integral(sign * n[None, :] - n[:, None], start, stop)
+            part -= within - integral(-n, start, stop)[:, None] * integral(sign * n, start, stop) / (stop - start)
+    same /= 2 * np.pi * sheet * z / body.radius_m * n[:, None]
+    for found, expected in zip((rim.same, rim.crossed), same, strict=True):
+        assert np.abs(found[:len(n), :len(n)] - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def integral(k: np.ndarray, start: float, stop: float) -> np.ndarray:
+    """Of exp(i k theta) over an arc."""
+    safe = np.where(k == 0, 1, k)
+    return np.where(k == 0, stop - start, (np.exp(1j * safe * stop) - np.exp(1j * safe * start)) / (1j * safe))
+
+
 def test_an_electrode_that_lets_nothing_through_is_none():
     kept, centre = [0, 1, 2, 3, 5], np.eye(5) - 1 / 5
     five = solve_rim(Body(), present(replace(UNEQUAL, missing=(4,))), 6e-4).impedance_Ohm

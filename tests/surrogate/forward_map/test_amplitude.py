@@ -7,6 +7,8 @@ import pytest
 
 from surrogate.data.samples import Samples, take
 from surrogate.model.train import train
+from surrogate.model.trained import estimate, interval_scale
+from surrogate.statistics.conformal import COVERAGE, normal
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +34,20 @@ def test_the_top_of_the_signal_and_forces_of_one_amplitude_are_found_for_each_di
         rms = np.interp([low, high], found["force_N"], one["rms_V"])
         assert rms[0] == pytest.approx(rms[1], rel=0.05)
         assert low == found["force_N"][0] or high == found["force_N"][-1]
+
+
+def test_outputs_of_two_answers_have_intervals_no_narrower_than_their_likely_punches(inner: Samples) -> None:
+    """Most calibrating rows are sure of their branch; a factor below the normal one that they gave would draw the
+    interval of a frame in doubt from the branch on which it ends."""
+    names = ("x0", "y0", "F", "delta_max")
+    for samples, twice in ((peaked(inner), True), (inner, False)):
+        model = train(samples, "forward", names, 1)
+        assert list(model.learner.branched(names)) == [False, False, twice, twice]
+        sure = replace(model, calibration=replace(model.calibration, target=estimate(
+            model, model.calibration.signal_V, 0.0).value))
+        factor = interval_scale(sure, 0.0)
+        assert np.all(factor[:2] < 0.01)
+        assert np.all(factor[2:] >= normal(COVERAGE)) == twice
 
 
 def test_a_signal_that_only_grows_has_no_top(inner: Samples) -> None:

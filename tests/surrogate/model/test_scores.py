@@ -58,7 +58,7 @@ def test_conformal_intervals_cover_what_they_promise(rows: int, coverage: float)
 def test_calibrations_cover_less_than_is_told_as_seldom_as_it_is_told(rows: int) -> None:
     """The coverage of an interval of uniform ratios is its length."""
     ratio = np.random.default_rng(1).random((rows, 4000))
-    length = conformal_scale(ratio, np.ones_like(ratio), rows, discrete=np.zeros(4000, bool))
+    length = conformal_scale(ratio, np.ones_like(ratio), rows, branched=np.zeros(4000, bool))
     unlucky = np.mean((length if rows > 9 else ratio.max(axis=0)) < sure_coverage(rows))
     assert unlucky == pytest.approx(0.05, abs=0.012)
 

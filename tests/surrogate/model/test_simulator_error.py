@@ -5,14 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from surrogate.data.samples import Samples, read_samples, take
+from surrogate.data.samples import STATED_PER_SD, Samples, read_samples, take
 from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare
 from surrogate.model.train import train
 
 ERROR = 0.01
+RESULTS = Path(__file__).parents[3] / "benchmarks" / "results"
 
 
 def learned(samples: Samples, error: float, method: str) -> Model:
@@ -45,7 +47,13 @@ def test_the_error_is_that_of_the_training_rows(samples: Samples, make_dataset: 
                                                 tmp_path: Path) -> None:
     assert np.all(samples.signal_sd == 0)
     stated = np.linspace(0.001, 0.02, 30)
-    uniform = np.random.default_rng(0).uniform(-1, 1, 100_000)  # what is at most so large, evenly likely
     np.testing.assert_allclose(read_samples(make_dataset(tmp_path / "set", 30, 4, signal_error=stated)).signal_sd,
-                               stated * uniform.std(), rtol=0.01)
+                               stated / STATED_PER_SD)
     assert learned(samples, ERROR, "forward").record["training"]["simulator_error"] == pytest.approx(ERROR)
+
+
+def test_what_a_row_states_is_as_many_standard_deviations_as_finer_meshes_found() -> None:
+    measured = pd.read_csv(RESULTS / "touch_errors.csv").query("profile == 'flat'")
+    assert len(measured) >= 25
+    part = measured["signal_error"] / measured["signal_estimate"]
+    assert np.sqrt(np.mean(part**2)) == pytest.approx(1 / STATED_PER_SD, rel=0.1)

@@ -48,7 +48,7 @@ def test_the_largest_ratio_counts_among_few_rows_where_it_is_above_the_normal_fa
 def test_several_errors_a_row_and_outputs_of_few_values() -> None:
     """19 rows with two errors each: the 36th of 38; a discrete output never below the normal factor."""
     error = np.arange(1.0, 39)[:, None] * np.ones(2) / 100
-    found = conformal_scale(error, np.ones((38, 2)), 19, discrete=np.array([False, True]))
+    found = conformal_scale(error, np.ones((38, 2)), 19, branched=np.array([False, True]))
     assert found == pytest.approx([0.36, normal(0.90)])
 
 
