@@ -1,0 +1,149 @@
+"""The order of readings put into words: what the data decide, and what they leave open."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eitsim.sensors.companions import FEWEST, supports
+from eitsim.sensors.conventions import MEAN, pattern_name, predicted
+from eitsim.sensors.disc_field import ring_kernel
+from eitsim.sensors.recognition import Account, Order, accounts, exchanged
+from touchcal.arrays import Array, Index
+
+# Orders this much less likely than the best, in natural logarithms, are excluded: by a disc, and by touches.
+CERTAIN, LIKELY = 8.0, 3.0
+# A disc that leaves more than this of a frame unexplained says nothing of its order.
+EXPLAINED = 0.35
+# Exchanged leads are looked for where more than this is unexplained, in the likeliest accounts, and named where one
+# exchange leaves this share of it.
+_WELL, _TRIED, _BETTER = 0.05, 4, 0.6
+_NEGATIVE = -0.02  # of the r.m.s.: a reading below it has a sign
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What is known of the order of readings."""
+
+    plausible: tuple[Order, ...]  # orders that the data do not exclude, the likeliest first; empty where none is known
+    decided_by: str  # "disc", "touches" or "nothing"
+    sign: str  # "positive", "negative", "magnitude", "either" (magnitudes look the same) or "unknown"
+    unexplained: float  # 2-norm of what an imperfect homogeneous disc misses over that of the frame; NaN without one
+    swapped: tuple[int, int] | None = None  # electrodes, as the order counts them, that look exchanged
+
+    @property
+    def order(self) -> Order | None:
+        """The one order that is left, else None."""
+        return self.plausible[0] if len(self.plausible) == 1 else None
+
+    def words(self) -> dict[str, str | None]:
+        """What all plausible orders have in common, by "pattern", "order", "turn" and "direction"; None: open."""
+        said = [words_of(one) for one in self.plausible]
+        return {key: said[0][key] if said and all(one[key] == said[0][key] for one in said) else None
+                for key in ("pattern", "order", "turn", "direction")}
+
+
+def words_of(order: Order) -> dict[str, str]:
+    """An order in words; electrodes count from 0 as the readings do."""
+    pairs, count, one = order.pairs, order.count, order.convention
+    step = np.unique(np.minimum((pairs[:, 1] - pairs[:, 0]) % count, (pairs[:, 0] - pairs[:, 1]) % count))
+    pattern = pattern_name(int(step[0]), count) if len(step) == 1 else "several drives"
+    if one is None:
+        way, turn = order.moved or (1, 0)
+        return {"pattern": pattern, "order": "as in the sensor file",
+                "turn": "as in the sensor file" if turn == 0 else f"drives turned by {turn} electrodes against what is "
+                                                                 "read, from the sensor file",
+                "direction": "as in the sensor file" if way == 1 else "drives numbered the other way round than in the "
+                                                                      "sensor file"}
+    read = {"pair": "neighbours" if one.read_step == 1 else f"pairs {one.read_step} electrodes from each other",
+            "before": "each electrode against the one before the source",
+            "mean": "each electrode against the mean of all", "sink": "each electrode against the sink"}[one.reference]
+    kept = {"undriven": "without driven electrodes", "all": "with driven electrodes",
+            "open": "with driven electrodes, without the pair that closes the ring"}[one.kept]
+    begins = "beginning at the source of each pattern" if one.rotating else "beginning at the same pair in each pattern"
+    outer = "reading by reading" if one.by_reading else "pattern by pattern"
+    first = int(pairs[0, 2] if pairs[0, 3] == MEAN or one.reference != "pair" else pairs[0, 3])
+    away = (first - int(pairs[0, 0])) % count
+    turn = (f"the first reading begins {away} electrodes from the source" if one.rotating else
+            f"the first pattern drives from electrode {int(pairs[0, 0])}")
+    return {"pattern": pattern, "order": f"{read}, {kept}, {begins}, {outer}", "turn": turn,
+            "direction": "drives move as the readings count" if one.advance == 1 else
+            "drives move against the count of the readings"}
+
+
+def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *, kind: str,
+               expected: Index | None = None) -> Identified:
+    """The orders that may have made an untouched frame (readings,), or signals (frames, readings) of touches.
+
+    kind: "voltage", "magnitude", or "difference", whose signals have no untouched frame. An imperfect homogeneous disc
+    decides where it explains the frame, otherwise the touches where there are enough. expected: pairs of the order that
+    a sensor file describes.
+    """
+    if not orders:
+        return Identified((), "nothing", _sign_alone(kind), np.nan)
+    swapped, unexplained, sign = None, np.nan, _sign_alone(kind)
+    if profile is not None:
+        best, found = _accounts(profile, orders, kind)
+        unexplained = best[0].unexplained
+        if (better := _swapped(profile, best)) is not None:
+            best, swapped, unexplained = [better[0]], better[1], better[2]
+        if unexplained < EXPLAINED:
+            kept = [one.order for one in best if one.log_likelihood > best[0].log_likelihood - CERTAIN]
+            return Identified(tuple(kept), "disc", found, unexplained, swapped)
+    if len(signals) >= FEWEST:
+        likely = supports(signals, orders, expected)
+        kept = [one.order for one in likely if one.log_likelihood > likely[0].log_likelihood - LIKELY]
+        if profile is not None and sign == "unknown" and all(_of_both_signs(one) for one in kept) and not has_sign(
+                profile):
+            sign = "magnitude"
+        return Identified(tuple(kept), "touches", sign, unexplained)
+    return Identified((), "nothing", sign, unexplained)
+
+
+def _accounts(profile: Array, orders: Sequence[Order], kind: str) -> tuple[list[Account], str]:
+    """Accounts of a frame, the likeliest first, and its sign: with and without one where no reading is negative."""
+    if kind == "magnitude":
+        return accounts(profile, orders, signed=False), "magnitude"
+    signed = accounts(profile, orders, signed=True)
+    if has_sign(profile):
+        return signed, {1: "positive", -1: "negative"}[signed[0].sign]
+    sizes = accounts(profile, orders, signed=False)
+    if sizes[0].log_likelihood > signed[0].log_likelihood + CERTAIN:
+        return sizes, "magnitude"
+    return signed, "either"
+
+
+def _swapped(profile: Array, best: Sequence[Account]) -> tuple[Account, tuple[int, int], float] | None:
+    """The account that one exchange of two leads makes much better, their electrodes, and what is unexplained then;
+    None where none does, or several do about as well."""
+    if best[0].unexplained < _WELL:
+        return None
+    tried = []
+    for one in best[:_TRIED]:
+        ends = list(itertools.combinations(range(one.order.count), 2))
+        orders = [exchanged(one.order, *pair) for pair in ends]
+        again = accounts(profile, orders, signed=one.sign != 0)
+        tried += [(new, one, ends[next(k for k, order in enumerate(orders) if order is new.order)]) for new in again]
+    tried.sort(key=lambda each: -each[0].log_likelihood)
+    (new, one, pair), rest = tried[0], tried[1:]
+    better = new.log_likelihood > best[0].log_likelihood + CERTAIN and new.unexplained < best[0].unexplained * _BETTER
+    alone = all(new.log_likelihood > other.log_likelihood + CERTAIN for other, _, _ in rest)
+    return (one, pair, new.unexplained) if better and alone else None
+
+
+def has_sign(profile: Array) -> bool:
+    """Whether some of the readings are negative by more than noise."""
+    return bool(np.nanmin(profile) < _NEGATIVE * np.sqrt(np.nanmean(profile**2)))
+
+
+def _sign_alone(kind: str) -> str:
+    """What a frame says of its sign without an order."""
+    if kind == "magnitude":
+        return "magnitude"
+    return "unknown"
+
+
+def _of_both_signs(order: Order) -> bool:
+    """Whether an even disc gives readings of both signs in this order."""
+    return len(np.unique(np.sign(predicted(order.pairs, ring_kernel(order.count, 0.5))))) > 1

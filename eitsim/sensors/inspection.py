@@ -1,0 +1,167 @@
+"""What the readings of a sensor say of themselves, without a model and with one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eitsim.electrics.forward.untouched import untouched_impedance
+from eitsim.scene.drive import read_out
+from eitsim.scene.electrodes import among_all, identical, present
+from eitsim.sensors import reading_checks
+from eitsim.sensors.companions import FEWEST, in_step, late_readings
+from eitsim.sensors.conventions import MEAN, counts_for
+from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified
+from eitsim.sensors.reading_checks import Apart
+from eitsim.sensors.recognition import Order, canonical, orders_of_conventions, orders_of_sensor
+from eitsim.sensors.recording import Recording
+from eitsim.sensors.sensor_file import Sensor, pairs_of
+from touchcal.arrays import Array, Complex, Index, Mask
+
+# Part of the touched frames in which readings have their rarer sign, above which they are differences.
+_BOTH_SIGNS = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """Findings of one recording; electrodes and readings count from 0."""
+
+    recording: Recording
+    sensor: Sensor | None  # what was known of it
+    kind: str  # "voltage", "magnitude" or "difference", as the sensor file says or as it looks
+    electrodes: int | None  # how many; None where that is open
+    identified: Identified
+    agrees: bool | None  # whether the readings are in the order of the sensor file; None without one, or where open
+    dead_readings: Index
+    dead_electrodes: tuple[int, ...]
+    late: Index  # readings of a row that belong to the frame before it
+    noise: float | None  # of a reading over the frame's r.m.s.; None without repeated untouched frames
+    drift: float | None  # from the first untouched frames to the last, over the first
+    repeat: Apart | None  # patterns driven twice in a frame
+    source_against_sink: Apart | None  # patterns with source and sink exchanged
+    reciprocity: Apart | None  # readings with drive and measurement exchanged
+    placed: tuple[int, int] | None  # way and turn of the electrodes on the sensor's body; None where open
+
+
+def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
+    """The order of a recording's readings, their sign, faults and noise, by symmetry, by reciprocity and, where it
+    explains them, by a homogeneous disc.
+
+    sensor: what is known of it; its drive is compared with what the readings look like. ValueError where it makes
+    another number of readings than a frame has, or no differences of two voltages.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import eitsim
+    >>> from eitsim.electrics.forward.untouched import untouched_readings
+    >>> frame = untouched_readings(eitsim.Scene(), 1e-3)
+    >>> one = eitsim.Recording(frame[None], np.array([0]), None, np.array([""]), "voltage", Path("frames.csv"))
+    >>> found = eitsim.inspect(one)
+    >>> found.electrodes, found.identified.words()["pattern"], found.identified.sign
+    (16, 'adjacent', 'positive')
+    """
+    values = in_phase(recording.readings)
+    kind = sensor.kind if sensor else _kind(recording, values)
+    known = pairs_of(sensor) if sensor else None
+    if known is not None and len(known) != values.shape[1]:
+        raise ValueError(f"{recording.source}: {values.shape[1]} readings a frame, and the sensor's drive makes "
+                         f"{len(known)}. Correct [drive] in the sensor file.")
+    dead, rows = reading_checks.dead_readings(recording), recording.untouched & (kind != "difference")
+    live = np.where(dead, np.nan, values)
+    signals, untouched = _signals(live, rows, kind), live[rows]
+    late = late_readings(signals)
+    signals = in_step(signals, late)
+    profile = None if kind == "difference" else reading_checks.mean_frame(untouched if rows.any() else live)
+    counts = [sensor.electrodes.count] if sensor else counts_for(values.shape[1])
+    found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known)
+    agrees = _agrees(found, known, counts[0]) if known is not None else None
+    pairs = known if known is not None else found.order.pairs if found.order else None
+    count = counts[0] if len(counts) == 1 else found.plausible[0].count if len(
+        {one.count for one in found.plausible}) == 1 else None
+    compared = (None, None, None) if pairs is None or (pairs == MEAN).any() else _compared(
+        signals if profile is None else profile[None], pairs, sensor,
+        signed=kind == "voltage" and profile is not None and has_sign(profile))
+    lost = reading_checks.dead_electrodes(dead, pairs, count) if pairs is not None and count else []
+    return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead), tuple(lost),
+                      np.flatnonzero(late), reading_checks.noise(untouched), reading_checks.drift(untouched), *compared,
+                      placed=_placed(sensor, profile) if sensor and profile is not None and agrees else None)
+
+
+def in_phase(readings: Array | Complex) -> Array:
+    """Readings (frames, m) as real numbers: complex ones are turned to the phase that most of them have."""
+    if not np.iscomplexobj(readings):
+        return np.asarray(readings, dtype=float)
+    phase = np.angle(np.nansum(readings**2)) / 2
+    return np.real(readings * np.exp(-1j * phase))
+
+
+def _kind(recording: Recording, values: Array) -> str:
+    """What readings look like where no sensor file says it: a voltage keeps its sign under touches, a difference does
+    not."""
+    if recording.kind != "voltage" or recording.untouched.any() or len(values) < FEWEST:
+        return recording.kind
+    positive = (values > 0).mean(axis=0)
+    return "difference" if np.median(np.minimum(positive, 1 - positive)) > _BOTH_SIGNS else "voltage"
+
+
+def _orders(readings: int, counts: list[int], known: Index | None) -> list[Order]:
+    """The orders to compare: those of conventions, and those near a sensor's own where that follows none of them."""
+    usual = orders_of_conventions(readings, counts)
+    if known is None:
+        return usual
+    own = canonical(known, counts[0], False)
+    return usual if any(canonical(one.pairs, one.count, False) == own for one in usual) else orders_of_sensor(
+        known, counts[0])
+
+
+def _signals(live: Array, untouched: Mask, kind: str) -> Array:
+    """(touched frames, readings) less the last untouched frame before each, or the first one after."""
+    if kind == "difference":
+        return live
+    if not untouched.any() or untouched.all():
+        return live[:0]
+    rows, touched = np.flatnonzero(untouched), np.flatnonzero(~untouched)
+    before = rows[np.maximum(np.searchsorted(rows, touched) - 1, 0)]
+    return live[touched] - live[before]
+
+
+def _agrees(found: Identified, own: Index, count: int) -> bool | None:
+    """Whether the sensor's own order is the one that is left; None where others are left with it, or none at all."""
+    signed = found.sign not in ("magnitude", "unknown")
+    keys = [canonical(one.pairs, one.count, signed) for one in found.plausible]
+    if not keys:
+        return None
+    described = canonical(own, count, signed) in keys
+    return (True if len(keys) == 1 else None) if described else False
+
+
+def _compared(values: Array, pairs: Index, sensor: Sensor | None, *, signed: bool) -> tuple[Apart | None, ...]:
+    """Repeats, source against sink, and reciprocity of values (frames, readings)."""
+    current = np.ones(len(pairs))
+    if sensor:
+        asked = sensor.protocol
+        current = np.repeat(np.abs(asked.currents_A).max(axis=1), asked.shape[1])
+    return tuple(check(values, pairs, current, signed=signed) for check in (
+        reading_checks.repeats, reading_checks.source_against_sink, reading_checks.reciprocity))
+
+
+def _placed(sensor: Sensor, profile: Array) -> tuple[int, int] | None:
+    """Way and turn by which electrodes are numbered on the body, which only electrodes of unequal places, widths or
+    contacts tell; None where no renumbering is likelier than all others."""
+    if identical(sensor.electrodes):
+        return None
+    count, kept = sensor.electrodes.count, np.isfinite(profile)
+    z = among_all(sensor.electrodes, untouched_impedance(sensor.body, present(sensor.electrodes), 1.0))
+    missed = {}
+    for way in (1, -1):
+        for turn in range(count):
+            to = (way * np.arange(count) + turn) % count
+            model = read_out(sensor.drive, z[np.ix_(to, to)]).ravel()
+            if sensor.kind == "magnitude":
+                model = np.abs(model)
+            both = kept & np.isfinite(model)
+            rest = profile[both] - model[both] * (profile[both] @ model[both]) / (model[both] @ model[both])
+            missed[way, turn] = len(rest) / 2 * np.log(np.mean(rest**2))
+    best, second = sorted(missed, key=lambda key: missed[key])[:2]
+    return best if missed[second] - missed[best] > CERTAIN else None

@@ -1,0 +1,153 @@
+"""An inspection as plain values, as sentences, and as the questions that it leaves to the user."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from eitsim.scene.electrodes import identical
+from eitsim.sensors.companions import FEWEST
+from eitsim.sensors.identification import EXPLAINED, words_of
+from eitsim.sensors.inspection import Inspection
+from eitsim.sensors.reading_checks import Apart
+from touchcal.arrays import Index
+from touchcal.number_words import counted, percent
+
+# What should be the same and differs by more than this is said; and by more than that, is not to be modelled.
+_SAID, _NONSENSE = 0.02, 0.5
+_DRIFT, _MOST_NAMED = 0.02, 4
+_SIGNS = {"positive": "plus less minus, for current from source to sink",
+          "negative": "minus less plus, for current from source to sink: leads of the current or of the voltmeter are "
+                      "exchanged",
+          "magnitude": "magnitudes: the sign is lost",
+          "either": "all of one sign, as this order's readings are: magnitudes would look the same"}
+
+
+def document(found: Inspection) -> dict[str, Any]:
+    """An inspection as plain JSON values; null where the readings do not say it."""
+    one, words, order = found.identified, found.identified.words(), found.identified.order
+    return {"recording": str(found.recording.source), "frames": len(found.recording.readings),
+            "untouched_frames": int(found.recording.untouched.sum()), "readings": found.recording.readings.shape[1],
+            "kind": found.kind, "electrodes": found.electrodes, **words, "sign": None if one.sign == "unknown" else
+            one.sign, "decided_by": one.decided_by, "unexplained": _number(one.unexplained),
+            "plausible_orders": [words_of(each) for each in one.plausible],
+            "pairs": order.pairs.tolist() if order else None,
+            "agrees_with_sensor": found.agrees,
+            "placed_on_body": dict(zip(("way", "turn"), found.placed, strict=True)) if found.placed else None,
+            "swapped_electrodes": list(one.swapped) if one.swapped else None,
+            "dead_readings": found.dead_readings.tolist(), "dead_electrodes": list(found.dead_electrodes),
+            "late_readings": found.late.tolist(), "noise": found.noise,
+            "noise_dB": None if not found.noise else 20 * float(np.log10(found.noise)), "drift": found.drift,
+            **{name: _apart(getattr(found, name)) for name in ("repeat", "source_against_sink", "reciprocity")},
+            "cautions": list(cautions(found)), "questions": list(questions(found))}
+
+
+def rows(found: Inspection) -> Iterator[tuple[str, str]]:
+    """What was found, a name and its words a row."""
+    one, words = found.identified, found.identified.words()
+    frames, touchless = len(found.recording.readings), int(found.recording.untouched.sum())
+    yield "recording", (f"{counted(frames, 'frame')}, {touchless} untouched, "
+                        f"{counted(found.recording.readings.shape[1], 'reading')} each: {found.kind}")
+    yield "electrodes", "not decided" if found.electrodes is None else str(found.electrodes)
+    for name in ("pattern", "order", "turn", "direction"):
+        yield name, words[name] or "not decided"
+    yield "sign", _SIGNS.get(one.sign, "not decided")
+    yield "decided by", {"disc": "a homogeneous disc", "touches": "touches: readings of one pair change together",
+                         "nothing": "nothing"}[one.decided_by]
+    if np.isfinite(one.unexplained):
+        yield "unexplained", f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous disc"
+    if found.sensor is not None:
+        yield "sensor file", {True: "agrees with the readings", False: "contradicted by the readings",
+                              None: "neither confirmed nor contradicted"}[found.agrees]
+    if found.noise is not None:
+        yield "noise", f"{percent(found.noise)} of the frame's r.m.s. a reading, by successive untouched frames"
+    if found.drift is not None:
+        yield "drift", f"{percent(found.drift)} of the untouched frame from the first tenth of them to the last"
+    for name, what in (("repeat", "a pattern driven twice"), ("source_against_sink", "source and sink exchanged"),
+                       ("reciprocity", "drive and measurement exchanged")):
+        if (apart := getattr(found, name)) is not None:
+            yield what, f"{_range(apart)} from each other ({counted(apart.compared, 'comparison')})"
+
+
+def cautions(found: Inspection) -> Iterator[str]:
+    """What a user is to know before these readings are used."""
+    one = found.identified
+    if found.agrees is False:
+        yield ("The readings contradict [drive] of the sensor file: they look like "
+               + "; or ".join(", ".join(words_of(each).values()) for each in one.plausible[:2]) + ".")
+    if one.swapped:
+        yield f"The leads of electrodes {one.swapped[0]} and {one.swapped[1]} look exchanged. Check them."
+    if found.dead_electrodes:
+        yield f"Electrode {_listed(np.array(found.dead_electrodes))} is dead: open, or its channel is."
+    if found.dead_readings.size:
+        yield f"Readings {_listed(found.dead_readings)} are dead: empty, 0 or unchanging in every frame."
+    if found.late.size:
+        yield (f"Readings {_listed(found.late)} of each row belong to the frame before it: they change with the others "
+               "of the row above. Begin a row where the scan begins, or move them up by one row.")
+    if one.unexplained > EXPLAINED:
+        yield ("No homogeneous disc explains the untouched frame: the best order leaves "
+               f"{percent(one.unexplained)}. Use changes only; an absolute model is not to be trusted.")
+    for apart, what in ((found.source_against_sink, "source and sink"), (found.reciprocity, "drive and measurement")):
+        if apart is not None and apart.most > _SAID:
+            yield (f"Readings with {what} exchanged are {_range(apart)} from each other, which a linear, reciprocal, "
+                   "ground-free instrument makes 0." + (" These are no voltages of a passive body: use changes only."
+                                                        if apart.most > _NONSENSE else ""))
+    if found.drift is not None and found.drift > _DRIFT:
+        yield (f"The untouched frame drifts by {percent(found.drift)}: take a fresh one close to each touch.")
+
+
+def questions(found: Inspection) -> Iterator[str]:
+    """What the readings leave open, as questions to the user."""
+    one, words = found.identified, found.identified.words()
+    if not one.plausible and found.sensor is None and one.decided_by == "nothing":
+        if found.electrodes is None and not np.isfinite(one.unexplained):
+            yield ("Which currents are driven and what is read? No common order makes "
+                   f"{found.recording.readings.shape[1]} readings. Give a sensor file with [drive] pairs.")
+        else:
+            yield (f"Which order do the readings have? Neither a disc nor touches say it. {FEWEST} touches at many "
+                   "places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
+    elif len(one.plausible) > 1:
+        open_ones = [key for key, value in words.items() if value is None] or ["order"]
+        likely = "; or ".join(", ".join(words_of(each)[key] for key in open_ones) for each in one.plausible[:3])
+        yield (f"What is the {' and the '.join(open_ones)}? {len(one.plausible)} orders are left; the likeliest: "
+               f"{likely}. The board's manual or firmware says it"
+               + ("." if one.decided_by == "touches" else f"; or touch the skin at {FEWEST} places."))
+    if one.sign == "unknown":
+        yield ("Are readings plus less minus or the other way round? Differences alone do not say it; one untouched "
+               "frame does." if found.kind == "difference" else
+               "Are readings plus less minus or the other way round? Without their order that is open.")
+    if found.kind == "difference" and found.sensor is None:
+        yield "Are these touched less untouched frames? Their signs look so. Say kind in [readings] of a sensor file."
+    if found.placed is None and (found.sensor is None or identical(found.sensor.electrodes)):
+        yield ("Where on the body is electrode 0, and which way round do they count, seen from the touched side? An "
+               "even ring looks the same from every electrode and in a mirror; press next to electrode 0, then 1.")
+    elif found.placed is None:
+        yield ("Do the electrodes lie on the body as the sensor file says? The untouched frame does not tell; press "
+               "next to electrode 0, then electrode 1.")
+    elif found.placed != (1, 0):
+        way = "the same way round" if found.placed[0] == 1 else "the other way round"
+        yield (f"Is electrode 0 of the readings electrode {found.placed[1]} of the sensor file, counting {way}? Its "
+               "unequal electrodes fit the frame best so.")
+
+
+def _range(apart: Apart) -> str:
+    if apart.compared == 1 or apart.least == apart.most:
+        return percent(apart.together, 2)
+    return f"{percent(apart.least, 2)} to {percent(apart.most, 2)} ({percent(apart.together, 3)} all together)"
+
+
+def _apart(apart: Apart | None) -> dict[str, float] | None:
+    return None if apart is None else asdict(apart)
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _listed(numbers: Index) -> str:
+    """Numbers as runs: 0 to 5, 8."""
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    said = [f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
+    return ", ".join(said[:_MOST_NAMED]) + (f" and {counted(len(said) - _MOST_NAMED, 'more run')}"
+                                           if len(said) > _MOST_NAMED else "")
