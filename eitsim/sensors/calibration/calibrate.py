@@ -9,6 +9,7 @@ from eitsim.scene.drive import Protocol
 from eitsim.sensors.calibration.instrument import Instrument, sinks, sources, voltages
 from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit_best, random_starts, staged
+from eitsim.sensors.reading_checks import mean_frame
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from touchcal.arrays import Array
@@ -17,6 +18,8 @@ from touchcal.arrays import Array
 # this part of the readings off the driven electrodes, unexplained on drives not fitted, and the model is of no use.
 MOST_APART, MOST_UNEXPLAINED = 1.0, 0.1
 _FIRST_CONDUCTANCE = 1e-3  # S, from which the readings' size gives the one that the fit starts at
+_DIFFERENCES = ("the readings are differences to an untouched frame that is not here; record voltages or magnitudes to "
+                "calibrate the absolute model.")
 _WORDS = {"repeats": "the same reading taken twice", "source_against_sink": "source and sink exchanged",
           "reciprocity": "what drives and what is read exchanged", "superposition": "readings of drives that add up"}
 
@@ -49,10 +52,9 @@ def calibrate(sensor: Sensor, recording: Recording, *, seed: int = 0) -> Calibra
     two drives, no reading off the driven electrodes, or the recording no untouched frame.
     """
     if sensor.kind == "difference":
-        return Calibration(sensor, 0, None, "the readings are differences to an untouched frame that is not here; record "
-                                            "voltages or magnitudes to calibrate the absolute model.")
+        return Calibration(sensor, 0, None, _DIFFERENCES)
     frame = untouched(sensor, recording)
-    tests = ohm_tests(frame.asked, frame.volts, frame.signed)
+    tests = ohm_tests(sensor, frame.volts)
     count = int(recording.untouched.sum())
     if reason := no_ohmmeter(tests):
         return Calibration(sensor, count, tests, reason)
@@ -62,8 +64,8 @@ def calibrate(sensor: Sensor, recording: Recording, *, seed: int = 0) -> Calibra
     found = fit_best(instrument, frame, kept, random_starts(instrument, kept, half.state, seed))
     left = min(stage.held_out for stage in stages.values() if stage.kept)
     reason = "" if left <= MOST_UNEXPLAINED else (
-        f"{left:.0%} of the readings off the driven electrodes stay unexplained on drives that were not fitted (at most "
-        f"{MOST_UNEXPLAINED:.0%}); only changes of readings can be used.")
+        f"{left:.0%} of the readings off the driven electrodes stay unexplained on drives that were not fitted, and "
+        f"{MOST_UNEXPLAINED:.0%} are the most; only changes of readings can be used.")
     return Calibration(sensor, count, tests, reason, stages, kept, instrument, found)
 
 
@@ -75,11 +77,9 @@ def untouched(sensor: Sensor, recording: Recording) -> Untouched:
     rows = np.real(recording.readings[recording.untouched])
     if not len(rows):
         raise ValueError(f"{recording.source}: no frame is untouched; leave `touch` empty in rows without a touch.")
-    there = np.isfinite(rows)
-    mean = np.where(there.any(axis=0), np.where(there, rows, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1), np.nan)
-    frame = Untouched(asked, mean.reshape(asked.shape), sensor.kind == "voltage")
+    frame = Untouched(asked, mean_frame(rows).reshape(asked.shape), sensor.kind == "voltage")
     if len(np.unique(driven(asked), axis=0)) < 2:
-        raise ValueError("[drive] has one drive alone, and a calibration is judged on drives that it was not fitted to.")
+        raise ValueError("[drive] has one drive alone, and a calibration is judged on drives that were not fitted.")
     if not frame.volts[frame.off_driven].any():
         raise ValueError("no reading uses electrodes without current alone, and a calibration is judged by those.")
     return frame
@@ -98,7 +98,7 @@ def no_ohmmeter(tests: OhmTests) -> str:
     apart = {name: value for name, value in values.items() if value is not None and value >= MOST_APART}
     return "" if not apart else "the instrument is no ohmmeter: " + ", ".join(
         f"{_WORDS[name]} {value:.0%} apart" for name, value in apart.items()) + (
-        f" (at most {MOST_APART:.0%}); only changes of readings can be used.")
+        "; only changes of readings can be used.")
 
 
 def untouched_readings(instrument: Instrument, state: Array, asked: Protocol, kind: str) -> Array:

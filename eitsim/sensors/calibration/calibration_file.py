@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.scene.drive import Protocol
+from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
 from eitsim.scene.scene import scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument import GROUPS, Instrument, sources
@@ -82,13 +82,21 @@ def read_calibration(path: Path | str) -> CalibratedSensor:
         raise InputFileError(path, str(error)) from None
 
 
+def protocol_of_files(sensor: Sensor, currents: Path, measurements: Path) -> Protocol:
+    """The protocol of two CSV files as [drive] names them, currents in units of the sensor's; InputFileError names a
+    file that cannot be read, ValueError what does not fit the sensor."""
+    tables = {"currents": matrix_rows(currents), "measurements": matrix_rows(measurements)}
+    drive = Drive(sensor.drive.current_A, **{key: as_tuples(rows) for key, rows in tables.items()})
+    return protocol(drive, sensor.electrodes.count)
+
+
 def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]]) -> CalibratedSensor:
     name = GROUPS["conductance"].name
     conductance = float(np.exp(parameters[name]["value"])) if name in parameters else np.nan
     instrument = Instrument(sensor.body, sensor.electrodes, sources(sensor.protocol), conductance)
     if odd := set(instrument.names).symmetric_difference(parameters):
-        raise ValueError(f"the parameter '{min(odd)}' is {'not the sensor’s' if min(odd) in parameters else 'missing'}; "
-                         "fit the sensor again.")
+        state = "no parameter of this sensor" if min(odd) in parameters else "missing"
+        raise ValueError(f"'{min(odd)}' in parameters is {state}. Fit the sensor again.")
     state = np.array([parameters[one]["value"] for one in instrument.names]) / instrument.units
     calibrated = CalibratedSensor(sensor, instrument, state)
     calibrated.readings()

@@ -1,9 +1,9 @@
 """An untouched sensor and its instrument: a homogeneous sheet, its electrodes, currents, channels and leaks to ground.
 
 Reading m of a drive with current I into its sources and the sink at ground is w_m . (g u), where u solves
-(Y + diag(leak)) u = c I at every electrode but the sink, whose u is 0, and Y is the admittance of the complete electrode
-model. Gains g are against ground, so that the common mode of a drive reaches its differences through unequal gains; c
-are the sources' true currents over the nominal ones.
+(Y + diag(leak)) u = c I at every electrode but the sink, whose u is 0, and Y is the admittance of the complete
+electrode model. Gains g are against ground, so that the common mode of a drive reaches its differences through unequal
+gains; c are the sources' true currents over the nominal ones.
 """
 
 from collections.abc import Mapping
@@ -134,8 +134,8 @@ def voltages(instrument: Instrument, asked: Protocol, state: Array) -> Array:
 
 
 def derivatives(instrument: Instrument, asked: Protocol, state: Array) -> tuple[Array, Array]:
-    """Readings (patterns, readings), V, of a state (p,) and their derivatives (patterns, readings, p); that by the width
-    is a difference of two solutions."""
+    """Readings (patterns, readings), V, of a state (p,) and their derivatives (patterns, readings, p); that by the
+    width is a difference of two solutions."""
     rim, places = _rim(instrument, state), instrument.places
     potential, transfer = _grounded(instrument, asked, state, rim.admittance_S)
     gain = state[places["gains"]]

@@ -9,84 +9,56 @@ from dataclasses import dataclass
 import numpy as np
 
 from eitsim.scene.drive import Protocol
+from eitsim.sensors.reading_checks import Apart, reciprocity, repeats, source_against_sink
+from eitsim.sensors.sensor_file import Sensor, pairs_of
 from touchcal.arrays import Array
 
-_EXACT = 1e-9  # currents and weights closer than this to each other, of the largest, are the same
+_ROUNDING = 1e-9  # of weights
 
 
 @dataclass(frozen=True)
 class OhmTests:
-    """2-norms of differences between readings that an ohmmeter would give alike, over those of the readings; None where
-    the drive asks for no such readings, or magnitudes cannot tell."""
+    """How far from each other readings are that an ohmmeter would give alike, of the readings' norm; None where the
+    drive has no such readings, or magnitudes, or readings that are no pairs, cannot tell."""
 
-    repeats: float | None  # the same drive read in the same way
+    repeats: float | None  # the same drive twice
     source_against_sink: float | None  # source and sink exchanged
     reciprocity: float | None  # what drives and what is read exchanged
-    superposition: float | None  # readings against what is linear in the currents
+    superposition: float | None  # readings from what is linear in the currents
 
 
-def ohm_tests(asked: Protocol, volts: Array, signed: bool = True) -> OhmTests:
-    """The tests of one frame (patterns, readings), NaN where dead; of magnitudes those that need no sign."""
-    drives, reads, of_drive, of_read, value = _transfer(asked, volts, signed)
-    table = np.full((len(drives), len(reads)), np.nan)
-    count, total = np.zeros((2, *table.shape))
-    np.add.at(count, (of_drive, of_read), 1)
-    np.add.at(total, (of_drive, of_read), value)
-    table[count > 0] = total[count > 0] / count[count > 0]
-    again = count[of_drive, of_read] > 1
-    # n values about their own mean: n - 1 of n parts of their variance
-    spread = (value - table[of_drive, of_read]) * np.sqrt(2.0)
-    return OhmTests(_over(spread[again], value[again]), _exchanged(drives, table, signed),
-                    _reciprocity(drives, reads, table) if signed else None,
-                    _superposition(drives, table) if signed else None)
+def ohm_tests(sensor: Sensor, volts: Array) -> OhmTests:
+    """The tests of one frame (patterns, readings), NaN where dead."""
+    asked, signed = sensor.protocol, sensor.kind == "voltage"
+    try:
+        pairs = pairs_of(sensor)
+    except ValueError:
+        again, exchanged, reciprocal = None, None, None
+    else:
+        current = np.repeat(asked.currents_A.max(axis=1), asked.shape[1])
+        again, exchanged, reciprocal = (test(volts.reshape(1, -1), pairs, current, signed=signed)
+                                        for test in (repeats, source_against_sink, reciprocity))
+    return OhmTests(_together(again), _together(exchanged), _together(reciprocal),
+                    superposition(asked, volts) if signed else None)
 
 
-def _transfer(asked: Protocol, volts: Array, signed: bool) -> tuple[Array, Array, Array, Array, Array]:
-    """Different drives (d, N) and readings (r, N), which of them each finite reading is, and its value for 1 A."""
-    size = np.abs(asked.currents_A).max(axis=1)
-    drives, of_drive = _different(asked.currents_A / size[:, None])
+def superposition(asked: Protocol, volts: Array) -> float | None:
+    """Norm of what readings (patterns, readings) leave of the best linear function of their patterns' currents, by the
+    degrees of freedom left, over their norm; None where no pattern depends on others."""
     weights = asked.weights.reshape(-1, asked.weights.shape[2])
     first = weights[np.arange(len(weights)), (weights != 0).argmax(axis=1)]
-    reads, of_read = _different(weights * np.sign(first)[:, None])
-    value = (volts / size[:, None]).ravel() * (np.sign(first) if signed else 1.0)
-    there = np.isfinite(value)
-    return drives, reads, np.repeat(of_drive, volts.shape[1])[there], of_read[there], value[there]
+    _, which = np.unique(np.round(weights / first[:, None] / _ROUNDING), axis=0, return_inverse=True)
+    value, pattern = volts.ravel() / first, np.repeat(np.arange(len(volts)), volts.shape[1])
+    left, size = 0.0, 0.0
+    for reading in np.unique(which):
+        own = np.flatnonzero((which.ravel() == reading) & np.isfinite(value))
+        currents = asked.currents_A[pattern[own]]
+        if (rank := np.linalg.matrix_rank(currents)) < len(own):
+            linear = currents @ np.linalg.lstsq(currents, value[own])[0]
+            left += float(np.sum((value[own] - linear) ** 2)) * len(own) / (len(own) - rank)
+            size += float(np.sum(value[own] ** 2))
+    return float(np.sqrt(left / size)) if size else None
 
 
-def _different(rows: Array) -> tuple[Array, Array]:
-    found, place = np.unique(np.round(rows / _EXACT) * _EXACT, axis=0, return_inverse=True)
-    return found, place.ravel()
-
-
-def _over(difference: Array, value: Array) -> float | None:
-    return float(np.linalg.norm(difference) / np.linalg.norm(value)) if value.any() else None
-
-
-def _exchanged(drives: Array, table: Array, signed: bool) -> float | None:
-    one, other = np.nonzero(np.triu(np.abs(drives[:, None] + drives).max(axis=2) < 2 * _EXACT))
-    back = -table[other] if signed else table[other]
-    both = np.isfinite(table[one] + back)
-    return _over(((table[one] - back) * np.sqrt(2.0))[both], np.concatenate([table[one][both], back[both]]))
-
-
-def _reciprocity(drives: Array, reads: Array, table: Array) -> float | None:
-    """Readings combined to the voltage over each other drive: a symmetric matrix."""
-    over = np.full((len(drives), len(drives)), np.nan)
-    for own, row in zip(over, table, strict=True):
-        read = np.isfinite(row)
-        combined = drives @ np.linalg.pinv(reads[read])
-        exact = np.abs(combined @ reads[read] - drives).max(axis=1) < 1e-6
-        own[exact] = combined[exact] @ row[read]
-    different = np.isfinite(over + over.T) & ~np.eye(len(over), dtype=bool)
-    return _over((over - over.T)[different], over[different])
-
-
-def _superposition(drives: Array, table: Array) -> float | None:
-    left, value = [], []
-    for column in table.T:
-        read = np.isfinite(column)
-        own = drives[read]
-        if np.linalg.matrix_rank(own) < len(own):
-            left.append(column[read] - own @ np.linalg.lstsq(own, column[read])[0])
-            value.append(column[read])
-    return _over(np.concatenate(left), np.concatenate(value)) if left else None
+def _together(apart: Apart | None) -> float | None:
+    return apart.together if apart is not None else None

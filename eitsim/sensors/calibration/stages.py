@@ -1,7 +1,8 @@
 """The staged fit: groups of parameters freed one after another, each kept where drives that it has not seen improve."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -11,7 +12,7 @@ from eitsim.sensors.calibration.instrument import GROUPS, Instrument, derivative
 from touchcal.arrays import Array, Mask
 
 _ROUNDS, _SETTLED = 8, 0.01  # most estimates of the misfit in one fit, and the relative change that ends them
-_TOLERANCE = 1e-4  # relative, of the squared misfit between steps
+_TOLERANCE = 1e-6  # relative, of the squared misfit between steps
 # Starts of the contacts, in prior standard deviations of all together; random starts of the whole fit.
 _CONTACT_STARTS, _RANDOM_STARTS = (-1.0, 0.0, 1.0), 2
 _DRIVEN = 1e-9  # share of a pattern's largest current below which an electrode carries none
@@ -80,20 +81,22 @@ def staged(instrument: Instrument, frame: Untouched, seed: int) -> tuple[dict[st
     """Each stage by its group, the groups kept, and their fit to a random half of the drives.
 
     Groups are freed in the order of GROUPS; one that does not lower what is unexplained of the other half is left at
-    its prior mean and tried once more after the last.
+    its prior mean, and tried again after the last until none is left that lowers it.
     """
     half = halves(frame.asked, seed)
     seen, unseen = frame.of(half), frame.of(~half)
-    kept, stages, best, state = (), {}, np.inf, instrument.prior_mean
-    found = None
-    for group in [*GROUPS, *GROUPS]:
-        if group in kept:
-            continue
-        one = fit_best(instrument, seen, (*kept, group), _starts(instrument, group, state))
-        held_out = unexplained(instrument, unseen, one.state)
-        stages[group] = Stage(unexplained(instrument, seen, one.state), held_out, held_out < best)
-        if held_out < best:
-            kept, best, state, found = (*kept, group), held_out, one.state, one
+    kept: tuple[str, ...] = ()
+    found: Fit | None = None
+    stages, before = {}, -1
+    while len(kept) > before:
+        before = len(kept)
+        for group in (one for one in GROUPS if one not in kept):
+            best, state = (stages[kept[-1]].held_out, found.state) if found else (np.inf, instrument.prior_mean)
+            one = fit_best(instrument, seen, (*kept, group), _starts(instrument, group, state))
+            held_out = unexplained(instrument, unseen, one.state)
+            stages[group] = Stage(unexplained(instrument, seen, one.state), held_out, held_out < best)
+            if held_out < best:
+                kept, found = (*kept, group), one
     assert found is not None
     return stages, kept, found
 
@@ -114,36 +117,13 @@ def fit_best(instrument: Instrument, frame: Untouched, groups: Sequence[str], st
 def fit(instrument: Instrument, frame: Untouched, groups: Sequence[str], start: Array) -> Fit:
     """Minimise |v - v(state)|^2 / misfit^2 + prior over the parameters of some groups from a state (p,), the misfit
     estimated from what is left, in turn."""
-    mean, sd, free = instrument.prior_mean, instrument.prior_sd, mask(instrument, groups)
-    there = np.isfinite(frame.volts)
-    latest: dict[bytes, tuple[Array, Array]] = {}
-
-    def state_of(white: Array) -> Array:
-        change = np.zeros(instrument.size)
-        change[free] = sd[free] * white
-        return mean + instrument.gauged(change)
-
-    def linearised(white: Array) -> tuple[Array, Array]:
-        """Residuals (m,), V, and derivatives (m, q) by what is free, in prior standard deviations."""
-        if (key := white.tobytes()) not in latest:
-            try:
-                model, change = derivatives(instrument, frame.asked, state_of(white))
-            except ValueError:  # electrodes overlap: a step too long
-                return np.full(there.sum(), np.inf), np.empty((there.sum(), len(white)))
-            sign = np.ones(model.shape) if frame.signed else np.sign(model)
-            change = instrument.gauged((sign[..., None] * change)[there])[:, free] * sd[free]
-            latest.clear()
-            latest[key] = (sign * model - frame.volts)[there], change
-        return latest[key]
-
-    white = ((start - mean) / sd)[free]
-    residual, change = linearised(white)
+    problem, sd = _Whitened(instrument, frame, mask(instrument, groups)), instrument.prior_sd
+    white = ((start - instrument.prior_mean) / sd)[problem.free]
+    residual, change = problem.linearised(white)
     misfit, identity = float(np.sqrt(np.mean(residual**2))), np.eye(len(white))
     for _ in range(_ROUNDS if np.isfinite(misfit) else 0):
-        white = least_squares(lambda w, s=misfit: np.concatenate([linearised(w)[0] / s, w]), white,
-                              lambda w, s=misfit: np.vstack([linearised(w)[1] / s, identity]),
-                              ftol=_TOLERANCE, xtol=1e-9, gtol=1e-12).x
-        residual, change = linearised(white)
+        white = problem.minimum(white, misfit)
+        residual, change = problem.linearised(white)
         normal = change.T @ change / misfit**2
         degrees = len(residual) - np.trace(np.linalg.solve(normal + identity, normal))
         before, misfit = misfit, float(np.sqrt(residual @ residual / degrees))
@@ -152,9 +132,50 @@ def fit(instrument: Instrument, frame: Untouched, groups: Sequence[str], start: 
     root = np.diag(sd)
     if np.isfinite(misfit):
         inverse = np.linalg.inv(change.T @ change / misfit**2 + identity)
-        root[np.ix_(free, free)] = sd[free][:, None] * np.linalg.cholesky(inverse)
+        root[np.ix_(problem.free, problem.free)] = sd[problem.free][:, None] * np.linalg.cholesky(inverse)
     root = instrument.gauged(root.T)
-    return Fit(state_of(white), misfit, float(2 * len(residual) * np.log(misfit) + white @ white), root.T @ root)
+    return Fit(problem.state(white), misfit, float(2 * len(residual) * np.log(misfit) + white @ white), root.T @ root)
+
+
+@dataclass(frozen=True, eq=False)
+class _Whitened:
+    """Residuals by the free parameters, each in its prior standard deviation about its prior mean."""
+
+    instrument: Instrument
+    frame: Untouched
+    free: Mask  # (p,)
+    latest: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)  # the last answer, since it is asked twice
+
+    def state(self, white: Array) -> Array:
+        """(p,) of free parameters (q,)."""
+        change = np.zeros(self.instrument.size)
+        change[self.free] = self.instrument.prior_sd[self.free] * white
+        return self.instrument.prior_mean + self.instrument.gauged(change)
+
+    def linearised(self, white: Array) -> tuple[Array, Array]:
+        """Residuals (m,), V, infinite where electrodes overlap, and their derivatives (m, q)."""
+        if (key := white.tobytes()) not in self.latest:
+            there = np.isfinite(self.frame.volts)
+            try:
+                model, change = derivatives(self.instrument, self.frame.asked, self.state(white))
+            except ValueError:
+                return np.full(there.sum(), np.inf), np.empty((there.sum(), len(white)))
+            sign = np.ones(model.shape) if self.frame.signed else np.sign(model)
+            change = self.instrument.gauged((sign[..., None] * change)[there]) * self.instrument.prior_sd
+            self.latest.clear()
+            self.latest[key] = (sign * model - self.frame.volts)[there], change[:, self.free]
+        return self.latest[key]
+
+    def minimum(self, white: Array, misfit: float) -> Array:
+        """(q,) the least squares of residuals over the misfit and of the parameters themselves, from `white`."""
+        def residuals(at: Array) -> Array:
+            return np.concatenate([self.linearised(at)[0] / misfit, at])
+
+        def by_parameter(at: Array) -> Array:
+            return np.vstack([self.linearised(at)[1] / misfit, np.eye(len(at))])
+
+        slopes: Any = by_parameter
+        return least_squares(residuals, white, jac=slopes, ftol=_TOLERANCE, xtol=1e-9, gtol=1e-12).x
 
 
 def mask(instrument: Instrument, groups: Iterable[str]) -> Mask:
