@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from eitsim.scene.electrodes import Electrodes
     from eitsim.scene.results import Result
     from eitsim.scene.scene import Accuracy, Body, Hold, Punch, Scene, Skin, read_scene
+    from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.inspection import Inspection, inspect
     from eitsim.sensors.recording import Recording, read_recording
     from eitsim.sensors.sensor_file import Sensor, read_sensor
     from eitsim.simulation.result_json import result_document
@@ -29,14 +31,17 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "Drive": "eitsim.scene.drive",
     "Electrodes": "eitsim.scene.electrodes",
     "Hold": "eitsim.scene.scene",
+    "Inspection": "eitsim.sensors.inspection",
     "Punch": "eitsim.scene.scene",
     "Recording": "eitsim.sensors.recording",
     "Result": "eitsim.scene.results",
     "Scene": "eitsim.scene.scene",
     "Sensor": "eitsim.sensors.sensor_file",
     "Skin": "eitsim.scene.scene",
+    "inspect": "eitsim.sensors.inspection",
     "measure": "eitsim.sweeps.run.measure",
     "open_dataset": "eitsim.sweeps.dataset.parquet",
+    "open_recording": "eitsim.sensors.formats.open_file",
     "plan": "eitsim.simulation.simulate",
     "read_design": "eitsim.sweeps.design.design",
     "read_recording": "eitsim.sensors.recording",

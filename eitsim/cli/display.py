@@ -1,8 +1,10 @@
 """What the terminal shows of plans, results, models and images: tables for people, the files that were written."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
@@ -11,6 +13,9 @@ from rich.table import Table
 
 from eitsim.scene.results import Decision, Plan, Result
 from eitsim.simulation.result_json import ERRORS, MECHANICS
+
+if TYPE_CHECKING:
+    from eitsim.sensors.inspection import Inspection
 
 
 def show_plan(made: Plan) -> None:
@@ -121,6 +126,22 @@ def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
     share = stability.get("signal_share_extrapolated")
     table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc"
                   + ("" if share is None else f", {share:.0%} of the signal"))
+
+
+def show_inspection(found: Inspection) -> None:
+    """What the readings say, what to mind, and what they leave to the user."""
+    from eitsim.sensors.inspection_words import cautions, questions, rows
+
+    table = Table("", "", title=f"{found.recording.source}: what the readings say", title_justify="left",
+                  box=box.SIMPLE_HEAD, show_header=False)
+    for name, words in rows(found):
+        table.add_row(name, escape(words))
+    console = _console()
+    console.print(table)
+    for title, lines in (("Mind", cautions(found)), ("To answer", questions(found))):
+        for k, line in enumerate(lines):
+            console.print(f"{title}:" if k == 0 else "", f"- {line}", sep="\n" if k == 0 else "", markup=False,
+                          highlight=False)
 
 
 def show_calibration(document: dict[str, Any], out: Path) -> None:

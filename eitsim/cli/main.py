@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eitsim.cli import sensor_commands
 from eitsim.cli.sweep_commands import check_pdf, indices, measure, report, report_written, sweep
 from eitsim.scene.scene import Scene, read_scene
 from matcal.card import MaterialCard, read_card
@@ -245,6 +246,7 @@ def cache(clear: Annotated[bool, typer.Option("--clear", help="Remove the stored
 
 
 app.command()(report)
+app.add_typer(sensor_commands.app, name="sensor")
 
 
 def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:

@@ -11,8 +11,9 @@ from touchcal.json_file import write_json
 from touchcal.terminal import JsonOption, check_apart, check_out, print_json
 
 
-def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV of one row a frame, `touch` empty in "
-                                                                            "untouched ones, whose mean is fitted.")],
+def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV of one row a frame, touch empty in "
+                                                                            "untouched ones, whose mean is fitted; or "
+                                                                            "a board's file.")],
         sensor: Annotated[Path, typer.Option(help="Sensor file (TOML) with [body], [electrodes], [drive] and "
                                                   "[readings]; its contact impedances are where the fit starts.")],
         out: Annotated[Path, typer.Option(help="Write the calibrated sensor (JSON) here.")],
@@ -29,14 +30,14 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     from eitsim.cli.display import show_calibration
     from eitsim.sensors.calibration.calibrate import calibrate
     from eitsim.sensors.calibration.calibration_file import calibration_document
-    from eitsim.sensors.recording import read_recording
+    from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.sensor_file import read_sensor
 
     check_out(out)
     check_apart({"--out": out}, (recording, sensor))
     known = read_sensor(sensor)
     patterns, each = known.protocol.shape
-    frames = read_recording(recording, kind=known.kind, readings=patterns * each)
+    frames = open_recording(recording, kind=known.kind, readings=patterns * each)
     document = calibration_document(calibrate(known, frames))
     write_json(document, out)
     if as_json:

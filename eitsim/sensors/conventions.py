@@ -7,16 +7,19 @@ say; where electrode 0 lies on the body, and which way round they count, it leav
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from eitsim.scene.electrodes import FEWEST, MOST
 from touchcal.arrays import Array, Index
 
 MEAN = -1  # number of a minus electrode that stands for the mean of all of them
 # What is read of each pattern: the difference of a pair, or a voltage against a reference.
 REFERENCES = ("pair", "before", "mean", "sink")
 KEPT = ("undriven", "all", "open")
+_ALL_FIRSTS = 32
 
 
 @dataclass(frozen=True)
@@ -92,14 +95,15 @@ def readings_of(patterns: int, count: int) -> dict[tuple[int, str, int, str], in
 
 
 def conventions(readings: int, count: int) -> Iterator[Convention]:
-    """Every convention of that many electrodes whose frames have that many readings."""
+    """Every convention of that many electrodes whose frames have that many readings; of more than _ALL_FIRSTS
+    electrodes only those that begin with electrode 0, the source or the sink."""
     for patterns in dict.fromkeys((count, count // 2)):
         for (step, reference, read_step, kept), made in readings_of(patterns, count).items():
             if made != readings or (patterns < count and 2 * step != count):
                 continue
             shape = (count, patterns, step, reference, read_step, kept)
             for advance in (1, -1):
-                for first in range(count):
+                for first in range(count) if count <= _ALL_FIRSTS else sorted({0, step}):
                     if reference != "before":
                         yield Convention(*shape, False, first, advance)
                     if kept != "open":
@@ -107,12 +111,13 @@ def conventions(readings: int, count: int) -> Iterator[Convention]:
                         yield Convention(*shape, True, first, advance, by_reading=True)
 
 
-def counts_for(readings: int, most: int = 64) -> list[int]:
+@lru_cache(maxsize=256)
+def counts_for(readings: int) -> tuple[int, ...]:
     """Numbers of electrodes that some convention makes that many readings of."""
-    return [count for count in range(4, most + 1) for patterns in dict.fromkeys((count, count // 2))
-            if readings % patterns == 0 and 0 < readings // patterns <= count
-            and readings in {made for key, made in readings_of(patterns, count).items()
-                             if patterns == count or 2 * key[0] == count}]
+    return tuple(count for count in range(FEWEST, MOST + 1) for patterns in dict.fromkeys((count, count // 2))
+                 if readings % patterns == 0 and 0 < readings // patterns <= count
+                 and readings in {made for key, made in readings_of(patterns, count).items()
+                                  if patterns == count or 2 * key[0] == count})
 
 
 def forms(pairs: Index, signed: bool) -> Index:

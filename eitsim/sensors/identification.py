@@ -18,7 +18,7 @@ CERTAIN, LIKELY = 8.0, 3.0
 EXPLAINED = 0.35
 # Exchanged leads are looked for where more than this is unexplained, in the likeliest accounts, and named where one
 # exchange leaves this share of it.
-_WELL, _TRIED, _BETTER = 0.05, 4, 0.6
+_WELL, _TRIED, _BETTER = 0.02, 4, 0.6
 _NEGATIVE = -0.02  # of the r.m.s.: a reading below it has a sign
 
 
@@ -82,15 +82,12 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     """
     if not orders:
         return Identified((), "nothing", _sign_alone(kind), np.nan)
-    swapped, unexplained, sign = None, np.nan, _sign_alone(kind)
+    unexplained, sign = np.nan, _sign_alone(kind)
     if profile is not None:
-        best, found = _accounts(profile, orders, kind)
-        unexplained = best[0].unexplained
-        if (better := _swapped(profile, best)) is not None:
-            best, swapped, unexplained = [better[0]], better[1], better[2]
+        fit, found = _fit_of_kind(profile, orders, kind)
+        unexplained = fit.unexplained
         if unexplained < EXPLAINED:
-            kept = [one.order for one in best if one.log_likelihood > best[0].log_likelihood - CERTAIN]
-            return Identified(tuple(kept), "disc", found, unexplained, swapped)
+            return Identified(fit.orders, "disc", found, unexplained, fit.swapped)
     if len(signals) >= FEWEST:
         likely = supports(signals, orders, expected)
         kept = [one.order for one in likely if one.log_likelihood > likely[0].log_likelihood - LIKELY]
@@ -101,35 +98,49 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     return Identified((), "nothing", sign, unexplained)
 
 
-def _accounts(profile: Array, orders: Sequence[Order], kind: str) -> tuple[list[Account], str]:
-    """Accounts of a frame, the likeliest first, and its sign: with and without one where no reading is negative."""
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """The orders by which a disc accounts for a frame."""
+
+    orders: tuple[Order, ...]  # the likeliest first
+    log_likelihood: float
+    unexplained: float
+    sign: int  # of the likeliest
+    swapped: tuple[int, int] | None = None
+
+
+def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str) -> tuple[_Fit, str]:
+    """The fit of a frame and its sign; of one without negative readings the better with and without sign."""
     if kind == "magnitude":
-        return accounts(profile, orders, signed=False), "magnitude"
-    signed = accounts(profile, orders, signed=True)
+        return _fit(profile, orders, signed=False), "magnitude"
+    fit = _fit(profile, orders, signed=True)
     if has_sign(profile):
-        return signed, {1: "positive", -1: "negative"}[signed[0].sign]
-    sizes = accounts(profile, orders, signed=False)
-    if sizes[0].log_likelihood > signed[0].log_likelihood + CERTAIN:
-        return sizes, "magnitude"
-    return signed, "either"
+        return fit, {1: "positive", -1: "negative"}[fit.sign]
+    sizes = _fit(profile, orders, signed=False)
+    return (sizes, "magnitude") if sizes.log_likelihood > fit.log_likelihood + CERTAIN else (fit, "either")
 
 
-def _swapped(profile: Array, best: Sequence[Account]) -> tuple[Account, tuple[int, int], float] | None:
-    """The account that one exchange of two leads makes much better, their electrodes, and what is unexplained then;
-    None where none does, or several do about as well."""
-    if best[0].unexplained < _WELL:
-        return None
-    tried = []
-    for one in best[:_TRIED]:
-        ends = list(itertools.combinations(range(one.order.count), 2))
-        orders = [exchanged(one.order, *pair) for pair in ends]
-        again = accounts(profile, orders, signed=one.sign != 0)
-        tried += [(new, one, ends[next(k for k, order in enumerate(orders) if order is new.order)]) for new in again]
-    tried.sort(key=lambda each: -each[0].log_likelihood)
-    (new, one, pair), rest = tried[0], tried[1:]
-    better = new.log_likelihood > best[0].log_likelihood + CERTAIN and new.unexplained < best[0].unexplained * _BETTER
-    alone = all(new.log_likelihood > other.log_likelihood + CERTAIN for other, _, _ in rest)
-    return (one, pair, new.unexplained) if better and alone else None
+def _fit(profile: Array, orders: Sequence[Order], *, signed: bool) -> _Fit:
+    """The likeliest orders, with two leads exchanged where that alone makes one of them much better."""
+    best = accounts(profile, orders, signed=signed)
+    first = best[0]
+    if first.unexplained > _WELL:
+        tried = sorted((new for one in best[:_TRIED] for new in _exchanges(profile, one)),
+                       key=lambda each: -each[0].log_likelihood)
+        (new, order, leads), rest = tried[0], tried[1:]
+        if (new.log_likelihood > first.log_likelihood + CERTAIN and new.unexplained < first.unexplained * _BETTER
+                and all(new.log_likelihood > other.log_likelihood + CERTAIN for other, _, _ in rest)):
+            return _Fit((order,), new.log_likelihood, new.unexplained, new.sign, leads)
+    kept = tuple(one.order for one in best if one.log_likelihood > first.log_likelihood - CERTAIN)
+    return _Fit(kept, first.log_likelihood, first.unexplained, first.sign)
+
+
+def _exchanges(profile: Array, one: Account) -> list[tuple[Account, Order, tuple[int, int]]]:
+    """Accounts of an order with the leads of two electrodes exchanged, the order, and these electrodes."""
+    leads = list(itertools.combinations(range(one.order.count), 2))
+    orders = [exchanged(one.order, *ends) for ends in leads]
+    of = {id(order): ends for order, ends in zip(orders, leads, strict=True)}
+    return [(new, one.order, of[id(new.order)]) for new in accounts(profile, orders, signed=one.sign != 0)]
 
 
 def has_sign(profile: Array) -> bool:

@@ -1,5 +1,6 @@
 """What the readings of a sensor say of themselves, without a model and with one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +48,8 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     explains them, by a homogeneous disc.
 
     sensor: what is known of it; its drive is compared with what the readings look like. ValueError where it makes
-    another number of readings than a frame has, or no differences of two voltages.
+    another number of readings than a frame has, or no differences of two voltages; where every reading is dead, or a
+    magnitude is negative.
 
     Examples
     --------
@@ -67,13 +69,19 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     if known is not None and len(known) != values.shape[1]:
         raise ValueError(f"{recording.source}: {values.shape[1]} readings a frame, and the sensor's drive makes "
                          f"{len(known)}. Correct [drive] in the sensor file.")
+    if kind == "magnitude" and np.nanmin(values, initial=0.0) < 0:
+        raise ValueError(f"{recording.source}: a reading is negative, and magnitudes are not. Correct kind in "
+                         "[readings].")
     dead, rows = reading_checks.dead_readings(recording), recording.untouched & (kind != "difference")
+    if dead.all():
+        raise ValueError(f"{recording.source}: every reading is empty, 0 or never changes; nothing can be said of it. "
+                         "Check that the board drives a current.")
     live = np.where(dead, np.nan, values)
     signals, untouched = _signals(live, rows, kind), live[rows]
     late = late_readings(signals)
     signals = in_step(signals, late)
     profile = None if kind == "difference" else reading_checks.mean_frame(untouched if rows.any() else live)
-    counts = [sensor.electrodes.count] if sensor else counts_for(values.shape[1])
+    counts = (sensor.electrodes.count,) if sensor else counts_for(values.shape[1])
     found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known)
     agrees = _agrees(found, known, counts[0]) if known is not None else None
     pairs = known if known is not None else found.order.pairs if found.order else None
@@ -105,7 +113,7 @@ def _kind(recording: Recording, values: Array) -> str:
     return "difference" if np.median(np.minimum(positive, 1 - positive)) > _BOTH_SIGNS else "voltage"
 
 
-def _orders(readings: int, counts: list[int], known: Index | None) -> list[Order]:
+def _orders(readings: int, counts: tuple[int, ...], known: Index | None) -> Sequence[Order]:
     """The orders to compare: those of conventions, and those near a sensor's own where that follows none of them."""
     usual = orders_of_conventions(readings, counts)
     if known is None:

@@ -51,14 +51,15 @@ class Account:
     unexplained: float  # 2-norm of what an imperfect disc misses over that of the frame; NaN where none is fitted
 
 
-def orders_of_conventions(readings: int, counts: Iterable[int]) -> list[Order]:
+@lru_cache(maxsize=2)
+def orders_of_conventions(readings: int, counts: tuple[int, ...]) -> tuple[Order, ...]:
     """Every order of that many readings that a convention makes, once."""
     found: dict[tuple[int, bytes], Order] = {}
     for count in counts:
         for one in conventions(readings, count):
             pairs = one.pairs()
             found.setdefault((count, pairs.tobytes()), Order(count, pairs, one))
-    return list(found.values())
+    return tuple(found.values())
 
 
 def orders_of_sensor(pairs: Index, count: int) -> list[Order]:

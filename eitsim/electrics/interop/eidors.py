@@ -76,6 +76,9 @@ def _variables(path: Path) -> dict[str, Any]:
     return {name: value for name, value in raw.items() if not name.startswith("__")}
 
 
+mat_variables = _variables  # recordings of readings are read from such files too
+
+
 def _check_unpacked(path: Path) -> None:
     """InputFileError where the compressed variables of a MATLAB file of v5 state more bytes than such a file holds."""
     with open(path, "rb") as file:

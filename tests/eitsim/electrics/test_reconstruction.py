@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -132,6 +133,16 @@ def test_what_cannot_be_imaged_is_refused():
         fitted(Body(), Electrodes(), Drive(), -baseline())
     with pytest.raises(ValueError, match="has 100 readings"):
         fitted(Body(), Electrodes(), Drive(), baseline()[:100])
+
+
+def test_frames_in_another_order_are_refused_and_no_image_is_written(
+        command: Callable[..., CompletedProcess[str]], tmp_path: Path):
+    order = np.random.default_rng(3).permutation(baseline().size)
+    write_numbers(tmp_path / "frames.csv", [], np.array([baseline(), baseline() + signal(PLACES[1])])[:, order])
+    done = command("eitsim", "reconstruct", "frames.csv", "--out", "image.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert re.search(r"4\d\.\d\d% of it stay unexplained.*`eitsim sensor inspect`", done.stderr)
+    assert not (tmp_path / "image.csv").exists()
 
 
 def test_patches_are_fitted_and_imaged():

@@ -1,0 +1,51 @@
+"""Commands of `eitsim sensor`: what recordings of real sensors say, and models calibrated to them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eitsim.cli.sensor_fit_commands import fit, predict
+from touchcal.terminal import JsonOption, application, print_json
+
+app = application("Real sensors: their recordings, what the readings say of themselves, and models calibrated to them.")
+
+
+@app.callback()
+def group() -> None:
+    """Real sensors: their recordings, what the readings say of themselves, and models calibrated to them."""
+
+
+@app.command()
+def inspect(recording: Annotated[Path, typer.Argument(
+                metavar="RECORDING", help="CSV of one row a frame: index or time_s, touch (empty: untouched), v_000 "
+                                          "...; or a board's file: Sciospec .eit, OpenEIT, EIT-kit, .mat.")],
+            sensor: Annotated[Path | None, typer.Option(
+                help="Sensor file (TOML) with [body], [electrodes], [drive] and [readings], whose drive is compared "
+                     "with what the readings look like.")] = None,
+            as_json: JsonOption = False) -> None:
+    """Say what readings tell of their order, sign, faults and noise, without a model and with one, and ask where they
+    do not decide.
+
+    Example: eitsim sensor inspect frames.csv --sensor sensor.toml
+    """
+    from eitsim.cli.display import show_inspection
+    from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.inspection import inspect as inspected
+    from eitsim.sensors.inspection_words import document
+    from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor
+
+    known = read_sensor(sensor) if sensor is not None else None
+    frames = open_recording(recording, kind=known.kind if known else Sensor.kind,
+                            readings=len(pairs_of(known)) if known else None)
+    found = inspected(frames, known)
+    if as_json:
+        print_json(document(found))
+    else:
+        show_inspection(found)
+
+
+app.command()(fit)
+app.command()(predict)

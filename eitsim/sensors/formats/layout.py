@@ -1,0 +1,54 @@
+"""A layout of files: how one is recognised and read."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eitsim.sensors.recording import Recording
+from touchcal.arrays import Array, Complex
+from touchcal.errors import InputFileError
+from touchcal.input_file import regular
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One layout of files; `open_file.FORMATS` names them all."""
+
+    title: str  # what a user calls it
+    recognises: Callable[[Path], bool]  # whether a file has this layout, from its name and what it holds
+    read: Callable[[Path, str], Recording]  # the recording; the kind of readings where the file does not say it
+
+
+def text_lines(path: Path) -> list[str]:
+    """Lines of a text file, without their ends; InputFileError where it is none."""
+    try:
+        return regular(path).read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise InputFileError(path, f"not a text file ({error}). Export it as text or CSV.") from None
+
+
+def first_lines(path: Path, count: int = 40) -> list[str]:
+    """The first lines of a text file; none of a folder, or of a file that is no text."""
+    if not path.is_file():
+        return []
+    with open(path, "rb") as file:
+        head = file.read(65536)
+    return [] if b"\0" in head else head.decode("utf-8", errors="replace").splitlines()[:count]
+
+
+def frames(path: Path, readings: Array | Complex, kind: str) -> Recording:
+    """A recording of frames (n, readings) one after the other that no file names the touches of."""
+    return Recording(readings, np.arange(len(readings)), None, np.array([""] * len(readings)), kind, path)
+
+
+def equally_long(path: Path, rows: list[list[float]], lines: list[int], what: str) -> Array:
+    """Rows as an array; InputFileError names the line of the first one that has not as many numbers as most."""
+    widths = [len(row) for row in rows]
+    usual = max(set(widths), key=widths.count)
+    for width, line in zip(widths, lines, strict=True):
+        if width != usual:
+            raise InputFileError(path, f"{width} {what}, and most frames have {usual}: this one was cut. Delete it.",
+                                 line=line)
+    return np.array(rows)

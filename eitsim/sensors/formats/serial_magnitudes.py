@@ -1,0 +1,32 @@
+"""Serial lines of OpenEIT and Spectra boards: `magnitudes : v,v,...`, a frame a line."""
+
+from pathlib import Path
+
+from eitsim.sensors.formats.layout import Layout, equally_long, first_lines, frames, text_lines
+from eitsim.sensors.recording import Recording
+from touchcal.errors import InputFileError
+
+_LABEL = "magnitudes"
+
+
+def _is_serial(path: Path) -> bool:
+    return any(line.partition(":")[0].strip().lower() == _LABEL for line in first_lines(path))
+
+
+def _read_serial(path: Path, kind: str) -> Recording:
+    """Lines with the label; what a board prints between them is left out. A `kind` other than magnitude is refused."""
+    rows, lines = [], []
+    for number, line in enumerate(text_lines(path), start=1):
+        label, colon, values = line.partition(":")
+        if not colon or label.strip().lower() != _LABEL:
+            continue
+        try:
+            rows.append([float(cell) for cell in values.split(",") if cell.strip()])
+        except ValueError:
+            raise InputFileError(path, "a frame that holds no numbers only: it was cut, or two ran into one. Delete "
+                                       "it.", line=number) from None
+        lines.append(number)
+    return frames(path, equally_long(path, rows, lines, "magnitudes"), "magnitude")
+
+
+FORMAT = Layout("serial lines of OpenEIT and Spectra, `magnitudes : v,v,...`", _is_serial, _read_serial)

@@ -1,0 +1,111 @@
+"""Files of boards: small ones typed from their documentation are read number by number; what is cut is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from eitsim.sensors.formats.open_file import FORMATS, open_recording
+from touchcal.errors import InputFileError
+
+# Header as EIDORS and sciopy name its lines; values made up.
+SCIOSPEC = "\n".join(["18", "2", "setup", "2023.01.05. 14:36:10.123", "1000", "1000", "0", "1", "0.001", "10", "0", "1",
+                      "1", "4", "0", "1", "MeasurementChannels: 1,2,3",
+                      "MeasurementChannelsIndependentFromInjectionPattern: 1,2,3", "1 2", "1.0E-1\t2.0E-1\t3\t4\t5\t6",
+                      "2 3", "7\t8\t9\t10\t11\t-1.2E1", ""])
+# Two frames as OpenEIT's data sets have them, shortened, between other lines of the board.
+OPENEIT = ("starting up\n    magnitudes :   27159.1250 ,   32341.4375 ,   33906.1250 , \n"
+           "    magnitudes :   27133.6250 ,   32311.0000 ,   33874.1875 , \n")
+EIT_KIT = "Board Initialized\norigin12.50003.250047.0625\nframei12.50013.250147.0626\n"
+
+
+def written(tmp_path: Path, name: str, text: str) -> Path:
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_sciospec_voltages_are_complex_injection_by_injection(tmp_path: Path) -> None:
+    found = open_recording(written(tmp_path, "frame_0001.eit", SCIOSPEC))
+    np.testing.assert_array_equal(found.readings, [[0.1 + 0.2j, 3 + 4j, 5 + 6j, 7 + 8j, 9 + 10j, 11 - 12j]])
+    assert found.untouched.all()
+
+
+def test_a_folder_of_sciospec_files_is_a_recording_in_the_order_of_names(tmp_path: Path) -> None:
+    written(tmp_path, "b_00002.eit", SCIOSPEC.replace("3\t4", "30\t40"))
+    written(tmp_path, "b_00001.eit", SCIOSPEC)
+    found = open_recording(tmp_path)
+    assert found.readings[:, 1].tolist() == [3 + 4j, 30 + 40j]
+    assert found.index.tolist() == [0, 1]
+
+
+def test_serial_lines_are_frames_of_magnitudes(tmp_path: Path) -> None:
+    found = open_recording(written(tmp_path, "data.txt", OPENEIT))
+    assert found.kind == "magnitude"
+    np.testing.assert_array_equal(found.readings, [[27159.125, 32341.4375, 33906.125], [27133.625, 32311, 33874.1875]])
+
+
+def test_eit_kit_s_values_without_separators_are_told_by_their_decimals(tmp_path: Path) -> None:
+    found = open_recording(written(tmp_path, "kit.txt", EIT_KIT))
+    assert found.kind == "magnitude"
+    np.testing.assert_array_equal(found.readings, [[12.5, 3.25, 47.0625], [12.5001, 3.2501, 47.0626]])
+
+
+def test_columns_are_one_frame(tmp_path: Path) -> None:
+    one = open_recording(written(tmp_path, "one.txt", "1.5\n-2\n3e-3\n"))
+    np.testing.assert_array_equal(one.readings, [[1.5, -2, 3e-3]])
+    pair = open_recording(written(tmp_path, "pair.csv", "re, im\n1,2\n3,-4\n"))
+    np.testing.assert_array_equal(pair.readings, [[1 + 2j, 3 - 4j]])
+
+
+def test_a_row_a_frame_stays_one(tmp_path: Path) -> None:
+    assert open_recording(written(tmp_path, "rows.csv", "1,2,3\n4,5,6\n")).readings.shape == (2, 3)
+    assert open_recording(written(tmp_path, "named.csv", "v_000,v_001\n1,2\n")).readings.shape == (1, 2)
+
+
+def test_matlab_arrays_and_eidors_data(tmp_path: Path) -> None:
+    frames = np.random.default_rng(0).normal(size=(5, 208))
+    savemat(tmp_path / "plain.mat", {"vv": frames.T})
+    savemat(tmp_path / "eidors.mat", {"data": {"name": "homogeneous", "type": "data", "meas": frames[0]}})
+    savemat(tmp_path / "complex.mat", {"vv": frames * (1 + 1j)})
+    np.testing.assert_array_equal(open_recording(tmp_path / "plain.mat").readings, frames)
+    np.testing.assert_array_equal(open_recording(tmp_path / "eidors.mat").readings, frames[:1])
+    np.testing.assert_array_equal(open_recording(tmp_path / "complex.mat").readings, frames * (1 + 1j))
+
+
+@pytest.mark.parametrize(("name", "text", "words"), [
+    ("a.eit", SCIOSPEC.replace("7\t8\t9\t10\t11\t-1.2E1", "7\t8\t9\t10"), "line 22: an injection without its voltages"),
+    ("a.eit", SCIOSPEC.replace("\n2 3\n7", "\n5\t6\t7\t8\t9\t1\n2 3\n7"), "line 21: a second line of voltages"),
+    ("a.eit", "\n".join(SCIOSPEC.split("\n")[:18]), "no voltages below the header"),
+    ("a.eit", SCIOSPEC.replace("2 3\n", "two three\n"), "line 21: 'two three' holds no numbers"),
+    ("a.txt", OPENEIT.replace("33874.1875 ,", ""), "line 3: 2 magnitudes, and most frames have 3|line 2: 3 magnitudes"),
+    ("a.txt", OPENEIT.replace("32311.0000", "323x"), "line 3: a frame that holds no numbers only"),
+    ("a.txt", EIT_KIT + "framei12.50013.2501\n", "line 4: 2 magnitudes, and most frames have 3"),
+    ("a.csv", "1,2\n3,4\n5,6\n", "two columns without names.*Name them re and im"),
+    ("a.csv", "re,im\n1,2\n3\n", "line 3: expected 2 numbers"),
+    ("a.mat", "no such thing", "not a MATLAB file"),
+], ids=lambda text: repr(text)[:25])
+def test_what_was_cut_or_is_unclear_is_refused_with_the_fix(tmp_path: Path, name: str, text: str, words: str) -> None:
+    with pytest.raises(InputFileError, match=words):
+        open_recording(written(tmp_path, name, text))
+
+
+def test_matlab_files_of_several_arrays_or_unclear_shape_are_refused(tmp_path: Path) -> None:
+    savemat(tmp_path / "two.mat", {"a": np.ones((3, 208)), "b": np.ones((3, 208))})
+    savemat(tmp_path / "square.mat", {"a": np.ones((208, 208))})
+    with pytest.raises(InputFileError, match="2 arrays of readings: a, b"):
+        open_recording(tmp_path / "two.mat")
+    with pytest.raises(InputFileError, match="a is 208 x 208"):
+        open_recording(tmp_path / "square.mat")
+
+
+def test_another_count_than_the_drive_makes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="3 readings a frame, and the sensor's drive makes 208"):
+        open_recording(written(tmp_path, "data.txt", OPENEIT), readings=208)
+
+
+def test_every_layout_has_a_title_of_its_own() -> None:
+    assert len({one.title for one in FORMATS}) == len(FORMATS)
