@@ -18,10 +18,10 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
                                                   "[readings]; its contact impedances are where the fit starts.")],
         out: Annotated[Path, typer.Option(help="Write the calibrated sensor (JSON) here.")],
         as_json: JsonOption = False) -> None:
-    """Calibrate the model of an untouched sensor: conductance, contact impedances, width and places of electrodes, gains
-    against ground, source currents, leaks to ground; or refuse it with the reason.
+    """Calibrate the model of an untouched sensor: conductance, contact impedances, width and places of electrodes,
+    gains against ground, source currents, leaks to ground; or refuse it with the reason.
 
-    Each group of parameters is kept where readings of drives that were not fitted, a random half, are predicted better.
+    Each group of parameters is left out where drives that were not fitted, a random half, are predicted worse by it.
     Every parameter comes with its standard deviation after and before. A refused model ends with status 0: the readings
     can be used for changes alone, and the file says why.
 
@@ -68,7 +68,8 @@ def predict(sensor: Annotated[Path, typer.Argument(metavar="SENSOR", help="Calib
     check_apart({"--out": out}, [path for path in (sensor, currents, measurements) if path is not None])
     calibrated = read_calibration(sensor)
     if (currents is None) != (measurements is None):
-        raise ValueError("--currents and --measurements belong together; give both, or none for the sensor's own drive.")
+        raise ValueError("--currents and --measurements belong together; give both, or none for the sensor's own "
+                         "drive.")
     asked = protocol_of_files(calibrated.sensor, currents, measurements) if currents and measurements else None
     frame = calibrated.readings(asked).ravel()
     write_numbers(out, voltage_columns(frame.size), frame[None])

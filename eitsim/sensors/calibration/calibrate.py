@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from eitsim.scene.drive import Protocol
-from eitsim.sensors.calibration.instrument import Instrument, sinks, sources, voltages
+from eitsim.sensors.calibration.instrument_model import Instrument, sinks, sources, voltages
 from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit_best, random_starts, staged
 from eitsim.sensors.reading_checks import mean_frame
@@ -42,14 +42,20 @@ def calibrate(sensor: Sensor, recording: Recording, *, seed: int = 0) -> Calibra
     """Fit conductance, contacts, width, places, gains, currents and leaks of a sensor to the mean of its untouched
     frames, stage by stage, the most probable state under Gaussian priors.
 
-    A stage is kept where it lowers what is unexplained on the drives of a random half, by `seed`, that were not fitted;
-    the last fit takes all drives. Priors stand in `instrument.GROUPS`. Readings may be volts or the counts of a board;
-    then conductances are by the same unknown factor. Refused, with the reason and no state: differences, which have no
-    untouched frame, and readings that are no ohmmeter's (`ohm_tests`). Refused with its state: a model that leaves more
-    than MOST_UNEXPLAINED.
+    A stage is left out where drives that were not fitted, a random half by `seed`, are clearly worse predicted by it;
+    the last fit takes all drives. Priors stand in `instrument_model.GROUPS`. Readings may be volts or the counts of a
+    board; then conductances are by the same unknown factor. Refused, with the reason and no state: differences, which
+    have no untouched frame, and readings that are no ohmmeter's (`ohm_tests`). Refused with its state: a model that
+    leaves more than MOST_UNEXPLAINED.
 
     ValueError where the sensor has electrodes that are no lines or have no contact, several sinks at once, fewer than
     two drives, no reading off the driven electrodes, or the recording no untouched frame.
+
+    >>> import eitsim, numpy as np
+    >>> sensor = eitsim.Sensor(eitsim.Body(), eitsim.Skin(), eitsim.Electrodes(), eitsim.Drive(), "difference")
+    >>> touched = eitsim.Recording(np.ones((1, 208)), np.array([0]), None, np.array(["a"]), "difference", "frames.csv")
+    >>> eitsim.calibrate(sensor, touched).reason
+    'the readings are differences to an untouched frame that is not here; ...'
     """
     if sensor.kind == "difference":
         return Calibration(sensor, 0, None, _DIFFERENCES)
@@ -62,7 +68,7 @@ def calibrate(sensor: Sensor, recording: Recording, *, seed: int = 0) -> Calibra
     instrument = _of_size(instrument, frame)
     stages, kept, half = staged(instrument, frame, seed)
     found = fit_best(instrument, frame, kept, random_starts(instrument, kept, half.state, seed))
-    left = min(stage.held_out for stage in stages.values() if stage.kept)
+    left = stages[kept[-1]].held_out
     reason = "" if left <= MOST_UNEXPLAINED else (
         f"{left:.0%} of the readings off the driven electrodes stay unexplained on drives that were not fitted, and "
         f"{MOST_UNEXPLAINED:.0%} are the most; only changes of readings can be used.")
@@ -72,6 +78,9 @@ def calibrate(sensor: Sensor, recording: Recording, *, seed: int = 0) -> Calibra
 def untouched(sensor: Sensor, recording: Recording) -> Untouched:
     """The mean of a recording's untouched frames, of complex readings the real part; ValueError as `calibrate`."""
     check_electrodes(sensor)
+    if recording.kind != sensor.kind:
+        raise ValueError(f"{recording.source}: its readings are of kind '{recording.kind}', and kind in [readings] of "
+                         f"the sensor is '{sensor.kind}'; correct one of them.")
     asked = sensor.protocol
     sinks(asked)
     rows = np.real(recording.readings[recording.untouched])

@@ -10,7 +10,7 @@ import numpy as np
 from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
 from eitsim.scene.scene import scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration, check_electrodes, untouched_readings
-from eitsim.sensors.calibration.instrument import GROUPS, Instrument, sources
+from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
 from eitsim.sensors.sensor_file import TABLES, Sensor, sensor_from
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number

@@ -35,7 +35,7 @@ class Group:
 GROUPS = {
     "conductance": Group("ln_conductance_S", "sensor", 10.0),
     "contacts": Group("ln_contact_impedance_Ohm_m", "electrode", 2.0),
-    "width": Group("ln_width_factor", "sensor", 0.3),
+    "width": Group("ln_width_factor", "sensor", 0.1),
     "positions": Group("offset_mm", "electrode", 0.5e-3, 1e3, gauge=True),
     "gains": Group("gain", "electrode", 0.03, start=1.0, gauge=True),
     "currents": Group("current_factor", "source", 0.03, start=1.0, gauge=True),
