@@ -14,14 +14,16 @@ from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from touchcal.arrays import Array
 
-# Readings that an ohmmeter would give alike and that differ by as much as they are have nothing in common; more than
+# Readings that an ohmmeter makes the same and that differ by as much as they are have nothing in common; more than
 # this part of the readings off the driven electrodes, unexplained on drives not fitted, and the model is of no use.
 MOST_APART, MOST_UNEXPLAINED = 1.0, 0.1
 _FIRST_CONDUCTANCE = 1e-3  # S, from which the readings' size gives the one that the fit starts at
 _DIFFERENCES = ("the readings are differences to an untouched frame that is not here; record voltages or magnitudes to "
                 "calibrate the absolute model.")
-_WORDS = {"repeats": "the same reading taken twice", "source_against_sink": "source and sink exchanged",
-          "reciprocity": "what drives and what is read exchanged", "superposition": "readings of drives that add up"}
+_WORDS = {"repeats": "readings of the same drive differ",
+          "source_against_sink": "readings with source and sink exchanged differ",
+          "reciprocity": "readings with drive and measurement exchanged differ",
+          "superposition": "readings differ from what is linear in the currents"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +108,7 @@ def no_ohmmeter(tests: OhmTests) -> str:
     values = {one.name: getattr(tests, one.name) for one in fields(tests)}
     apart = {name: value for name, value in values.items() if value is not None and value >= MOST_APART}
     return "" if not apart else "the instrument is no ohmmeter: " + ", ".join(
-        f"{_WORDS[name]} {value:.0%} apart" for name, value in apart.items()) + (
+        f"{_WORDS[name]} by {value:.0%} of their norm" for name, value in apart.items()) + (
         "; only changes of readings can be used.")
 
 

@@ -18,8 +18,8 @@ _ROUNDING = 1e-9  # of weights
 
 @dataclass(frozen=True)
 class OhmTests:
-    """How far from each other readings are that an ohmmeter would give alike, of the readings' norm; None where the
-    drive has no such readings, or magnitudes, or readings that are no pairs, cannot tell."""
+    """How far from each other readings are that an ohmmeter makes the same, of their norm; None where the drive has no
+    such readings, or where magnitudes, or readings that are no pairs, do not say it."""
 
     repeats: float | None  # the same drive twice
     source_against_sink: float | None  # source and sink exchanged
