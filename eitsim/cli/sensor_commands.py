@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from eitsim.cli.sensor_fit_commands import fit, predict
+from touchcal.errors import InputFileError
 from touchcal.terminal import JsonOption, application, print_json
 
 app = application("Real sensors: their recordings, what the readings say of themselves, and models calibrated to them.")
@@ -31,16 +33,25 @@ def inspect(recording: Annotated[Path, typer.Argument(
 
     Example: eitsim sensor inspect frames.csv --sensor sensor.toml
     """
+    from rich.console import Console
+
     from eitsim.cli.display import show_inspection
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.inspection import inspect as inspected
     from eitsim.sensors.inspection_words import document
     from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor
 
-    known = read_sensor(sensor) if sensor is not None else None
-    frames = open_recording(recording, kind=known.kind if known else Sensor.kind,
-                            readings=len(pairs_of(known)) if known else None)
-    found = inspected(frames, known)
+    known, readings = None, None
+    if sensor is not None:
+        known = read_sensor(sensor)
+        try:
+            readings = len(pairs_of(known))
+        except ValueError as error:
+            raise InputFileError(sensor, str(error)) from None
+    frames = open_recording(recording, kind=known.kind if known else Sensor.kind, readings=readings)
+    console = Console(stderr=True)
+    with console.status("comparing orders of readings") if console.is_terminal else nullcontext():
+        found = inspected(frames, known)
     if as_json:
         print_json(document(found))
     else:

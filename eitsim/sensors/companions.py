@@ -12,15 +12,16 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import rankdata
 
-from eitsim.sensors.recognition import Order, canonical
+from eitsim.sensors.recognition import Order, canonical, driven
 from touchcal.arrays import Array, Index, Mask
 
+LIKELY = 3.0  # orders this much less likely than the best, in natural logarithms, are excluded
 FEWEST = 30  # frames of touches that correlations are taken from
-_MOST = 48  # orders that are compared closely
+_MOST = 160  # orders that are compared closely
 _MOST_CORRELATED, _SHARPNESS = 0.999, (1.0, 2.0, 4.0, 8.0, 16.0)
 # Odds against orders that are not the one that a sensor file describes; without one, against those that boards do not
-# have, which begin with electrode 0 and go on as the readings count.
-_DESCRIBED, _USUAL = 100.0, 10.0
+# have, which begin with electrode 0 and go on as the readings count. Neither decides alone: LIKELY asks for more.
+_DESCRIBED, _USUAL = 20.0, 10.0
 # A reading follows one frame late where it correlates this much more with the frame before, and this much at all.
 _LATE, _CLEAR = 0.1, 0.3
 
@@ -35,8 +36,11 @@ class Support:
 
 def supports(signals: Array, orders: Sequence[Order], expected: Index | None = None) -> list[Support]:
     """Orders by the companions that they make in signals (frames, readings) of touches, the likeliest first, one of
-    each set that no ring can tell; orders whose drives have no neighbours are left out. expected: pairs of the order
+    each set that no ring can tell; orders whose drives have no neighbours are left out. Empty where some orders read
+    driven electrodes: without gaps that move with the drive, companions say too little. expected: pairs of the order
     that a sensor file describes."""
+    if any(driven(one.pairs) for one in orders):
+        return []
     table = np.arctanh(np.clip(np.abs(_correlations(signals, signals)), 0, _MOST_CORRELATED))
     np.fill_diagonal(table, 0.0)
     table = np.nan_to_num(table)
@@ -48,8 +52,11 @@ def supports(signals: Array, orders: Sequence[Order], expected: Index | None = N
             break
     if not near:
         return []
-    chosen = np.array([[_chosen(place, sharpness * table) for sharpness in _SHARPNESS] for _, place in near.values()])
-    best = chosen[:, np.argmax(chosen.max(axis=0))]
+    chosen = []
+    for sharpness in _SHARPNESS:
+        choices = _Choices(sharpness * table, {})
+        chosen.append([_chosen(place, choices) for _, place in near.values()])
+    best = max(chosen, key=max)
     hoped = {(one.count, canonical(expected, one.count, False)) for one in orders[:1]} if expected is not None else {
         key for key, (one, _) in near.items() if _usual(one)}
     odds = _USUAL if expected is None else _DESCRIBED
@@ -99,19 +106,33 @@ def _companionship(place: Index, table: Array) -> float:
     return float(table[place[both], after[both]].mean())
 
 
-def _chosen(place: Index, table: Array) -> float:
+@dataclass(frozen=True, eq=False)
+class _Choices:
+    """How readings choose companions: by this table (readings, readings) of logarithms."""
+
+    table: Array
+    # logarithm of the mean over the readings that a reading may choose among, by the readings of two drives
+    free: dict[tuple[bytes, bytes], Array]
+
+    def gained(self, here: Index, there: Index, both: Mask) -> tuple[float, int]:
+        """Log likelihood of the companions of one drive's readings over random ones, and their number; -1: none."""
+        own, other = here[here >= 0], there[there >= 0]
+        key = own.tobytes(), other.tobytes()
+        if key not in self.free:
+            among = self.table[np.ix_(own, other)]
+            self.free[key] = logsumexp(among, axis=1) - np.log(among.shape[1])
+        return float((self.table[here[both], there[both]] - self.free[key][both[here >= 0]]).sum()), len(own)
+
+
+def _chosen(place: Index, choices: _Choices) -> float:
     """Log likelihood of an order's companions over random ones, both ways round, the readings of one drive as one."""
     total = 0.0
-    for own, other in ((place, np.roll(place, shift, axis=0)) for shift in (-1, 1)):
-        for here, there in zip(own, other, strict=True):
+    for shift in (-1, 1):
+        for here, there in zip(place, np.roll(place, shift, axis=0), strict=True):
             both = (here >= 0) & (there >= 0)
-            if not both.any():
-                continue
-            among = table[np.ix_(here[here >= 0], there[there >= 0])]
-            free = logsumexp(among, axis=1) - np.log(among.shape[1])
-            reach = dict(zip(here[here >= 0].tolist(), free.tolist(), strict=True))
-            gained = table[here[both], there[both]] - [reach[k] for k in here[both].tolist()]
-            total += float(gained.sum()) / (2 * len(among))
+            if both.any():
+                gained, count = choices.gained(here, there, both)
+                total += gained / (2 * count)
     return total
 
 

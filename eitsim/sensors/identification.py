@@ -6,19 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.sensors.companions import FEWEST, supports
+from eitsim.sensors.companions import FEWEST, LIKELY, supports
 from eitsim.sensors.conventions import MEAN, pattern_name, predicted
 from eitsim.sensors.disc_field import ring_kernel
-from eitsim.sensors.recognition import Account, Order, accounts, exchanged
+from eitsim.sensors.recognition import Account, Order, accounts, exchanged, unordered
 from touchcal.arrays import Array, Index
 
-# Orders this much less likely than the best, in natural logarithms, are excluded: by a disc, and by touches.
-CERTAIN, LIKELY = 8.0, 3.0
+CERTAIN = 8.0  # orders by which a disc is this much less likely than by the best, in natural logarithms, are excluded
 # A disc that leaves more than this of a frame unexplained says nothing of its order.
 EXPLAINED = 0.35
-# Exchanged leads are looked for where more than this is unexplained, in the likeliest accounts, and named where one
-# exchange leaves this share of it.
-_WELL, _TRIED, _BETTER = 0.02, 4, 0.6
+# Exchanged leads are looked for where the part unexplained lies between these, in the likeliest accounts, and named
+# where one exchange leaves this share of it.
+_WELL, _HOPELESS, _TRIED, _BETTER = 0.02, 0.7, 4, 0.6
 _NEGATIVE = -0.02  # of the r.m.s.: a reading below it has a sign
 
 
@@ -77,8 +76,8 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     """The orders that may have made an untouched frame (readings,), or signals (frames, readings) of touches.
 
     kind: "voltage", "magnitude", or "difference", whose signals have no untouched frame. An imperfect homogeneous disc
-    decides where it explains the frame, otherwise the touches where there are enough. expected: pairs of the order that
-    a sensor file describes.
+    decides where it explains the frame, and better than one number for all readings does, otherwise the touches where
+    there are enough. expected: pairs of the order that a sensor file describes.
     """
     if not orders:
         return Identified((), "nothing", _sign_alone(kind), np.nan)
@@ -86,11 +85,14 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     if profile is not None:
         fit, found = _fit_of_kind(profile, orders, kind)
         unexplained = fit.unexplained
-        if unexplained < EXPLAINED:
+        if unexplained < EXPLAINED and fit.log_likelihood > unordered(profile) + CERTAIN:
             return Identified(fit.orders, "disc", found, unexplained, fit.swapped)
     if len(signals) >= FEWEST:
         likely = supports(signals, orders, expected)
-        kept = [one.order for one in likely if one.log_likelihood > likely[0].log_likelihood - LIKELY]
+        least = max(likely[0].log_likelihood, LIKELY) - LIKELY if likely else 0.0
+        kept = [one.order for one in likely if one.log_likelihood > least]
+        if not kept:
+            return Identified((), "nothing", sign, unexplained)
         if profile is not None and sign == "unknown" and all(_of_both_signs(one) for one in kept) and not has_sign(
                 profile):
             sign = "magnitude"
@@ -124,7 +126,7 @@ def _fit(profile: Array, orders: Sequence[Order], *, signed: bool) -> _Fit:
     """The likeliest orders, with two leads exchanged where that alone makes one of them much better."""
     best = accounts(profile, orders, signed=signed)
     first = best[0]
-    if first.unexplained > _WELL:
+    if _WELL < first.unexplained < _HOPELESS:
         tried = sorted((new for one in best[:_TRIED] for new in _exchanges(profile, one)),
                        key=lambda each: -each[0].log_likelihood)
         (new, order, leads), rest = tried[0], tried[1:]

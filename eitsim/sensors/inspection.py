@@ -76,7 +76,7 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     if dead.all():
         raise ValueError(f"{recording.source}: every reading is empty, 0 or never changes; nothing can be said of it. "
                          "Check that the board drives a current.")
-    live = np.where(dead, np.nan, values)
+    live = np.where(dead, np.nan, values / np.nanmax(np.abs(values)))
     signals, untouched = _signals(live, rows, kind), live[rows]
     late = late_readings(signals)
     signals = in_step(signals, late)
@@ -84,6 +84,7 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     counts = (sensor.electrodes.count,) if sensor else counts_for(values.shape[1])
     found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known)
     agrees = _agrees(found, known, counts[0]) if known is not None else None
+    kind = "magnitude" if kind == "voltage" and found.sign == "magnitude" else kind
     pairs = known if known is not None else found.order.pairs if found.order else None
     count = counts[0] if len(counts) == 1 else found.plausible[0].count if len(
         {one.count for one in found.plausible}) == 1 else None
@@ -100,7 +101,7 @@ def in_phase(readings: Array | Complex) -> Array:
     """Readings (frames, m) as real numbers: complex ones are turned to the phase that most of them have."""
     if not np.iscomplexobj(readings):
         return np.asarray(readings, dtype=float)
-    phase = np.angle(np.nansum(readings**2)) / 2
+    phase = np.angle(np.nansum((readings / np.nanmax(np.abs(readings), initial=np.finfo(float).tiny)) ** 2)) / 2
     return np.real(readings * np.exp(-1j * phase))
 
 

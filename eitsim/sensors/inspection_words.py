@@ -29,7 +29,8 @@ def document(found: Inspection) -> dict[str, Any]:
     one, words, order = found.identified, found.identified.words(), found.identified.order
     return {"recording": str(found.recording.source), "frames": len(found.recording.readings),
             "untouched_frames": int(found.recording.untouched.sum()), "readings": found.recording.readings.shape[1],
-            "kind": found.kind, "electrodes": found.electrodes, **words, "sign": None if one.sign == "unknown" else
+            "kind": found.kind, "electrodes": found.electrodes, **words,
+            "first_electrode": int(order.pairs[0, 0]) if order else None, "sign": None if one.sign == "unknown" else
             one.sign, "decided_by": one.decided_by, "unexplained": _number(one.unexplained),
             "plausible_orders": [words_of(each) for each in one.plausible],
             "pairs": order.pairs.tolist() if order else None,
@@ -59,7 +60,8 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
         yield "unexplained", f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous disc"
     if found.sensor is not None:
         yield "sensor file", {True: "agrees with the readings", False: "contradicted by the readings",
-                              None: "neither confirmed nor contradicted"}[found.agrees]
+                              None: f"not contradicted: one of {len(one.plausible)} orders that the readings allow"
+                              if one.plausible else "neither confirmed nor contradicted"}[found.agrees]
     if found.noise is not None:
         yield "noise", f"{percent(found.noise)} of the frame's r.m.s. a reading, by successive untouched frames"
     if found.drift is not None:
@@ -85,6 +87,8 @@ def cautions(found: Inspection) -> Iterator[str]:
     if found.late.size:
         yield (f"Readings {_listed(found.late)} of each row belong to the frame before it: they change with the others "
                "of the row above. Begin a row where the scan begins, or move them up by one row.")
+    if found.kind != "difference" and not found.recording.untouched.any():
+        yield "No frame is untouched: the mean of all stands for it. Leave touch empty where nothing touches."
     if one.unexplained > EXPLAINED:
         yield ("No homogeneous disc explains the untouched frame: the best order leaves "
                f"{percent(one.unexplained)}. Use changes only; an absolute model is not to be trusted.")
@@ -107,6 +111,9 @@ def questions(found: Inspection) -> Iterator[str]:
         else:
             yield (f"Which order do the readings have? Neither a disc nor touches say it. {FEWEST} touches at many "
                    "places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
+    elif len(one.plausible) > 1 and found.sensor is not None and found.agrees is None:
+        yield (f"Is [drive] of the sensor file right? {counted(len(one.plausible) - 1, 'other order')} would make "
+               "these readings as well; the board's manual or firmware says it.")
     elif len(one.plausible) > 1:
         open_ones = [key for key, value in words.items() if value is None] or ["order"]
         likely = "; or ".join(", ".join(words_of(each)[key] for key in open_ones) for each in one.plausible[:3])

@@ -13,6 +13,7 @@ from touchcal.arrays import Array, Index, Mask
 
 _ENDS = 0.1  # part of the untouched frames at either end that drift is taken between
 _MOSTLY = 0.8  # an electrode is dead where this part of its readings is
+_STILL = 10  # frames over which a reading of a board with few bits may well not change
 _FEWEST = 3  # untouched frames that noise is taken from
 
 
@@ -38,10 +39,10 @@ class _Pattern:
 
 
 def dead_readings(recording: Recording) -> Mask:
-    """(readings,) which are empty or 0 in every frame, or never change where others do."""
+    """(readings,) which are empty or 0 in every frame, or never change over ten frames or more where others do."""
     values = recording.readings
     dead = np.isnan(values).all(axis=0) | (np.nan_to_num(values) == 0).all(axis=0)
-    if len(values) > 1:
+    if len(values) >= _STILL:
         still = (values == values[0]).all(axis=0)
         dead |= still & (not still.all())
     return dead

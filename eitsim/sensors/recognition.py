@@ -94,6 +94,14 @@ def account_of(profile: Array, order: Order, *, signed: bool) -> Account:
     return _account(profile, order, int(signs[0]))
 
 
+def unordered(profile: Array) -> float:
+    """Natural logarithm, as that of an account, of the likelihood that all readings (readings,), or their sizes, are
+    one number but for noise: what an order has to be likelier than."""
+    profile = profile[np.isfinite(profile)] / np.sqrt(np.nanmean(profile**2))
+    return max(_evidence(value, np.array([[len(value)]], dtype=float), np.array([value.sum()]), np.array([_FACTOR]))[0]
+               for value in (profile, np.abs(profile)))
+
+
 def exchanged(order: Order, one: int, other: int) -> Order:
     """An order whose leads of two electrodes are exchanged."""
     leads = np.arange(-1, order.count)
@@ -118,42 +126,42 @@ def _compared(profile: Array, orders: Sequence[Order], signed: bool) -> tuple[Ar
     groups: dict[tuple[int, int, bool], list[int]] = {}
     for k, one in enumerate(orders):
         step = one.convention.step if one.convention else 0
-        groups.setdefault((one.count, step, _driven(one.pairs)), []).append(k)
-    for (count, step, driven), members in groups.items():
+        groups.setdefault((one.count, step, driven(one.pairs)), []).append(k)
+    for (count, step, on_driven), members in groups.items():
         pairs = np.array([orders[k].pairs for k in members])
-        for model in _models(pairs, count, step, driven):
+        for model in _models(pairs, count, step, on_driven):
             loss, sign = _loss(profile, model, signed)
             signs[members] = np.where(loss < losses[members], sign, signs[members])
             losses[members] = np.minimum(loss, losses[members])
     return losses, signs
 
 
-def _driven(pairs: Index) -> bool:
+def driven(pairs: Index) -> bool:
     """Whether a reading includes an electrode that carries current."""
     return bool((pairs[:, :2, None] == pairs[:, None, 2:]).any())
 
 
-def _models(pairs: Index, count: int, step: int, driven: bool) -> Iterable[Array]:
+def _models(pairs: Index, count: int, step: int, on_driven: bool) -> Iterable[Array]:
     """(orders, readings) of several discs; all orders drive to `step`, 0 where the drives of one differ."""
     if not step:
         flat = pairs.reshape(-1, 4)
-        yield from (predicted(flat, kernel).reshape(pairs.shape[:2]) for kernel in _kernels(count, driven))
+        yield from (predicted(flat, kernel).reshape(pairs.shape[:2]) for kernel in _kernels(count, on_driven))
         return
     source, _, plus, minus = np.moveaxis(pairs, -1, 0)
     to_plus, to_minus = (plus - source) % count, np.where(minus == MEAN, count, (minus - source) % count)
-    yield from (table[to_plus, to_minus] for table in _tables(count, step, driven))
+    yield from (table[to_plus, to_minus] for table in _tables(count, step, on_driven))
 
 
-def _kernels(count: int, driven: bool) -> list[Array]:
-    return [ring_kernel(count, _WIDTH, contact) for contact in _CONTACTS] if driven else [
+def _kernels(count: int, on_driven: bool) -> list[Array]:
+    return [ring_kernel(count, _WIDTH, contact) for contact in _CONTACTS] if on_driven else [
         ring_kernel(count, width) for width in _WIDTHS]
 
 
 @lru_cache(maxsize=64)
-def _tables(count: int, step: int, driven: bool) -> tuple[Array, ...]:
+def _tables(count: int, step: int, on_driven: bool) -> tuple[Array, ...]:
     """(count, count + 1) readings by the electrodes from the source to plus and to minus (count: the mean of all), of a
     drive to `step`, for several discs."""
-    potentials = [np.append(kernel - np.roll(kernel, step), 0.0) for kernel in _kernels(count, driven)]
+    potentials = [np.append(kernel - np.roll(kernel, step), 0.0) for kernel in _kernels(count, on_driven)]
     return tuple(potential[:-1, None] - potential for potential in potentials)
 
 

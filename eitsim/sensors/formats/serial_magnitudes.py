@@ -14,7 +14,8 @@ def _is_serial(path: Path) -> bool:
 
 
 def _read_serial(path: Path, kind: str) -> Recording:
-    """Lines with the label; what a board prints between them is left out. A `kind` other than magnitude is refused."""
+    """Lines with the label; what a board prints between them is left out. Simulated ones of the programs may have signs
+    under it, and are voltages."""
     rows, lines = [], []
     for number, line in enumerate(text_lines(path), start=1):
         label, colon, values = line.partition(":")
@@ -26,7 +27,8 @@ def _read_serial(path: Path, kind: str) -> Recording:
             raise InputFileError(path, "a frame that holds no numbers only: it was cut, or two ran into one. Delete "
                                        "it.", line=number) from None
         lines.append(number)
-    return frames(path, equally_long(path, rows, lines, "magnitudes"), "magnitude")
+    table = equally_long(path, rows, lines, "magnitudes")
+    return frames(path, table, "magnitude" if (table >= 0).all() else "voltage")
 
 
 FORMAT = Layout("serial lines of OpenEIT and Spectra, `magnitudes : v,v,...`", _is_serial, _read_serial)

@@ -48,7 +48,11 @@ def test_serial_lines_are_frames_of_magnitudes(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.readings, [[27159.125, 32341.4375, 33906.125], [27133.625, 32311, 33874.1875]])
 
 
-def test_eit_kit_s_values_without_separators_are_told_by_their_decimals(tmp_path: Path) -> None:
+def test_signs_under_the_label_make_voltages(tmp_path: Path) -> None:
+    assert open_recording(written(tmp_path, "simdata.txt", "magnitudes : -0.2,0.1,\n")).kind == "voltage"
+
+
+def test_eit_kit_s_values_without_separators_end_after_four_decimals(tmp_path: Path) -> None:
     found = open_recording(written(tmp_path, "kit.txt", EIT_KIT))
     assert found.kind == "magnitude"
     np.testing.assert_array_equal(found.readings, [[12.5, 3.25, 47.0625], [12.5001, 3.2501, 47.0626]])

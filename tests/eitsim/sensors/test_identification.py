@@ -13,7 +13,8 @@ import pytest
 
 from eitsim.sensors.companions import in_step, late_readings
 from eitsim.sensors.conventions import MEAN, Convention, conventions, counts_for, forms, pattern_name
-from eitsim.sensors.disc_field import ring_kernel
+from eitsim.sensors.disc_field import pair_fields, ring_kernel
+from eitsim.sensors.identification import identified
 from eitsim.sensors.recognition import account_of, canonical, exchanged, orders_of_conventions, orders_of_sensor
 from eitsim.sensors.sensor_file import pairs_of, sensor_from
 
@@ -115,6 +116,31 @@ def test_the_account_of_the_true_order_leaves_the_noise() -> None:
 def test_orders_of_conventions_are_listed_once() -> None:
     orders = orders_of_conventions(192, counts_for(192))
     assert len({one.pairs.tobytes() for one in orders}) == len(orders)
+
+
+@pytest.mark.parametrize(("step", "rotating", "first", "advance", "named"), [
+    (8, False, 0, 1, True), (3, False, 7, 1, True), (1, False, 3, -1, True), (2, True, 14, -1, False)])
+def test_touches_name_the_order_or_leave_it_among_those_asked_for(step: int, rotating: bool, first: int, advance: int,
+                                                                  named: bool) -> None:
+    """Signals of small touches by the disc's fields, which the method does not use."""
+    random = np.random.default_rng(5)
+    pairs = Convention(16, 16, step, "pair", 1, "undriven", rotating, first, advance).pairs()
+    places = 0.9 * np.sqrt(random.random(300)) * np.exp(2j * np.pi * random.random(300))
+    fields = np.conj(pair_fields(pairs[:, :2], 16, places)) * pair_fields(pairs[:, 2:], 16, places)
+    signals = np.real(fields).T * random.uniform(0.5, 2, 300)[:, None]
+    signals += 0.02 * np.sqrt(np.mean(signals**2)) * random.normal(size=signals.shape)
+    orders = orders_of_conventions(len(pairs), counts_for(len(pairs)))
+    found = identified(None, signals, orders, kind="difference")
+    true = canonical(pairs, 16, False)
+    assert found.decided_by == "touches"
+    assert true in {canonical(one.pairs, one.count, False) for one in found.plausible}
+    assert (found.order is not None) == named
+
+
+def test_touches_say_nothing_where_drives_leave_no_gaps() -> None:
+    random = np.random.default_rng(6)
+    signals = random.normal(size=(50, 3)) @ random.normal(size=(3, 256))
+    assert identified(None, signals, orders_of_conventions(256, counts_for(256)), kind="difference").plausible == ()
 
 
 def test_readings_that_follow_one_frame_late_are_found_and_put_in_step() -> None:
