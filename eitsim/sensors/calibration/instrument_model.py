@@ -129,7 +129,12 @@ def sources(asked: Protocol) -> tuple[int, ...]:
 
 def voltages(instrument: Instrument, asked: Protocol, state: Array) -> Array:
     """Readings (patterns, readings), V, of a state (p,); ValueError where its electrodes overlap."""
-    potential, _ = _grounded(instrument, asked, state, _rim(instrument, state).admittance_S)
+    return instrument_readings(instrument, asked, state, _rim(instrument, state).admittance_S)
+
+
+def instrument_readings(instrument: Instrument, asked: Protocol, state: Array, admittance_S: Array) -> Array:
+    """Readings (patterns, readings), V, that a state's gains, currents and leaks make of a body's admittance (N, N)."""
+    potential, _ = _grounded(instrument, asked, state, admittance_S)
     return (asked.weights @ (state[instrument.places["gains"]] * potential)[..., None])[..., 0]
 
 
