@@ -24,7 +24,7 @@ from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, inst
 from eitsim.sensors.calibration.stages import Untouched, fit
 from eitsim.sensors.recording import read_recording
 from eitsim.sensors.sensor_file import read_sensor
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
 TANK = Path(__file__).parents[2] / "shared" / "real" / "tank"
 FIRST = {1: 0.05, 2: 20.0}  # conductance over that of water that a fit starts from: resistive, conductive
@@ -51,7 +51,7 @@ def left(instrument: Instrument, state: Array, mesh: SkinMesh, frame: Untouched,
     """2-norm of the readings off the driven electrodes that a target leaves unexplained, over theirs."""
     conductance = np.exp(state[0] + part @ np.concatenate([[0.0], np.log(factors)]))
     z = impedance(mesh, conductance, contact_impedances(instrument.built(state)))
-    model = instrument_readings(instrument, frame.asked, state, np.linalg.pinv(z))
+    model = instrument_readings(instrument, frame.asked, state, np.asarray(np.linalg.pinv(z), dtype=float))
     where = frame.off_driven
     return float(np.linalg.norm((frame.volts - model)[where]) / np.linalg.norm(frame.volts[where]))
 
@@ -84,9 +84,9 @@ def main() -> None:
         for calibration, state in states.items():
             mesh = meshes[calibration]
             part = shares(mesh, turned(mask, way), held.body.radius_m)
-            there = np.flatnonzero(part[:, 1:].any(axis=0))
+            there: Index = np.flatnonzero(part[:, 1:].any(axis=0))
 
-            def loss(log: Array, there: Array = there, state: Array = state, mesh: SkinMesh = mesh, part: Array = part,
+            def loss(log: Array, there: Index = there, state: Array = state, mesh: SkinMesh = mesh, part: Array = part,
                      frame: Untouched = frames[name]) -> float:
                 factors = first.copy()
                 factors[there] = np.exp(log)
