@@ -27,7 +27,8 @@ from eitsim.sensors.sensor_file import read_sensor
 from touchcal.arrays import Array, Index
 
 TANK = Path(__file__).parents[2] / "shared" / "real" / "tank"
-FIRST = {1: 0.05, 2: 20.0}  # conductance over that of water that a fit starts from: resistive, conductive
+# Conductance over that of water that a fit starts from, resistive and conductive, and its limits.
+FIRST, LIMITS = {1: 0.05, 2: 20.0}, (1e-3, 1e3)
 
 
 def meshed(instrument: Instrument, state: Array) -> SkinMesh:
@@ -92,7 +93,7 @@ def main() -> None:
                 factors[there] = np.exp(log)
                 return left(held, state, mesh, frame, part, factors)
 
-            best = minimize(loss, np.log(first[there]), method="Nelder-Mead",
+            best = minimize(loss, np.log(first[there]), method="Nelder-Mead", bounds=[np.log(LIMITS)] * len(there),
                             options={"maxfev": 40, "xatol": 0.02, "fatol": 1e-4})
             rows.append({"target": name, "calibration": calibration, "way": way, "unexplained": best.fun,
                          "water_unexplained": left(held, state, mesh, water, part * 0 + [1, 0, 0], first),
