@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from eitsim.scene.electrodes import Electrodes
     from eitsim.scene.results import Result
     from eitsim.scene.scene import Accuracy, Body, Hold, Punch, Scene, Skin, read_scene
+    from eitsim.sensors.calibration.calibrate import Calibration, calibrate
+    from eitsim.sensors.calibration.calibration_file import CalibratedSensor, calibration_document, read_calibration
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.inspection import Inspection, inspect
     from eitsim.sensors.recording import Recording, read_recording
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = attach(__name__, {
     "Accuracy": "eitsim.scene.scene",
     "Body": "eitsim.scene.scene",
+    "CalibratedSensor": "eitsim.sensors.calibration.calibration_file",
+    "Calibration": "eitsim.sensors.calibration.calibrate",
     "Dataset": "eitsim.sweeps.dataset.parquet",
     "Design": "eitsim.sweeps.design.design",
     "Drive": "eitsim.scene.drive",
@@ -38,11 +42,14 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "Scene": "eitsim.scene.scene",
     "Sensor": "eitsim.sensors.sensor_file",
     "Skin": "eitsim.scene.scene",
+    "calibrate": "eitsim.sensors.calibration.calibrate",
+    "calibration_document": "eitsim.sensors.calibration.calibration_file",
     "inspect": "eitsim.sensors.inspection",
     "measure": "eitsim.sweeps.run.measure",
     "open_dataset": "eitsim.sweeps.dataset.parquet",
     "open_recording": "eitsim.sensors.formats.open_file",
     "plan": "eitsim.simulation.simulate",
+    "read_calibration": "eitsim.sensors.calibration.calibration_file",
     "read_design": "eitsim.sweeps.design.design",
     "read_recording": "eitsim.sensors.recording",
     "read_scene": "eitsim.scene.scene",

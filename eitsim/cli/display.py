@@ -142,3 +142,29 @@ def show_inspection(found: Inspection) -> None:
         for k, line in enumerate(lines):
             console.print(f"{title}:" if k == 0 else "", f"- {line}", sep="\n" if k == 0 else "", markup=False,
                           highlight=False)
+
+
+def show_calibration(document: dict[str, Any], out: Path) -> None:
+    """What a calibration gave: each stage on drives that were fitted and not, each group's spread, what is not said."""
+    if document["unexplained"]:
+        table = Table("freed", "fitted drives", "other drives", "", box=box.SIMPLE_HEAD, title_justify="left",
+                      title="readings off the driven electrodes that stay unexplained, half of the drives fitted")
+        for group, left in document["unexplained"].items():
+            table.add_row(group, _percent(left["fitted"]), _percent(left["held_out"]),
+                          "kept" if group in document["kept"] else "left as the sensor file says")
+        _console().print(table)
+    groups: dict[str, list[dict[str, float]]] = {}
+    for name, one in document["parameters"].items():
+        groups.setdefault(name.rstrip("_0123456789"), []).append(one)
+    if groups:
+        table = Table("parameter", "values", "sd, largest", "prior sd", box=box.SIMPLE_HEAD, title_justify="left",
+                      title="parameters, their standard deviation after and before the fit")
+        for name, each in groups.items():
+            ends = [f"{pick(one['value'] for one in each):.4g}" for pick in (min, max)]
+            table.add_row(name, " to ".join(dict.fromkeys(ends)), f"{max(one['sd'] for one in each):.2g}",
+                          f"{max(one['prior_sd'] for one in each):.2g}")
+        _console().print(table)
+    if document["not_determined"]:
+        print(f"not determined by the data: {', '.join(document['not_determined'])}")
+    print(f"absolute model: {document['absolute_model']}" + (f": {document['reason']}" if document["reason"] else ""))
+    print(f"sensor: {out}")

@@ -1,4 +1,4 @@
-"""Commands of `eitsim sensor`: what recordings of real sensors say."""
+"""Commands of `eitsim sensor`: what recordings of real sensors say, and models calibrated to them."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from typing import Annotated
 
 import typer
 
+from eitsim.cli.sensor_fit_commands import fit, predict
 from touchcal.errors import InputFileError
 from touchcal.terminal import JsonOption, application, print_json
 
-app = application("Real sensors: their recordings, and what the readings say of themselves.")
+app = application("Real sensors: their recordings, what the readings say of themselves, and models calibrated to them.")
 
 
 @app.callback()
 def group() -> None:
-    """Real sensors: their recordings, and what the readings say of themselves."""
+    """Real sensors: their recordings, what the readings say of themselves, and models calibrated to them."""
 
 
 @app.command()
@@ -55,3 +56,7 @@ def inspect(recording: Annotated[Path, typer.Argument(
         print_json(document(found))
     else:
         show_inspection(found)
+
+
+app.command()(fit)
+app.command()(predict)

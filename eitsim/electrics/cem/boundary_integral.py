@@ -27,6 +27,8 @@ _LOG_POINTS, _LOG_POWER = 32, 6
 _SMOOTH_POINTS, _FAR, _SMOOTH_PANELS = 16, 0.95, 5
 _MOST_COUPLED = 4500  # The most unknowns that couple electrodes which are not identical.
 HARMONICS = 192  # Harmonics around the rim.
+# Gaps count as this much wider where six digits are enough.
+_SIX_DIGITS = 4.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,3 +265,96 @@ def _logarithm(panels: tuple[float, ...]) -> Array:
         basis = legvander((2 * at - a - b) / (b - a), _POINTS - 1) @ interpolate
         columns.append(np.einsum("iq,iqj->ij", weight * np.log(distance), basis))
     return np.concatenate(columns, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class RimAdmittance:
+    """Admittance of a homogeneous disc's line electrodes, currents into them by their potentials, and its
+    derivatives."""
+
+    admittance_S: Array  # (N, N), S; rows and columns sum to zero
+    by_layer: Array  # (N, N, N) S; [k]: by S z / R of electrode k
+    by_angle: Array  # (N, N, N) S/rad; [k]: by the angle of the middle of electrode k
+
+
+def rim_admittance(body: Body, electrodes: Electrodes, conductance_S: float) -> RimAdmittance:
+    """The inverse of `solve_rim`'s impedance, Y = T - B' (1 + K E)^-1 K B, with its derivatives by contact impedances
+    and places; ValueError for patches, missing electrodes, and what `unsolvable` tells.
+
+    T, B and E are what electrodes do alone, K couples them. With phi = (1 + K E)^-1 K B and the charges q = B - E phi,
+    dY = dT - dB' phi - phi' dB + phi' dE phi - q' dK q: no system is solved twice.
+    """
+    if electrodes.kind != "line" or electrodes.missing:
+        raise ValueError("the admittance of the rim is built for line electrodes which all have contact.")
+    if problem := unsolvable(body, electrodes, conductance_S):
+        raise ValueError(problem)
+    ends, layers = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
+    gaps, width = _SIX_DIGITS * _gaps(ends), np.diff(ends)[:, 0]
+    alone = [_by_layer(round(w / 2, 12), _panels_to(before, w), _panels_to(after, w))
+             for before, after, w in zip(np.roll(gaps, 1).tolist(), gaps.tolist(), width.tolist(), strict=True)]
+    parts = [one.inflow(np.pi * float(layer)) for one, layer in zip(alone, layers, strict=True)]
+    middle, count = ends.mean(axis=1), len(ends)
+    at = np.concatenate([one.theta + m for one, m in zip(alone, middle, strict=True)])
+    edges = np.cumsum([0, *(len(one.theta) for one in alone)])
+    own = [slice(a, b) for a, b in pairwise(edges)]
+    kernel, slope = _kernel(at, at), -0.5 / np.tan(np.subtract.outer(at, at) / 2 + np.eye(len(at)))
+    system = np.eye(len(at))
+    charge = np.zeros((len(at), count))
+    for k, block in enumerate(own):
+        kernel[block, block] = slope[block, block] = 0.0
+        charge[block, k] = parts[k][0][0, 1:]
+    for block, (gram, _) in zip(own, parts, strict=True):
+        system[:, block] += kernel[:, block] @ gram[1:, 1:]
+    phi = solve(system, kernel @ charge, overwrite_a=True)
+    flow = charge.copy()  # q
+    for block, (gram, _) in zip(own, parts, strict=True):
+        flow[block] -= gram[1:, 1:] @ phi[block]
+    admittance = np.diag([gram[0, 0] for gram, _ in parts]) - charge.T @ phi
+    by_layer, by_angle = np.empty((2, count, count, count))
+    for k, (block, (_, change)) in enumerate(zip(own, parts, strict=True)):
+        felt = np.vstack([np.eye(count)[k], -phi[block]])
+        by_layer[k] = np.pi * felt.T @ change @ felt
+        turned = flow[block].T @ (slope[block] @ flow)
+        by_angle[k] = -(turned + turned.T)
+    # the potential of the disc floats: what sums to a net current is left out
+    floating = np.eye(count) - np.outer(admittance.sum(axis=1), np.ones(count)) / admittance.sum()
+    unit = np.pi * conductance_S
+    return RimAdmittance(*(unit * floating @ (part + np.swapaxes(part, -1, -2)) / 2 @ floating.T
+                           for part in (admittance, by_layer, by_angle)))
+
+
+@dataclass(frozen=True, eq=False)
+class _ByLayer:
+    """One electrode alone for any contact impedance: theta as in `_Alone`, and its operator's eigenvalues (n,) and
+    vectors, applied to a constant and to the smooth nodes (n, 1 + p)."""
+
+    theta: Array
+    eigenvalues: Array
+    drive: Array
+
+    def inflow(self, layer: float) -> tuple[Array, Array]:
+        """(1 + p, 1 + p) currents and charges by the electrode's potential and by that at its smooth nodes, and their
+        derivative, for S z pi / R."""
+        part = self.drive / (self.eigenvalues + layer)[:, None]
+        return self.drive.T @ part, -part.T @ part
+
+
+@lru_cache(maxsize=128)
+def _by_layer(half: float, before: int, after: int) -> _ByLayer:
+    panels = _panels(half)
+    t, weight = _nodes(np.array(panels))
+    smooth, onto = _smooth_nodes(panels, before, after)
+    values, vectors = _modes(half)
+    drive = np.sqrt(half * weight)[:, None] * np.column_stack([np.ones(len(t)), onto])
+    return _ByLayer(half * smooth, values, vectors.T @ drive)
+
+
+@lru_cache(maxsize=64)
+def _modes(half: float) -> tuple[Array, Array]:
+    """Eigenvalues and vectors of the operator that `_alone` solves, made symmetric by the weights of its nodes."""
+    panels = _panels(half)
+    t, weight = _nodes(np.array(panels))
+    curve = np.log(np.sinc(half * np.abs(np.subtract.outer(t, t)) / 2 / np.pi))
+    root = np.sqrt(weight)
+    operator = half * ((-curve - math.log(half)) * np.outer(root, root) - root[:, None] * _logarithm(panels) / root)
+    return np.linalg.eigh((operator + operator.T) / 2)

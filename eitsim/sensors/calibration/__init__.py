@@ -1,0 +1,1 @@
+"""The absolute model of a sensor, calibrated to its untouched frame."""

@@ -1,0 +1,108 @@
+"""A calibration as JSON, and the calibrated sensor that is read back from it."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
+from eitsim.scene.scene import scene_tables
+from eitsim.sensors.calibration.calibrate import Calibration, check_electrodes, untouched_readings
+from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
+from eitsim.sensors.sensor_file import TABLES, Sensor, sensor_from
+from touchcal.arrays import Array
+from touchcal.document import Keys, Number
+from touchcal.errors import InputFileError
+from touchcal.json_file import read_json
+
+SCHEMA = 1
+NOT_DETERMINED = 0.9  # posterior over prior standard deviation from which the data say nothing of a parameter
+_FIX = "A calibrated sensor is the JSON that `eitsim sensor fit` writes."
+_SHAPE = Keys({"schema": Number(1, whole=True), "sensor": {str: dict}, "absolute_model": str, "reason": str,
+               "parameters": {str: Keys({"value": Number(), "sd": Number(0), "prior_sd": Number(0)})}})
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedSensor:
+    """A sensor and the state of its instrument."""
+
+    sensor: Sensor
+    instrument: Instrument
+    state: Array  # (p,) in the order of instrument.names, in its units
+
+    def readings(self, asked: Protocol | None = None) -> Array:
+        """Untouched readings (patterns, readings) of a protocol, else of its own; ValueError where a pattern has
+        several sinks."""
+        return untouched_readings(self.instrument, self.state, asked or self.sensor.protocol, self.sensor.kind)
+
+
+def calibration_document(found: Calibration) -> dict[str, Any]:
+    """What `eitsim sensor fit` writes: values with their standard deviations before and after, by name."""
+    parameters = parameters_of(found)
+    return {"schema": SCHEMA, "sensor": _sensor_tables(found.sensor),
+            "absolute_model": "refused" if found.reason else "usable", "reason": found.reason,
+            "untouched_frames": found.frames, "tests": asdict(found.tests) if found.tests is not None else None,
+            "stage": found.kept[-1] if found.kept else None, "kept": list(found.kept),
+            "unexplained": {group: {"fitted": one.fitted, "held_out": one.held_out}
+                            for group, one in found.stages.items()},
+            "misfit": found.fit.misfit if found.fit is not None else None, "parameters": parameters,
+            "not_determined": [name for name, one in parameters.items()
+                               if one["sd"] >= NOT_DETERMINED * one["prior_sd"]]}
+
+
+def parameters_of(found: Calibration) -> dict[str, dict[str, float]]:
+    """Name of a parameter -> its value, posterior and prior standard deviation, the prior's where its group is held."""
+    if found.instrument is None or found.fit is None:
+        return {}
+    held = found.instrument
+    root = held.gauged(np.diag(held.prior_sd))
+    spreads = (held.units * np.sqrt(variance) for variance in (np.diag(found.fit.covariance), np.sum(root**2, axis=0)))
+    return {name: {"value": float(value), "sd": float(sd), "prior_sd": float(prior)}
+            for name, value, sd, prior in zip(held.names, held.units * found.fit.state, *spreads, strict=True)}
+
+
+def read_calibration(path: Path | str) -> CalibratedSensor:
+    """Read what `calibration_document` made; InputFileError names the file and what is wrong: another schema, a refused
+    model, parameters that are not the sensor's, or electrodes that overlap."""
+    path = Path(path)
+    raw = read_json(path, "a calibrated sensor", _FIX, _SHAPE)
+    if raw["schema"] != SCHEMA:
+        raise InputFileError(path, f"schema {raw['schema']} is not {SCHEMA}, which is read here. Fit the sensor again.")
+    if raw["absolute_model"] != "usable":
+        raise InputFileError(path, f"its absolute model was refused: {raw['reason']}")
+    try:
+        sensor = sensor_from(raw["sensor"], path.parent)
+        check_electrodes(sensor)
+        return _with_state(sensor, raw["parameters"])
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
+
+
+def protocol_of_files(sensor: Sensor, currents: Path, measurements: Path) -> Protocol:
+    """The protocol of two CSV files as [drive] names them, currents in units of the sensor's; InputFileError names a
+    file that cannot be read, ValueError what does not fit the sensor."""
+    tables = {"currents": matrix_rows(currents), "measurements": matrix_rows(measurements)}
+    drive = Drive(sensor.drive.current_A, **{key: as_tuples(rows) for key, rows in tables.items()})
+    return protocol(drive, sensor.electrodes.count)
+
+
+def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]]) -> CalibratedSensor:
+    name = GROUPS["conductance"].name
+    conductance = float(np.exp(parameters[name]["value"])) if name in parameters else np.nan
+    instrument = Instrument(sensor.body, sensor.electrodes, sources(sensor.protocol), conductance)
+    if odd := set(instrument.names).symmetric_difference(parameters):
+        state = "no parameter of this sensor" if min(odd) in parameters else "missing"
+        raise ValueError(f"'{min(odd)}' in parameters is {state}. Fit the sensor again.")
+    state = np.array([parameters[one]["value"] for one in instrument.names]) / instrument.units
+    calibrated = CalibratedSensor(sensor, instrument, state)
+    calibrated.readings()
+    return calibrated
+
+
+def _sensor_tables(sensor: Sensor) -> dict[str, Any]:
+    tables = scene_tables(sensor.scene)
+    return {name: tables[name] for name in TABLES if name in tables} | {"readings": {"kind": sensor.kind}}

@@ -1,0 +1,180 @@
+"""An untouched sensor and its instrument: a homogeneous sheet, its electrodes, currents, channels and leaks to ground.
+
+Reading m of a drive with current I into its sources and the sink at ground is w_m . (g u), where u solves
+(Y + diag(leak)) u = c I at every electrode but the sink, whose u is 0, and Y is the admittance of the complete
+electrode model. Gains g are against ground, so that the common mode of a drive reaches its differences through unequal
+gains; c are the sources' true currents over the nominal ones.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from eitsim.electrics.cem.boundary_integral import RimAdmittance, rim_admittance
+from eitsim.scene.drive import Protocol
+from eitsim.scene.electrodes import contact_impedances, middles, widths
+from eitsim.scene.scene import Body, Electrodes
+from touchcal.arrays import Array, Index
+
+
+@dataclass(frozen=True)
+class Group:
+    """Parameters of one kind."""
+
+    name: str  # with the unit of its value as written
+    each: str  # one for the "sensor", or for each "electrode" or "source"
+    prior_sd: float  # in the unit of the state
+    unit: float = 1.0  # value as written, by that of the state
+    start: float = 0.0  # prior mean, where the sensor file says nothing
+    gauge: bool = False  # whether the mean of all is fixed, since no reading determines it
+
+
+# In the order in which a fit frees them. Nothing is known of the conductance but what the readings' size says.
+GROUPS = {
+    "conductance": Group("ln_conductance_S", "sensor", 10.0),
+    "contacts": Group("ln_contact_impedance_Ohm_m", "electrode", 2.0),
+    "width": Group("ln_width_factor", "sensor", 0.1),
+    "positions": Group("offset_mm", "electrode", 0.5e-3, 1e3, gauge=True),
+    "gains": Group("gain", "electrode", 0.03, start=1.0, gauge=True),
+    "currents": Group("current_factor", "source", 0.03, start=1.0, gauge=True),
+    "leaks": Group("leak_uS", "electrode", 30e-6, 1e6),
+}
+_STEP = 1e-4  # of ln width, for its derivative
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """What is held while parameters are fitted: the body, the electrodes by design, and which of them drive."""
+
+    body: Body
+    electrodes: Electrodes
+    sources: tuple[int, ...]  # electrodes that some drive takes as a source, from 0
+    start_conductance_S: float  # about which the prior of the conductance lies
+
+    def numbers(self, group: str) -> tuple[int, ...]:
+        """The electrodes that a group's parameters belong to; (0,) for one of the whole sensor."""
+        return {"sensor": (0,), "electrode": tuple(range(self.electrodes.count)), "source": self.sources}[
+            GROUPS[group].each]
+
+    @cached_property
+    def places(self) -> Mapping[str, slice]:
+        """Where each group's parameters stand in a state (p,)."""
+        ends = np.cumsum([0, *(len(self.numbers(group)) for group in GROUPS)]).tolist()
+        return {group: slice(*ends[k:k + 2]) for k, group in enumerate(GROUPS)}
+
+    @property
+    def size(self) -> int:
+        """Number of parameters p."""
+        return sum(len(self.numbers(group)) for group in GROUPS)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(p,) names with their units, electrodes from 0."""
+        return tuple(one.name + (f"_{k:02d}" if one.each != "sensor" else "") for group, one in GROUPS.items()
+                     for k in self.numbers(group))
+
+    @property
+    def units(self) -> Array:
+        """(p,) values as written by those of the state."""
+        return self._each([one.unit for one in GROUPS.values()])
+
+    @property
+    def prior_mean(self) -> Array:
+        """(p,) what the sensor file says, and what an ideal instrument is."""
+        out = self._each([one.start for one in GROUPS.values()])
+        out[self.places["conductance"]] = np.log(self.start_conductance_S)
+        out[self.places["contacts"]] = np.log(contact_impedances(self.electrodes))
+        return out
+
+    @property
+    def prior_sd(self) -> Array:
+        """(p,) standard deviations before the gauges are fixed."""
+        return self._each([one.prior_sd for one in GROUPS.values()])
+
+    def gauged(self, change: Array) -> Array:
+        """Changes of states (..., p) without what no reading determines: the turn of the ring, a common gain or
+        current."""
+        out = np.array(change)
+        for group in (name for name, one in GROUPS.items() if one.gauge):
+            own = self.places[group]
+            out[..., own] -= out[..., own].mean(axis=-1, keepdims=True)
+        return out
+
+    def built(self, state: Array) -> Electrodes:
+        """The electrodes of a state."""
+        design = self.electrodes
+        return replace(design, angles_rad=tuple(middles(design) + state[self.places["positions"]] / self.body.radius_m),
+                       width_m=tuple(widths(design) * np.exp(state[self.places["width"]])),
+                       contact_impedance_Ohm_m=tuple(np.exp(state[self.places["contacts"]])))
+
+    def _each(self, values: list[float]) -> Array:
+        return np.repeat(values, [len(self.numbers(group)) for group in GROUPS])
+
+
+def sinks(asked: Protocol) -> Index:
+    """(patterns,) the electrode at ground of each pattern, which alone draws current; ValueError where several do."""
+    drawing = asked.currents_A < -1e-9 * np.abs(asked.currents_A).max(axis=1, keepdims=True)
+    if len(several := np.flatnonzero(drawing.sum(axis=1) != 1)):
+        raise ValueError(f"pattern {several[0]} in [drive] draws its current from {drawing[several[0]].sum()} "
+                         "electrodes, and the instrument model grounds one sink. Drive into one electrode each.")
+    return drawing.argmax(axis=1)
+
+
+def sources(asked: Protocol) -> tuple[int, ...]:
+    """Electrodes, from 0, into which some pattern drives current."""
+    return tuple(np.flatnonzero((asked.currents_A > 0).any(axis=0)).tolist())
+
+
+def voltages(instrument: Instrument, asked: Protocol, state: Array) -> Array:
+    """Readings (patterns, readings), V, of a state (p,); ValueError where its electrodes overlap."""
+    return instrument_readings(instrument, asked, state, _rim(instrument, state).admittance_S)
+
+
+def instrument_readings(instrument: Instrument, asked: Protocol, state: Array, admittance_S: Array) -> Array:
+    """Readings (patterns, readings), V, that a state's gains, currents and leaks make of a body's admittance (N, N)."""
+    potential, _ = _grounded(instrument, asked, state, admittance_S)
+    return (asked.weights @ (state[instrument.places["gains"]] * potential)[..., None])[..., 0]
+
+
+def derivatives(instrument: Instrument, asked: Protocol, state: Array) -> tuple[Array, Array]:
+    """Readings (patterns, readings), V, of a state (p,) and their derivatives (patterns, readings, p); that by the
+    width is a difference of two solutions."""
+    rim, places = _rim(instrument, state), instrument.places
+    potential, transfer = _grounded(instrument, asked, state, rim.admittance_S)
+    gain = state[places["gains"]]
+    layers = np.exp(state[places["conductance"]] + state[places["contacts"]]) / instrument.body.radius_m
+    by_contact = layers[:, None, None] * rim.by_layer
+    wider = state.copy()
+    wider[places["width"]] += _STEP
+    by_width = (_rim(instrument, wider).admittance_S - rim.admittance_S) / _STEP
+    by_rim = {"conductance": (rim.admittance_S + by_contact.sum(axis=0))[None], "contacts": by_contact,
+              "width": by_width[None], "positions": rim.by_angle / instrument.body.radius_m}
+    change = np.zeros((*potential.shape, instrument.size))
+    for group, by_state in by_rim.items():
+        change[..., places[group]] = -transfer @ np.einsum("pij,dj->dip", by_state, potential)
+    change[..., places["leaks"]] = -transfer * potential[:, None, :]
+    driven = np.array(instrument.sources)
+    change[..., places["currents"]] = (transfer * np.maximum(asked.currents_A, 0.0)[:, None, :])[..., driven]
+    change *= gain[:, None]
+    change[..., places["gains"]] = potential[:, :, None] * np.eye(len(gain))
+    return (asked.weights @ (gain * potential)[..., None])[..., 0], asked.weights @ change
+
+
+def _rim(instrument: Instrument, state: Array) -> RimAdmittance:
+    conductance = float(np.exp(state[instrument.places["conductance"]][0]))
+    return rim_admittance(instrument.body, instrument.built(state), conductance)
+
+
+def _grounded(instrument: Instrument, asked: Protocol, state: Array, admittance: Array) -> tuple[Array, Array]:
+    """Potentials (patterns, N), V, and the transfer impedance (patterns, N, N) with each pattern's sink at ground."""
+    whole, ground = admittance + np.diag(state[instrument.places["leaks"]]), sinks(asked)
+    transfer = np.zeros((len(whole), *whole.shape))
+    for sink in np.unique(ground):
+        rest = np.delete(np.arange(len(whole)), sink)
+        transfer[sink][np.ix_(rest, rest)] = np.linalg.inv(whole[np.ix_(rest, rest)])
+    factor = np.ones(len(whole))
+    factor[list(instrument.sources)] = state[instrument.places["currents"]]
+    transfer = transfer[ground]
+    return np.einsum("dij,dj->di", transfer, factor * np.maximum(asked.currents_A, 0.0)), transfer
