@@ -27,7 +27,8 @@ def fit(x: Array, size: Array) -> Size:
     centre = x.mean(axis=0)
     regressors = _regressors(x - centre)
     normal = regressors.T @ regressors + HELD * np.eye(regressors.shape[1])
-    return Size(centre, np.linalg.solve(normal, regressors.T @ np.log(size)))
+    along = np.asarray(regressors.T @ np.log(size), dtype=float)
+    return Size(centre, np.linalg.solve(normal, along))
 
 
 def at(size: Size, x: Array) -> tuple[Array, Array]:

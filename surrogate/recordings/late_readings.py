@@ -4,7 +4,6 @@ before, so that those of a touch stand in the frame that follows."""
 import numpy as np
 
 from surrogate.recordings.patterns import direction
-from surrogate.recordings.presses import Presses
 from surrogate.statistics.gaussian_process import squared_distance
 from touchcal.arrays import Array, Index
 
@@ -14,20 +13,21 @@ SURE = 2.0  # times 1 / sqrt(presses): how much more of a reading places must ex
 FEWEST = 40  # presses whose following frame is there, from which late readings are sought
 
 
-def late_readings(presses: Presses, place: Array) -> Index:
-    """Numbers of the readings that places (n, 2) explain better a frame later: R^2 of a leave-one-out smoother."""
-    there = np.flatnonzero(np.isfinite(presses.following).all(axis=1) & np.isfinite(presses.signal).all(axis=1))
+def late_readings(signal: Array, following: Array, place: Array) -> Index:
+    """Numbers of the readings of signals (n, m) that places (n, 2) explain better in the frames that follow (n, m),
+    NaN where these are not there: R^2 of a leave-one-out smoother."""
+    there = np.flatnonzero(np.isfinite(following).all(axis=1) & np.isfinite(signal).all(axis=1))
     if len(there) < FEWEST:
         return np.zeros(0, np.intp)
     square = squared_distance(place[there], place[there]) / (LENGTH * place[there].std(axis=0).mean()) ** 2
     held_out = np.linalg.inv(np.exp(-square / 2) + NOISE * np.eye(len(there)))
-    own, later = (_explained(held_out, frames[there]) for frames in (presses.signal, presses.following))
+    own, later = (_explained(held_out, frames[there]) for frames in (signal, following))
     return np.flatnonzero((later > own + SURE / np.sqrt(len(there))) & (later > 0))
 
 
-def with_late(presses: Presses, late: Index) -> Array:
-    """(n, m + late) signals, followed by the late readings of the frames that follow."""
-    return np.hstack([presses.signal, presses.following[:, late]])
+def with_late(signal: Array, following: Array, late: Index) -> Array:
+    """(n, m + late) signals (n, m), then the late readings of the frames that follow (n, m)."""
+    return np.hstack([signal, following[:, late]])
 
 
 def _explained(held_out: Array, frames: Array) -> Array:

@@ -1,6 +1,6 @@
 """Places read from signals by several families, combined by what each did on held-out blocks in time."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -81,8 +81,8 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     if not np.ptp(place, axis=0).all():
         raise ValueError("all labelled presses have one x or one y; press places that spread over the skin.")
     blocks = time_blocks(len(place))
-    late = late_readings(presses, place)
-    readings, signal = _whole(with_late(presses, late))
+    late = late_readings(presses.signal, presses.following, place)
+    readings, signal = _whole(with_late(presses.signal, presses.following, late))
     drift = learn_drift(np.hstack([presses.rest, presses.rest[:, late]]), presses.rest_time)
     projected, direction = min(
         ((count, templates.fit(without(drift, signal, count), place, blocks, compress=False)) for count in PROJECTED
@@ -106,7 +106,7 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     _check_worth(value, mean, place)
     old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False) if len(drift.root)
            else direction)
-    cut = filled(readings, with_late(replace(presses, following=np.full_like(presses.following, np.nan)), late))
+    cut = filled(readings, with_late(presses.signal, np.full_like(presses.following, np.nan), late))
     of_cut = networks.held_out(ensemble, features.of(without(drift, cut, projected)), blocks)
     return TouchReader(late, readings, drift, projected, ridge, direction.templates, compressed.templates, features,
                        waves, ensemble, on_templates, correction, old.templates, weights,
@@ -125,7 +125,7 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     """
     dead = np.isnan(presses.signal).sum(axis=1)
     cut = np.isnan(presses.following[:, reader.late]).sum(axis=1) > 0
-    signal = filled(reader.readings, with_late(presses, reader.late))
+    signal = filled(reader.readings, with_late(presses.signal, presses.following, reader.late))
     kept = without(reader.drift, signal, reader.projected)
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
     inputs = reader.features.of(kept)
@@ -149,7 +149,8 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
 def prepared(reader: TouchReader, presses: Presses) -> Array:
     """Signals (n, m + late) as the families take them: late readings appended, dead channels filled in, directions of
     drift taken out."""
-    return without(reader.drift, filled(reader.readings, with_late(presses, reader.late)), reader.projected)
+    signal = with_late(presses.signal, presses.following, reader.late)
+    return without(reader.drift, filled(reader.readings, signal), reader.projected)
 
 
 def _flags(dead: Array, cut: Mask, old: Mask, strange: Mask, weak: Mask) -> tuple[str, ...]:

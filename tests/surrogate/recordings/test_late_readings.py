@@ -27,20 +27,24 @@ def shifted(seed: int, count: int) -> tuple[Presses, Array]:
     return presses_of(Recording(rows, np.arange(count), None, made.name, "difference", Path("shifted.csv"))), place
 
 
+def late_in(presses: Presses, place: Array) -> Array:
+    return late_readings(presses.signal, presses.following, place)
+
+
 def test_late_readings_are_found_and_only_these() -> None:
-    found = late_readings(*shifted(1, 80))
+    found = late_in(*shifted(1, 80))
     assert np.mean(np.isin(LATE, found)) > 0.7
     assert np.mean(np.isin(found, LATE)) > 0.9
     made, place = synthetic_presses(1, 80)
     inert = replace(made, following=np.roll(made.signal, -1, axis=0))
-    assert len(late_readings(inert, place)) <= 4
+    assert len(late_in(inert, place)) <= 4
 
 
 def test_a_frame_follows_only_where_its_index_is_one_more() -> None:
     frames = np.arange(8.0).reshape(4, 2)
     found = presses_of(Recording(frames, np.array([3, 4, 6, 7]), None, np.array(list("abcd")), "difference", Path("x")))
     np.testing.assert_array_equal(found.following, [[2, 3], [np.nan] * 2, [6, 7], [np.nan] * 2])
-    np.testing.assert_array_equal(with_late(found, np.array([1]))[0], [0, 1, 3])
+    np.testing.assert_array_equal(with_late(found.signal, found.following, np.array([1]))[0], [0, 1, 3])
 
 
 def test_late_readings_help_and_their_lack_widens_intervals_and_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
