@@ -27,8 +27,7 @@ def fit(x: Array, size: Array) -> Size:
     centre = x.mean(axis=0)
     regressors = _regressors(x - centre)
     normal = regressors.T @ regressors + HELD * np.eye(regressors.shape[1])
-    along = np.asarray(regressors.T @ np.log(size), dtype=float)
-    return Size(centre, np.linalg.solve(normal, along))
+    return Size(centre, np.asarray(np.linalg.solve(normal, regressors.T @ np.log(size)), dtype=np.float64))
 
 
 def at(size: Size, x: Array) -> tuple[Array, Array]:
