@@ -39,7 +39,7 @@ def signal(ring: Ring, touch: Array) -> Array:
     press = force / (d / 14) ** 1.5
     radius, contrast = d / 2 * (1 + 0.06 * press / (1 + press)), 0.55 * press / (press + 1.2)
     powers = (radius[:, None] / ring.radius_mm) ** (2 * np.arange(1, 4)) / np.array([1.0, 2.0, 12.0])
-    field = multipole_series.patterns(ring, np.ones(60), (x + 1j * y) / ring.radius_mm)
+    field = multipole_series.patterns(ring, np.ones(60), (x + 1j * y) / ring.radius_mm, orders=powers.shape[1])
     return 2.65 * multipole_series.combined(multipole_series.basis(*field), contrast[:, None] * powers)
 
 
