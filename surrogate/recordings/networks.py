@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 HIDDEN = (256, 256, 128)
 MEMBERS = 1  # without each block
-EPOCHS, MOST_STEPS, BATCH = 140, 4000, 128
+EPOCHS, MOST_STEPS, BATCH = 120, 4000, 128
 RATE, DECAY, DROPOUT, NOISE = 4e-3, 0.05, 0.1, 0.1  # of AdamW; of the standardised inputs
 SMOOTH = 1e-4  # square of the distance, over the spread of the targets, below which the loss is quadratic
 
