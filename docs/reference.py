@@ -67,8 +67,8 @@ def scene_keys() -> str:
     scene = importlib.import_module("eitsim.scene.scene")
     parts = ["# Keys of a scene file\n",
              "A scene is a TOML file of these tables; a key that is left out has its default. A file with a list of "
-             "tables `[[punch]]` has one touch a table. The same keys stand in a design, where a list of two numbers is "
-             "a range to draw from.\n"]
+             "tables `[[punch]]` has one touch a table. The same keys stand in a design, where a list of two numbers "
+             "is a range to draw from.\n"]
     for table, keys in scene._KEYS.items():
         kind = scene._CLASSES[table]
         notes = comments(kind)

@@ -207,7 +207,7 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
     if len(scene.punches) > 2 or (len(scene.punches) == 2 and not groups):
         yield _neighbour_decision(scene, groups)
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, material)]
-    yield Decision("laws used beyond their fits", "touches strain the skin and may compress the foam further than "
+    yield Decision("laws used outside their fits", "touches strain the skin and may compress the foam further than "
                    "their tests did, through the thickness in compression where the skin's law was fitted in tension; "
                    "the result holds both strains, the cost is unknown and not in the bound", 0.0, unbounded=True)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
@@ -356,7 +356,7 @@ def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
                    "loading_s in [hold] is 0; instantaneous moduli" if hold.loading_s == 0 else
                    "stepped in time; instantaneous moduli at its start", 0.0)
     if np.any(law.nu != 0):
-        yield Decision("shear and bulk relax alike", "the card has one Prony series; for nu other than 0 the cost is "
+        yield Decision("shear and bulk relax in the same way", "the card has one Prony series; for nu other than 0 the cost is "
                        "unknown and not in the bound", 0.0, unbounded=True)
     yield Decision("the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows "
                    "no time", 0.0, unbounded=True)

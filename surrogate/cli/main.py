@@ -36,7 +36,7 @@ OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigm
 STEPS = ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values() if one.epochs)
 WORKERS_HELP = "Processes that share the networks; where left out, one a core from 1,000 rows on."
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
-LEVELS_HELP = "Noise levels of the stored scores besides no noise, in dB below the RMS of the baseline voltages."
+LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
 
 @app.command()

@@ -31,7 +31,7 @@ TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
 MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise are singular
 SCALE_HELP = ("Multiply all readings by the training's untouched ones over those measured: yes, no, or auto, where "
-              "that explains a difference beyond noise.")
+              "that explains a difference larger than noise.")
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
 NoiseV = Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, where known.")]
 

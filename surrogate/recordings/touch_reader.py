@@ -186,7 +186,7 @@ def _check_worth(value: Array, mean: Array, place: Array) -> None:
     if gain.mean() <= SURE * gain.std() / np.sqrt(len(gain)):
         raise NothingToRead(f"nothing to read here: held-out presses are read to {_distance(value, place):.3g} mm, and "
                             f"the mean place is as near, {_distance(mean, place):.3g} mm. Check that the labels belong "
-                            "to this recording, and that touches change the readings beyond their noise.")
+                            "to this recording, and that touches change the readings by more than their noise.")
 
 
 def _distance(value: Array, place: Array) -> float:

@@ -55,7 +55,7 @@ def inside_rim(punch: Punch, touch: Touch, patches: Array) -> tuple[Touch, float
     edge = punch.diameter_m / 2
     room = float(patches[0]) - math.hypot(punch.x_m, punch.y_m) - edge
     if len(patches) == 1 and room <= 0:
-        raise ValueError(f"the punch's edge lies {-room * 1e3:.1f} mm beyond the rim of the disc; move the punch "
+        raise ValueError(f"the punch's edge lies {-room * 1e3:.1f} mm outside the rim of the disc; move the punch "
                          "inwards.")
     reach = max(touch.contact_radius_m - edge, 0.0)
     if len(patches) > 1 and reach >= room:
