@@ -46,4 +46,4 @@ def shown(tree: ast.Module) -> Iterator[tuple[int, str]]:
 def test_the_check_sees_what_it_should() -> None:
     tree = ast.parse('"""Beyond."""\ndef f():\n    raise ValueError(f"{1} mm beyond the rim")\n'
                      '@app.command()\ndef g():\n    """Solve afresh."""\n')
-    assert [text for _, text in shown(tree) if RETIRED.search(text)] == [" mm beyond the rim", "Solve afresh."]
+    assert {text for _, text in shown(tree) if RETIRED.search(text)} == {" mm beyond the rim", "Solve afresh."}
