@@ -1,4 +1,4 @@
-"""Words that non-native readers stumble over are in no page, help or message; CONTRIBUTING.md has what stands instead."""
+"""Words that non-native readers stumble over are in no page, help or message; CONTRIBUTING.md has others for them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def shown(tree: ast.Module) -> Iterator[tuple[int, str]]:
             if not is_command:
                 inner.add(id(node.body[0].value))  # type: ignore[attr-defined]
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inner and " " in node.value:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value and id(node) not in inner:
             yield node.lineno, node.value
 
 

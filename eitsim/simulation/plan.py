@@ -356,7 +356,7 @@ def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
                    "loading_s in [hold] is 0; instantaneous moduli" if hold.loading_s == 0 else
                    "stepped in time; instantaneous moduli at its start", 0.0)
     if np.any(law.nu != 0):
-        yield Decision("shear and bulk relax in the same way", "the card has one Prony series; for nu other than 0 the cost is "
-                       "unknown and not in the bound", 0.0, unbounded=True)
+        yield Decision("shear and bulk relax in the same way", "the card has one Prony series; for nu other than 0 "
+                       "the cost is unknown and not in the bound", 0.0, unbounded=True)
     yield Decision("the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows "
                    "no time", 0.0, unbounded=True)
