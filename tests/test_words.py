@@ -39,7 +39,8 @@ def shown(tree: ast.Module) -> Iterator[tuple[int, str]]:
             if not is_command:
                 inner.add(id(node.body[0].value))  # type: ignore[attr-defined]
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value and id(node) not in inner:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inner and (
+                " " in node.value):
             yield node.lineno, node.value
 
 

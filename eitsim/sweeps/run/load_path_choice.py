@@ -120,8 +120,8 @@ def describe_method(method: Mapping[str, Any], found: Table | Family | None, not
     error, rim = table.error, "those near the rim or outside the table directly"
     if table.rim is not None:
         off = table.rim.error
-        rim = (f"near the rim another {off.depth:.1e} and {off.signal(strain):.1e}; those outside the tables are solved "
-               "anew")
+        rim = (f"near the rim another {off.depth:.1e} and {off.signal(strain):.1e}; those outside the tables are "
+               "solved anew")
     paths = f"{len(table.shape.solved)} load paths"
     if isinstance(found, Family) and found.span.chosen:
         paths += f" of a central law and what {len(found.span.chosen)} other drawn laws change of them"
