@@ -157,6 +157,8 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     flags[reverse] += f"; {OTHER_SIGN}"
     flags[_several(model, below + above)] += f"; {SEVERAL}"
     flags = np.array([flag.removeprefix("; ") for flag in flags], object)
+    sized = [name not in ("x0", "y0") for name in model.names]
+    below[:, sized] = np.minimum(below[:, sized], np.maximum(value[:, sized], 0.0))  # no size or force is below 0
     left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
     return Predictions(value * left, below * left, above * left, flags.tolist(), parts * predictor.left)
 
