@@ -3,6 +3,7 @@
 import dataclasses
 import importlib
 import io
+import json
 import re
 import tokenize
 from collections.abc import Iterable
@@ -11,13 +12,20 @@ from typing import Any
 
 import typer
 
+from touchcal.json_schema import schema
+
 COMMANDS = ("matcal", "eitsim", "surrogate")
+# name of a schema -> what it describes, and the module whose _SHAPE it is
+SCHEMAS = {"material-card": ("a material card, as `matcal fit` writes it", "matcal.card"),
+           "data-set": ("`manifest.json` of a data set, as `eitsim sweep` writes it", "eitsim.sweeps.dataset.parquet"),
+           "model": ("`model.json` of a model, as `surrogate train` writes it", "surrogate.model.store")}
 
 
 def write(folder: Path) -> None:
     """Write every reference page into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     pages = {"commands": commands(), "scene-keys": scene_keys(), **{f"api-{name}": api(name) for name in COMMANDS}}
+    pages["schemas"] = schemas(folder)
     for name, text in pages.items():
         path = folder / f"{name}.md"
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
@@ -60,6 +68,18 @@ def _help(text: str) -> list[str]:
         code = part.startswith(("\b", "    ", "  "))
         out += [f"```text\n{part.strip(chr(8))}\n```\n"] if code else [part.replace("\n", " ") + "\n"]
     return out
+
+
+def schemas(folder: Path) -> str:
+    """JSON Schemas, written into a folder, and the page that links them."""
+    rows = []
+    for name, (title, module) in SCHEMAS.items():
+        found = schema(importlib.import_module(module)._SHAPE, title)
+        (folder / f"{name}.schema.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+        rows.append((f"[{name}.schema.json]({name}.schema.json)", title))
+    return "\n".join(["# Schemas of files\n", "JSON Schemas (draft 2020-12) made from the shapes that the programs check "
+                      "when they read a file. How numbers go together is checked by the programs alone.\n",
+                      *_table(("schema", "of"), rows)])
 
 
 def scene_keys() -> str:
