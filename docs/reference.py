@@ -77,8 +77,8 @@ def schemas(folder: Path) -> str:
         found = schema(importlib.import_module(module)._SHAPE, title)
         (folder / f"{name}.schema.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
         rows.append((f"[{name}.schema.json]({name}.schema.json)", title))
-    return "\n".join(["# Schemas of files\n", "JSON Schemas (draft 2020-12) made from the shapes that the programs check "
-                      "when they read a file. How numbers go together is checked by the programs alone.\n",
+    return "\n".join(["# Schemas of files\n", "JSON Schemas (draft 2020-12) made from the shapes that the programs "
+                      "check when they read a file. How numbers go together is checked by the programs alone.\n",
                       *_table(("schema", "of"), rows)])
 
 
