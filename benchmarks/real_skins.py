@@ -1,11 +1,11 @@
-"""How well presses on real skins are read: place error, coverage and CPU time, with kernel ridge and the mean place.
+"""How well presses on real skins are read: error, coverage and CPU time, with kernel ridge and the mean.
 
 Usage: python benchmarks/real_skins.py [labels ...]. Reads the recordings in ../shared/real, which others measured, and
-stops where they are not there. Adds to results/real_skins.csv the rows that it lacks, one as each is done: `labels` 20,
-100 and 0 (all). The last fifth of the presses in time tests (split time), or a fifth at random (split random); the
-labels are those just before in time (taken last) or some at random (taken random). drift: how old the hydrogel's
-untouched frame is; "20 old": the frame of 20 presses before each press, "every 10": interpolated between untouched
-frames 10 presses apart.
+stops where they are not there. Adds to results/real_skins.csv the rows that it lacks, one an output as each case is
+done: `labels` 20, 100 and 0 (all). All labels are learnt, and an output that is not read has no row. The last fifth of
+the presses in time tests (split time), or a fifth at random (split random); the labels are those just before in time
+(taken last) or some at random (taken random). drift: how old the hydrogel's untouched frame is; "20 old": the frame of
+20 presses before each press, "every 10": interpolated between untouched frames 10 presses apart.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from conditions import earlier, quick, shown, written
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings.baselines import tracked
-from surrogate.recordings.labels import read_labels
+from surrogate.recordings.labels import Labels, read_labels
 from surrogate.recordings.presses import Presses, labelled, presses_of
-from surrogate.recordings.reader_scores import scored, split_rows
-from touchcal.arrays import Array, Index
+from surrogate.recordings.trained.reader_scores import ReaderScore, scored, split_rows
+from touchcal.arrays import Index
 
 REAL = Path(__file__).parents[1].parent / "shared" / "real"
 NAME = "real_skins"
@@ -60,8 +60,8 @@ def cases(labels: Sequence[int]) -> Iterator[Case]:
                 yield Case("hydrogel", count, "time", "random", drift)
 
 
-def recorded(skin: str) -> tuple[Recording, Presses, Array]:
-    """The recording of a skin, its labelled presses and their places, mm."""
+def recorded(skin: str) -> tuple[Recording, Presses, Labels]:
+    """The recording of a skin, its labelled presses and their labels."""
     folder = REAL / skin
     recording = read_recording(folder / "frames.csv", kind=read_sensor(folder / "sensor.toml").kind)
     return recording, *labelled(presses_of(recording), read_labels(folder / "touches.csv"), skin)
@@ -96,24 +96,32 @@ def rows_of(case: Case, count: int) -> tuple[Index, Index]:
     return np.sort(np.random.default_rng(0).permutation(train)[:case.labels]), test
 
 
-def measured(case: Case) -> dict[str, object]:
-    """The row of a case."""
-    recording, presses, place = recorded(case.skin)
+def measured(case: Case) -> pd.DataFrame:
+    """The rows of a case, one an output that is read."""
+    recording, presses, labels = recorded(case.skin)
     if case.drift:
         presses = with_drift(recording, presses, case.drift)
-    train, test = rows_of(case, len(place))
-    known = presses
-    if len(presses.rest):
-        before = presses.rest_time <= presses.index[train].max()
-        known = replace(presses, rest=presses.rest[before], rest_time=presses.rest_time[before])
+    train, test = rows_of(case, len(labels.touch))
     begun = time.process_time()
-    found = scored(known, place, train, test, case.split, 0)
-    return asdict(case) | {
-        "trained": found.trained, "tested": found.tested, "distance_mm": round(found.distance_mm, 3),
-        "kernel_ridge_mm": round(found.ridge_mm, 3), "mean_place_mm": round(found.centre_mm, 2),
-        "x_in_90": round(found.coverage[0], 3), "y_in_90": round(found.coverage[1], 3),
-        "x_half_mm": round(found.width_mm[0], 2), "y_half_mm": round(found.width_mm[1], 2),
-        "cpu_s": round(time.process_time() - begun, 1)}
+    found = scored(known_by(presses, train), labels, train, test, case.split, 0)
+    spent = round(time.process_time() - begun, 1)
+    return pd.DataFrame([asdict(case) | {
+        "output": one.output, "unit": one.unit, "trained": one.trained, "tested": one.tested,
+        "error": round(one.error, 4), "kernel_ridge": round(one.ridge_error, 4), "mean": round(one.mean_error, 4),
+        **held(one), "cpu_s": spent} for one in found])
+
+
+def held(one: ReaderScore) -> dict[str, float]:
+    """Parts that the 90 % intervals hold, and their mean half widths: of x and y, or of a label."""
+    axes = ("x", "y") if one.output == "place" else ("label",)
+    return ({f"{axis}_in_90": round(part, 3) for axis, part in zip(axes, one.coverage, strict=True)}
+            | {f"{axis}_half": round(half, 3) for axis, half in zip(axes, one.half_width, strict=True)})
+
+
+def known_by(presses: Presses, train: Index) -> Presses:
+    """The presses with the untouched frames of the time until the last row that trains."""
+    before = presses.rest_time <= presses.index[train].max()
+    return replace(presses, rest=presses.rest[before], rest_time=presses.rest_time[before])
 
 
 def main(labels: Sequence[int]) -> None:
@@ -125,9 +133,9 @@ def main(labels: Sequence[int]) -> None:
     done = set(known.itertuples(index=False, name=None))
     for case in cases(labels):
         if tuple(str(getattr(case, key)) for key in KEYS) not in done:
-            row = pd.DataFrame([measured(case)])
-            shown(row)
-            table = written(pd.concat([table, row], ignore_index=True), NAME)
+            rows = measured(case)
+            shown(rows)
+            table = written(pd.concat([table, rows], ignore_index=True), NAME)
 
 
 if __name__ == "__main__":

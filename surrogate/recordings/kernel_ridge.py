@@ -1,6 +1,7 @@
 """Kernel ridge regression from signals to places, every setting by leave-one-out: the yardstick of the other families.
 
-y(s) = mean + sum_i a_i exp(-|f(s) - f(s_i)|^2 / (c h)), h the median squared distance of the training features.
+y(s) = mean + sum_i a_i exp(-|f(s) - f(s_i)|^2 / (c h)), h the median squared distance of the training features,
+or their mean where that is 0.
 """
 
 from dataclasses import dataclass
@@ -59,7 +60,7 @@ def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index) -
 def _leave_one_out(nodes: Array, target: Array) -> list[tuple[float, float, float]]:
     """Mean leave-one-out distance, width and ridge of each setting."""
     apart, left = squared_distance(nodes, nodes), target - target.mean(axis=0)
-    typical = max(float(np.median(apart)), np.finfo(float).tiny)
+    typical = float(np.median(apart)) or float(apart.mean()) or 1.0
     out = []
     for c in WIDTHS:
         values, axes = np.linalg.eigh(np.exp(-apart / (c * typical)))
