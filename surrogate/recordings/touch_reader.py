@@ -5,15 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.recordings import kernel_ridge, networks, stacking, templates
+from surrogate.recordings.ageing import PROJECTED_OLD, HeldOut, Known, OldIntervals, calibrated_by_age, learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.intervals import Intervals, calibrated
+from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.presses import Presses, cut
-from surrogate.recordings.signals import Signals, learn_signals
+from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Templates
 from surrogate.recordings.waves import Waves, draw_waves
 from surrogate.recordings.worth import check_worth, distance
@@ -21,8 +22,7 @@ from touchcal.arrays import Array, Mask
 
 FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
             "corrected templates")
-# Directions of drift that may be projected out of all signals, and those that are where the untouched frame is old.
-PROJECTED, PROJECTED_OLD = (0, 3, 6), 6
+PROJECTED = (0, 3, 6)  # directions of drift that may be projected out of all signals
 STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
 
 
@@ -44,6 +44,7 @@ class TouchReader:
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
+    of_old: OldIntervals  # of frames whose untouched frame is old, by the old templates
     greatest_misfit: float  # of a held-out press from the templates of direction
     held_out: Array  # (families + 2,) mean held-out distance of each family, of all combined and of the mean, mm
 
@@ -53,29 +54,20 @@ class Reading:
     """Places of some frames."""
 
     value: Array  # (n, 2) mm
-    half_width: Array  # (n, 2) half width of the 90 % interval, mm
+    bounds: Bounds  # mm
     strange: Mask  # (n,) whether the pattern is unlike those of the training presses
-
-
-@dataclass(frozen=True, eq=False)
-class Learnt:
-    """A reader of places, and what it says of training presses that were held out."""
-
-    reader: TouchReader
-    place: Array  # (n, 2) mm
-    cut_place: Array  # (n, 2) mm, without the frames that follow, by the networks
 
 
 def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     """Learn places (n, 2), mm, from presses in time order; errors as `learn`."""
-    return learn(presses, place, learn_signals(presses, late_readings(presses.signal, presses.following, place)),
-                 seed).reader
+    late = late_readings(presses.signal, presses.following, place)
+    return learn(presses, place, learn_known(presses, late), seed)[0]
 
 
-def learn(presses: Presses, place: Array, known: tuple[Signals, Array], seed: int) -> Learnt:
+def learn(presses: Presses, place: Array, known: Known, seed: int) -> tuple[TouchReader, HeldOut]:
     """Learn places (n, 2), mm, from presses in time order and from what is known of their signals; NothingToRead where
     held-out presses are read no better than by the mean place."""
-    (signals, signal), drift = known, known[0].drift
+    signals, signal, drift = known.signals, known.signal, known.signals.drift
     blocks = time_blocks(len(place))
     projected, direction = min(
         ((count, templates.fit(without(drift, signal, count), place, blocks, compress=False)) for count in PROJECTED
@@ -95,17 +87,20 @@ def learn(presses: Presses, place: Array, known: tuple[Signals, Array], seed: in
     weights = stacking.weights(each, place)
     value, of_each = stacking.combined(each, place, blocks)
     spread = _spread(of_each, each, value, direction.sd, compressed.sd)
+    cross = _cross(of_each, each, value)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, "the place", "mm")
-    old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False) if len(drift.root)
-           else direction)
+    old = (templates.fit(known.spared, place, blocks, compress=False, seen=tuple(one.signal for one in known.aged))
+           if len(drift.root) else direction)  # then no view is aged
     of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
     reader = TouchReader(signals, projected, ridge, direction.templates, compressed.templates, features, waves,
                          ensemble, on_templates, correction, old.templates, weights,
-                         calibrated(value - place, spread), calibrated(of_cut - place, np.zeros_like(place)),
+                         calibrated(value - place, spread, cross),
+                         calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place))),
+                         calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen),
                          float(direction.misfit.max()),
                          np.array([distance(one, place) for one in (*each, value, mean)]))
-    return Learnt(reader, value, of_cut)
+    return reader, HeldOut(value, of_cut, old.place, tuple(one for one, _ in old.seen))
 
 
 def read(reader: TouchReader, presses: Presses) -> Reading:
@@ -113,7 +108,8 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
     on presses that lack it. Where the untouched frame is far older than in training, templates of the signal without
-    the main directions of drift read the place; intervals then do not hold, which the flag says.
+    the main directions of drift read the place; intervals are those of presses against frames as old, as far as
+    training could show them.
     """
     signals = reader.signals
     signal, old = signals.whole(presses), signals.old(presses)
@@ -127,11 +123,14 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
                      compressed[0] + reader.correction.read_each(further).mean(axis=0)])
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
+    bounds = reader.intervals.bounds(spread, _cross(np.tile(reader.weights, (len(value), 1)), each, value))
+    none = np.zeros_like(value)
+    bounds = chosen(signals.cut(presses), reader.of_cut.bounds(none, none[:, 0]), bounds)
     if old.any():
-        value[old], spread[old], _ = reader.old.read(without(signals.drift, signal[old], PROJECTED_OLD))
-    half_width = reader.intervals.half_width(spread)
-    half_width[signals.cut(presses) & ~old] = reader.of_cut.half_width(np.zeros((1, 2)))
-    return Reading(value, half_width, direction[2] > STRANGE * reader.greatest_misfit)
+        there, sd, _ = reader.old.read(without(signals.drift, signal, PROJECTED_OLD))
+        value = np.where(old[:, None], there, value)
+        bounds = chosen(old, reader.of_old.bounds(presses.age, sd), bounds)
+    return Reading(value, bounds, direction[2] > STRANGE * reader.greatest_misfit)
 
 
 def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, compressed_sd: Array) -> Array:
@@ -139,3 +138,8 @@ def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, comp
     templates leave open."""
     variance = np.einsum("nf,fnk->nk", weights, (each - value) ** 2)
     return np.sqrt(variance + weights[:, [1]] * direction_sd**2 + weights[:, [2]] * compressed_sd**2)
+
+
+def _cross(weights: Array, each: Array, value: Array) -> Array:
+    """(n,) covariance of x and y among places (families, n, 2) of weights (n, families) about their mean (n, 2)."""
+    return np.einsum("nf,fn->n", weights, np.prod(each - value, axis=2))

@@ -1,12 +1,13 @@
 """Scores of a reader on presses that it did not see: some at random, and the last in time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from surrogate.recordings import press_reader
+from surrogate.recordings.intervals import radius
 from surrogate.recordings.labels import PLACE, Labels, labels_of, unit_of
 from surrogate.recordings.presses import Presses, taken
+from surrogate.recordings.trained import press_reader
 from surrogate.recordings.worth import distance
 from touchcal.arrays import Array, Index
 
@@ -28,6 +29,7 @@ class ReaderScore:
     mean_error: float  # of the mean of the training
     coverage: tuple[float, ...]  # part of the tested presses that the 90 % intervals hold: of x and y, or of the label
     half_width: tuple[float, ...]  # mean half width of these intervals
+    in_ellipse: float | None  # part of the tested places that the 90 % ellipses hold; None of a label
 
 
 def split_rows(rows: int, split: str, seed: int) -> tuple[Index, Index]:
@@ -54,8 +56,10 @@ def scored(presses: Presses, labels: Labels, train: Index, test: Index, split: s
     signal, out = press_reader.seen(reader.signals, reader.place, tested), []
     if reader.place and found.place:
         target = np.stack([known[name] for name in PLACE], axis=1)
-        out.append(_score(split, "place", "mm", target, train, test, found.place.value, found.place.half_width,
-                          reader.place.ridge.read(signal)))
+        one = _score(split, "place", "mm", target, train, test, found.place.value, found.place.bounds.half_width,
+                     reader.place.ridge.read(signal))
+        inside = radius(found.place.value - target[test], found.place.bounds) <= found.place.bounds.ellipse
+        out.append(replace(one, in_ellipse=float(inside.mean())))
     for one, said in zip(reader.scalars, found.scalars, strict=True):
         out.append(_score(split, one.name, unit_of(one.name), known[one.name][:, None], train, test,
                           said.value[:, None], said.half_width[:, None], one.ridge.read(signal)))
@@ -69,4 +73,4 @@ def _score(split: str, output: str, unit: str, target: Array, train: Index, test
     held = np.abs(value - there) <= half_width
     return ReaderScore(split, output, unit, len(train), len(test), distance(value, there), distance(ridge, there),
                        distance(target[train].mean(axis=0), there), tuple(held.mean(axis=0).tolist()),
-                       tuple(half_width.mean(axis=0).tolist()))
+                       tuple(half_width.mean(axis=0).tolist()), None)

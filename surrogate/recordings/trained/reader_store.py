@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.recordings.press_reader import PressReader
+from surrogate.recordings.trained.press_reader import PressReader
 from surrogate.recordings.trained.reader_scores import ReaderScore
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.array_store import flat, read_npz, rebuilt

@@ -7,11 +7,12 @@ from functools import partial
 import numpy as np
 
 from eitsim.sensors.recording import Recording
-from surrogate.recordings import press_reader, scalar_reader, touch_reader
+from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.labels import Labels, unit_of
-from surrogate.recordings.press_reader import PressReader
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.signals import FEWEST
+from surrogate.recordings.trained import press_reader
+from surrogate.recordings.trained.press_reader import PressReader
 from surrogate.recordings.trained.reader_scores import SPLITS, TESTED, ReaderScore, score
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
