@@ -5,20 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from surrogate.recordings.baselines import interpolated, without
+from surrogate.recordings.baselines import interpolated
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import OLD, Signals, learn_signals
 from touchcal.arrays import Array, Index
 
 FEWEST_AGED = 20  # presses that have an untouched frame of some age
-PROJECTED_OLD = 6  # directions of drift that are taken out of a signal whose untouched frame is old
 NEAR = 0.75  # of an age: a frame that is at least so old stands for it
 
 
 @dataclass(frozen=True, eq=False)
 class Aged:
-    """Presses as older untouched frames would show them, PROJECTED_OLD directions of drift taken out."""
+    """Presses as older untouched frames would show them."""
 
     age: float  # in the unit of `Presses.age`
     rows: Index  # presses that have such a frame
@@ -31,7 +30,6 @@ class Known:
 
     signals: Signals
     signal: Array  # (n, m + late)
-    spared: Array  # (n, m + late) likewise, PROJECTED_OLD directions of drift taken out
     aged: tuple[Aged, ...]  # by age
 
 
@@ -41,24 +39,30 @@ class HeldOut:
 
     place: Array
     cut: Array  # without the frames that follow
-    old: Array  # of `Known.spared`
+    old: Array  # as if the untouched frames were old
     aged: tuple[Array, ...]  # of each of `Known.aged`
 
 
 @dataclass(frozen=True, eq=False)
-class OldIntervals:
-    """Intervals by the age of the untouched frame."""
+class OldReadings:
+    """What is made of values by the age of the untouched frame: mean + gain (value - mean), and its intervals."""
 
     age: Array  # (a,) ascending from 0
+    mean: Array  # (k,) of the label
+    gain: Array  # (a,) from 0, where old frames say nothing, to 1
     intervals: tuple[Intervals, ...]  # (a,)
 
-    def bounds(self, age: Array, spread: Array) -> Bounds:
-        """Bounds of frames of these ages (n,) and spreads (n, k): those of the next greater age, or of the greatest."""
-        step = np.minimum(np.searchsorted(self.age, age), len(self.age) - 1)
-        each = [one.bounds(spread, np.zeros(len(spread))) for one in self.intervals]
-        rows = np.arange(len(spread))
-        return Bounds(*(np.stack([getattr(one, name) for one in each])[step, rows]
-                        for name in ("half_width", "correlation", "ellipse")))
+    def read(self, age: Array, value: Array, spread: Array) -> tuple[Array, Bounds]:
+        """Values (n, k) and bounds of frames of these ages (n,) and spreads (n, k): between those of the ages next to
+        it, or those of the greatest."""
+        place = np.interp(age, self.age, np.arange(len(self.age)))
+        below, rows = np.floor(place).astype(np.intp), np.arange(len(spread))
+        above, share = np.ceil(place).astype(np.intp), place - below
+        gain = np.interp(age, self.age, self.gain)[:, None]
+        each = [one.bounds(gain * spread, np.zeros(len(spread))) for one in self.intervals]
+        stacks = [np.stack([getattr(one, name) for one in each]) for name in ("half_width", "correlation", "ellipse")]
+        bounds = Bounds(*((stack[below, rows].T * (1 - share) + stack[above, rows].T * share).T for stack in stacks))
+        return self.mean + gain * (value - self.mean), bounds
 
 
 def learn_known(presses: Presses, late: Index) -> Known:
@@ -66,17 +70,20 @@ def learn_known(presses: Presses, late: Index) -> Known:
     signals, signal = learn_signals(presses, late)
     aged = _aged(signals, presses, signal)
     oldest = aged[-1].age if aged else signals.greatest_age
-    return Known(replace(signals, oldest=oldest), signal, without(signals.drift, signal, PROJECTED_OLD), aged)
+    return Known(replace(signals, oldest=oldest), signal, aged)
 
 
 def calibrated_by_age(aged: tuple[Aged, ...], target: Array, fresh: tuple[Array, Array],
-                      seen: tuple[tuple[Array, Array], ...]) -> OldIntervals:
-    """Intervals for each age from what is read of held-out presses, values and spreads (n, k) of targets (n, k), and of
-    these as `aged` shows them."""
+                      seen: tuple[tuple[Array, Array], ...]) -> OldReadings:
+    """Gain, of least squares, and intervals for each age from what is read of held-out presses, values and spreads
+    (n, k) of targets (n, k), and of these as `aged` shows them."""
+    mean, gain, intervals = target.mean(axis=0), [], []
     rows = [np.arange(len(target)), *(one.rows for one in aged)]
-    found = [calibrated((value - target)[kept], spread[kept], np.zeros(len(kept)))
-             for kept, (value, spread) in zip(rows, (fresh, *seen), strict=True)]
-    return OldIntervals(np.array([0.0, *(one.age for one in aged)]), tuple(found))
+    for kept, (value, spread) in zip(rows, (fresh, *seen), strict=True):
+        read, right = value[kept] - mean, target[kept] - mean
+        gain.append(float(np.clip(np.sum(read * right) / max(np.sum(read**2), np.finfo(float).tiny), 0, 1)))
+        intervals.append(calibrated(gain[-1] * read - right, gain[-1] * spread[kept], np.zeros(len(kept))))
+    return OldReadings(np.array([0.0, *(one.age for one in aged)]), mean, np.array(gain), tuple(intervals))
 
 
 def _aged(signals: Signals, presses: Presses, signal: Array) -> tuple[Aged, ...]:
@@ -95,6 +102,6 @@ def _aged(signals: Signals, presses: Presses, signal: Array) -> tuple[Aged, ...]
             break
         older = signal.copy()
         older[rows] += now[rows] - rest[nearest[rows]]
-        views.append(Aged(age, rows, without(signals.drift, older, PROJECTED_OLD)))
+        views.append(Aged(age, rows, older))
         age *= 2
     return tuple(views)

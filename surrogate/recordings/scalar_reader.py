@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.recordings import kernel_ridge, networks, stacking
-from surrogate.recordings.ageing import HeldOut, Known, OldIntervals, calibrated_by_age
+from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
+from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated
 from surrogate.recordings.kernel_ridge import KernelRidge
@@ -50,16 +51,17 @@ class ScalarReader:
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
-    of_old: OldIntervals  # of frames whose untouched frame is old
+    of_old: OldReadings  # of frames whose untouched frame is old
     held_out: Array  # (families + 2,) mean held-out error of each family, of all combined and of the mean
 
 
-def fit(name: str, label: Array, known: Known, signals: tuple[Array, Array], place: HeldOut | None,
+def fit(name: str, label: Array, known: Known, lacking: Array, taken_out: tuple[int, int], place: HeldOut | None,
         seed: int) -> ScalarReader:
-    """Learn a label (n,) from what is known of presses in time order, from their signals (n, m) as families take them,
-    with and without the frames that follow, and from the places read of them when they were held out. NothingToRead
-    where held-out presses are read no better than by the mean."""
-    (signal, cut), target, blocks = signals, label[:, None], time_blocks(len(label))
+    """Learn a label (n,) from what is known of presses in time order, from their signals (n, m) without the frames that
+    follow, and from the places read of them when they were held out. taken_out: directions of drift, of all signals and
+    of those whose untouched frame is old. NothingToRead where held-out presses are read no better than by the mean."""
+    drift, target, blocks = known.signals.drift, label[:, None], time_blocks(len(label))
+    signal, cut = without(drift, known.signal, taken_out[0]), without(drift, lacking, taken_out[0])
     at, at_cut, at_old = (place.place, place.cut, place.old) if place else (None, None, None)
     raw = _context(signal, at)
     context = Context(raw.mean(axis=0), np.maximum(raw.std(axis=0), np.finfo(float).tiny))
@@ -72,9 +74,10 @@ def fit(name: str, label: Array, known: Known, signals: tuple[Array, Array], pla
     mean, none = np.broadcast_to(target.mean(axis=0), target.shape), np.zeros_like(target)
     check_worth(value, mean, target, name, unit_of(name))
     of_cut = networks.held_out(ensemble, _inputs(features, cut, context.of(cut, at_cut)), blocks)
-    spared = context.of(known.spared, at_old)
+    places = (at_old, *(place.aged if place else [None] * len(known.aged)))
+    spared, *views = (context.of(without(drift, one, taken_out[1]), there)
+                      for one, there in zip((known.signal, *(one.signal for one in known.aged)), places, strict=True))
     old = kernel_ridge.fit(spared, target)
-    views = [context.of(one.signal, place.aged[k] if place else None) for k, one in enumerate(known.aged)]
     fresh, *seen = (kernel_ridge.held_out(old, spared, target, blocks, one) for one in (spared, *views))
     return ScalarReader(name, context, features, ridge, sized, ensemble, old, stacking.weights(each, target),
                         calibrated(value - target, _spread(of_each, each, value), none[:, 0]),
@@ -96,7 +99,8 @@ def read(reader: ScalarReader, signal: Array, place: Array | None) -> tuple[Arra
 def read_old(reader: ScalarReader, spared: Array, place: Array | None, age: Array) -> tuple[Array, Bounds]:
     """Likewise of signals that drift spares, against untouched frames of these ages (n,)."""
     value = reader.old.read(reader.context.of(spared, place))
-    return value[:, 0], reader.of_old.bounds(age, np.zeros_like(value))
+    value, bounds = reader.of_old.read(age, value, np.zeros_like(value))
+    return value[:, 0], bounds
 
 
 def _context(signal: Array, place: Array | None) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.recordings import kernel_ridge, networks, stacking, templates
-from surrogate.recordings.ageing import PROJECTED_OLD, HeldOut, Known, OldIntervals, calibrated_by_age, learn_known
+from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age, learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen
@@ -15,14 +15,14 @@ from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.presses import Presses, cut
 from surrogate.recordings.signals import Signals
-from surrogate.recordings.templates import Templates
+from surrogate.recordings.templates import Fitted, Templates
 from surrogate.recordings.waves import Waves, draw_waves
 from surrogate.recordings.worth import check_worth, distance
 from touchcal.arrays import Array, Mask
 
 FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
             "corrected templates")
-PROJECTED = (0, 3, 6)  # directions of drift that may be projected out of all signals
+PROJECTED = (0, 3, 6)  # directions of drift that may be projected out of signals
 STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
 
 
@@ -32,6 +32,7 @@ class TouchReader:
 
     signals: Signals
     projected: int  # directions of drift taken out of signals
+    spared: int  # likewise, where the untouched frame is old
     ridge: KernelRidge
     direction: Templates
     compressed: Templates
@@ -40,11 +41,11 @@ class TouchReader:
     networks: Networks
     on_templates: Networks
     correction: Networks  # of the place by the templates of readings
-    old: Templates  # of signals with PROJECTED_OLD directions taken out
+    old: Templates  # of signals where the untouched frame is old
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
-    of_old: OldIntervals  # of frames whose untouched frame is old, by the old templates
+    of_old: OldReadings  # of frames whose untouched frame is old, by the old templates
     greatest_misfit: float  # of a held-out press from the templates of direction
     held_out: Array  # (families + 2,) mean held-out distance of each family, of all combined and of the mean, mm
 
@@ -69,10 +70,13 @@ def learn(presses: Presses, place: Array, known: Known, seed: int) -> tuple[Touc
     held-out presses are read no better than by the mean place."""
     signals, signal, drift = known.signals, known.signal, known.signals.drift
     blocks = time_blocks(len(place))
-    projected, direction = min(
-        ((count, templates.fit(without(drift, signal, count), place, blocks, compress=False)) for count in PROJECTED
-         if count <= len(drift.root) // 2 or not count),
-        key=lambda one: distance(one[1].place, place))
+    fits = {count: templates.fit(without(drift, signal, count), place, blocks, compress=False,
+                                 seen=tuple(without(drift, one.signal, count) for one in known.aged))
+            for count in PROJECTED if count <= len(drift.root)}
+    projected = min((count for count in fits if count <= len(drift.root) // 2),
+                    key=lambda count: distance(fits[count].place, place))
+    spared = min(fits, key=lambda count: _aged_distance(known, fits[count], place)) if known.aged else max(fits)
+    direction, old = fits[projected], fits[spared]
     kept = without(drift, signal, projected)
     ridge = kernel_ridge.fit(kept, place)
     compressed = templates.fit(kept, place, blocks, compress=True)
@@ -90,17 +94,17 @@ def learn(presses: Presses, place: Array, known: Known, seed: int) -> tuple[Touc
     cross = _cross(of_each, each, value)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, "the place", "mm")
-    old = (templates.fit(known.spared, place, blocks, compress=False, seen=tuple(one.signal for one in known.aged))
-           if len(drift.root) else direction)  # then no view is aged
     of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
-    reader = TouchReader(signals, projected, ridge, direction.templates, compressed.templates, features, waves,
+    of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen)
+    reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, features, waves,
                          ensemble, on_templates, correction, old.templates, weights,
                          calibrated(value - place, spread, cross),
                          calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place))),
-                         calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen),
-                         float(direction.misfit.max()),
+                         of_old, float(direction.misfit.max()),
                          np.array([distance(one, place) for one in (*each, value, mean)]))
-    return reader, HeldOut(value, of_cut, old.place, tuple(one for one, _ in old.seen))
+    fresh, *aged = (of_old.mean + gain * (one - of_old.mean)
+                    for gain, one in zip(of_old.gain, (old.place, *(one for one, _ in old.seen)), strict=True))
+    return reader, HeldOut(value, of_cut, fresh, tuple(aged))
 
 
 def read(reader: TouchReader, presses: Presses) -> Reading:
@@ -127,10 +131,16 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     none = np.zeros_like(value)
     bounds = chosen(signals.cut(presses), reader.of_cut.bounds(none, none[:, 0]), bounds)
     if old.any():
-        there, sd, _ = reader.old.read(without(signals.drift, signal, PROJECTED_OLD))
-        value = np.where(old[:, None], there, value)
-        bounds = chosen(old, reader.of_old.bounds(presses.age, sd), bounds)
+        there, sd, _ = reader.old.read(without(signals.drift, signal, reader.spared))
+        there, of_old = reader.of_old.read(presses.age, there, sd)
+        value, bounds = np.where(old[:, None], there, value), chosen(old, of_old, bounds)
     return Reading(value, bounds, direction[2] > STRANGE * reader.greatest_misfit)
+
+
+def _aged_distance(known: Known, fitted: Fitted, place: Array) -> float:
+    """Mean distance of what is read of held-out presses against older untouched frames, over the ages."""
+    return float(np.mean([distance(value[one.rows], place[one.rows])
+                          for one, (value, _) in zip(known.aged, fitted.seen, strict=True)]))
 
 
 def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, compressed_sd: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from surrogate.recordings import scalar_reader, touch_reader
-from surrogate.recordings.ageing import PROJECTED_OLD, learn_known
+from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.intervals import chosen
 from surrogate.recordings.labels import PLACE, Labels
@@ -20,6 +20,7 @@ from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 
+SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
 Found = TypeVar("Found")
 
 
@@ -72,8 +73,9 @@ def fit(presses: Presses, labels: Labels, seed: int = 0) -> PressReader:
     else:
         known, learnt = learn_known(presses, np.zeros(0, np.intp)), None
     reader, held_out = learnt or (None, None)
-    whole, lacking = seen(known.signals, reader, presses), seen(known.signals, reader, cut(presses))
-    scalars = [_tried(partial(scalar_reader.fit, name, value, known, (whole, lacking), held_out, seed), left_out)
+    taken_out = (reader.projected, reader.spared) if reader else (0, SPARED)
+    gone = known.signals.whole(cut(presses))
+    scalars = [_tried(partial(scalar_reader.fit, name, value, known, gone, taken_out, held_out, seed), left_out)
                for name, value in varied.items()]
     scalars = tuple(one for one in scalars if one)
     if not reader and not scalars:
@@ -90,7 +92,7 @@ def read(reader: PressReader, presses: Presses) -> PressReading:
     place = touch_reader.read(reader.place, presses) if reader.place else None
     where, signals = place.value if place else None, reader.signals
     signal = seen(signals, reader.place, presses)
-    spared = without(signals.drift, signals.whole(presses), PROJECTED_OLD)
+    spared = without(signals.drift, signals.whole(presses), reader.place.spared if reader.place else SPARED)
     scalars = []
     for one in reader.scalars:
         value, bounds = scalar_reader.read(one, signal, where)
