@@ -27,7 +27,7 @@ from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings.baselines import tracked
 from surrogate.recordings.labels import Labels, read_labels
 from surrogate.recordings.presses import Presses, labelled, presses_of
-from surrogate.recordings.trained.reader_scores import ReaderScore, scored, split_rows
+from surrogate.recordings.trained.reader_scores import ReaderScore, read_rows, split_rows
 from touchcal.arrays import Index
 
 REAL = Path(__file__).parents[1].parent / "shared" / "real"
@@ -123,12 +123,12 @@ def measured(case: Case) -> pd.DataFrame:
     elif case.drift:
         presses = with_drift(recording, presses, case.drift)
     begun = time.process_time()
-    found = scored(known_by(presses, train), labels, train, test, case.split, 0)
+    read = read_rows(known_by(presses, train), labels, train, test, case.split, 0)
     spent = round(time.process_time() - begun, 1)
     return pd.DataFrame([asdict(case) | {
         "output": one.output, "unit": one.unit, "trained": one.trained, "tested": one.tested,
         "error": round(one.error, 4), "kernel_ridge": round(one.ridge_error, 4), "mean": round(one.mean_error, 4),
-        **held(one), "cpu_s": spent} for one in found])
+        **held(one), "cpu_s": spent} for one in (tested.score for tested in read)])
 
 
 def held(one: ReaderScore) -> dict[str, float]:

@@ -15,7 +15,7 @@ from surrogate.recordings.labels import Labels
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.trained import press_reader, reader_store
 from surrogate.recordings.trained.press_reader import PressReader
-from surrogate.recordings.trained.reader_scores import score
+from surrogate.recordings.trained.reader_scores import read_split
 from surrogate.recordings.trained.reader_table import read_touches
 from surrogate.recordings.trained.train_reader import TrainedReader, choice
 from surrogate.recordings.worth import NothingToRead
@@ -73,7 +73,8 @@ def test_depth_alone_is_learnt() -> None:
     labels = only(labels_at(place, depth_mm=depth), "depth_mm")
     reader = press_reader.fit(presses, labels)
     assert reader.place is None
-    (one,) = score(presses, labels, "time")
+    (tested,) = read_split(presses, labels, "time")
+    one = tested.score
     assert (one.output, one.unit, one.trained) == ("depth_mm", "mm", 64)
     assert one.error < 0.7 * one.mean_error
 

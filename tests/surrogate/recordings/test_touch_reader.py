@@ -17,7 +17,7 @@ from surrogate.recordings.presses import Presses
 from surrogate.recordings.touch_reader import Reading
 from surrogate.recordings.trained import press_reader, reader_store
 from surrogate.recordings.trained.press_reader import PressReader
-from surrogate.recordings.trained.reader_scores import score, split_rows
+from surrogate.recordings.trained.reader_scores import read_split, split_rows
 from surrogate.recordings.trained.train_reader import TrainedReader, choice
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
@@ -154,7 +154,8 @@ def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) 
         train, test = split_rows(60, split, 0)
         assert sorted([*train, *test]) == list(range(60))
     assert split_rows(60, "time", 0)[1].min() == 48
-    (found,) = score(presses[0], labels_at(presses[1]), "time")
+    (tested,) = read_split(presses[0], labels_at(presses[1]), "time")
+    found = tested.score
     assert found.in_ellipse is not None
     assert (found.output, found.trained, found.tested) == ("place", 48, 12)
     assert found.error < 0.3 * found.mean_error
