@@ -27,7 +27,8 @@ app = application("Learn touches from electrode voltages: the paper's networks, 
 
 TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data set that `eitsim sweep` wrote, or "
                                                                         "recorded frames with --labels, --sensor.")]
-LABELS_HELP = "CSV of what is known of a recording's touches: touch, x_mm, y_mm."
+LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of x_mm, y_mm, d_mm, F_N, depth_mm, "
+               "z_mm.")
 SENSOR_HELP = "Sensor file (TOML) of a recording."
 
 
@@ -49,8 +50,8 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
           noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
-    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or on a recording: places
-    are learnt from all labelled presses, and scores are those of readers of four fifths of them.
+    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or on a recording: its
+    labels are learnt from all labelled presses, and scores are those of readers of four fifths of them.
 
     Example: surrogate train sweep --out forward --method forward --seed 1
     """
@@ -63,7 +64,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     if folder.is_file() or labels is not None or sensor is not None:
         if (method, outputs, epochs, calibrate) != ("forward", "all", None, None):
             raise ValueError("--method, --outputs, --epochs and --calibrate are for sweeps; a recording is learnt by "
-                             "all families of readers, for the places of its labels. Leave them out.")
+                             "all families of readers, for all of its labels. Leave them out.")
         train_recording(folder, labels, sensor, out, seed, workers or _cores(), as_json)
         return
     method_of(method)
@@ -136,14 +137,16 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
 @app.command()
 def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
     """Write a PDF of a model: predictions against targets, scores, training record; the least possible errors next to
-    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before.
+    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before. Of a recording's model:
+    its scores on both splits, its families, and its errors over the skin.
 
     Example: surrogate report forward --out forward.pdf
     """
-    from reports.surrogate.surrogate_report import write
+    from reports.surrogate import reader_report, surrogate_report
+    from surrogate.recordings.trained.reader_store import is_reader
 
     check_out(out)
-    write(model_folder, out)
+    (reader_report if is_reader(model_folder) else surrogate_report).write(model_folder, out)
     print(f"report: {out}")
 
 

@@ -68,7 +68,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
     import surrogate
-    from surrogate.recordings.reader_store import is_reader
+    from surrogate.recordings.trained.reader_store import is_reader
 
     if out is not None:
         check_out(out)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.input_file import regular
 
@@ -24,6 +24,16 @@ class Labels:
     touch: NDArray[np.str_]  # (n,) name of each touch, all different
     names: tuple[str, ...]  # some of NAMES
     values: Array  # (n, len(names)) in the units of the names
+
+
+def labels_of(labels: Labels, rows: Index) -> Labels:
+    """The labels of some of the touches, in this order."""
+    return Labels(labels.touch[rows], labels.names, labels.values[rows])
+
+
+def unit_of(name: str) -> str:
+    """The unit of a label, which ends its name."""
+    return name.rpartition("_")[2]
 
 
 def read_labels(path: Path | str) -> Labels:

@@ -8,7 +8,7 @@ tempered, since residuals are not quite normal: both are chosen by reading held-
 than the grid, an eightieth of the disc of the training places, whose spacing the standard deviation includes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -86,18 +86,18 @@ class Fitted:
     place: Array  # (n, 2) mm
     sd: Array  # (n, 2) mm
     misfit: Array  # (n,) squared distance from the nearest template
+    seen: tuple[tuple[Array, Array], ...]  # place and sd, as above, of the same presses as seen in other signals
 
 
-def fit(signal: Array, place: Array, blocks: Index, *, compress: bool) -> Fitted:
-    """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm."""
+def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tuple[Array, ...] = ()) -> Fitted:
+    """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm; what they read
+    of held-out rows, and of these as seen in other signals, (n, m) each."""
     last = slice(max(len(signal) - MOST_ROWS, 0), None)
     settings = _settings(signal[last], place[last], compress)
     grid = places_about(place[last])
     parts = [(kept := np.flatnonzero(blocks[last] != block), *_mapped(settings, signal[last][kept], place[last][kept],
               grid)) for block in np.unique(blocks[last])]
-    best: tuple[float, float, float, Array, Array, Array] | None = None
-    held = np.ones(len(place), bool)
-    held[last] = False
+    tried = []
     for shrink in SHRINKS:
         misfit = np.empty((len(signal[last]), len(grid)))
         for kept, pattern, residual in parts:
@@ -105,20 +105,25 @@ def fit(signal: Array, place: Array, blocks: Index, *, compress: bool) -> Fitted
             one = Templates(settings.scale, grid, pattern, _shrunk(residual, shrink), 1.0)
             misfit[gone] = one.misfit(signal[last][gone])
         for temper in TEMPERS:
-            value, sd = _moments(grid, misfit * temper)
-            error = float(np.linalg.norm(value - place[last], axis=1).mean())
-            if best is None or error < best[0]:
-                best = error, shrink, temper, value, sd, misfit.min(axis=1)
-    assert best is not None
-    _, shrink, temper, value, sd, nearest = best
+            value, _ = _moments(grid, misfit * temper)
+            tried.append((float(np.linalg.norm(value - place[last], axis=1).mean()), shrink, -temper))
+    _, shrink, temper = min(tried)
     pattern, residual = _mapped(settings, signal[last], place[last], grid)
-    templates = Templates(settings.scale, grid, pattern, _shrunk(residual, shrink), temper)
-    sd = np.hypot(sd, templates.spacing / np.sqrt(12))
-    if held.any():
-        earlier = templates.read(signal[held])
-        value, sd = np.concatenate([earlier[0], value]), np.concatenate([earlier[1], sd])
-        nearest = np.concatenate([earlier[2], nearest])
-    return Fitted(templates, value, sd, nearest)
+    templates = Templates(settings.scale, grid, pattern, _shrunk(residual, shrink), -temper)
+    without = [(np.setdiff1d(np.arange(last.start, len(signal)), last.start + kept),
+                replace(templates, pattern=pattern, covariance=_shrunk(residual, shrink)))
+               for kept, pattern, residual in parts]
+    return Fitted(templates, *_held_out(templates, without, signal),
+                  tuple(_held_out(templates, without, one)[:2] for one in seen))
+
+
+def _held_out(templates: Templates, without: list[tuple[Index, Templates]],
+              signal: Array) -> tuple[Array, Array, Array]:
+    """What is read of signals (n, m), as Templates.read, of some rows by the templates that were made without them."""
+    value, sd, nearest = templates.read(signal)
+    for rows, part in without:
+        value[rows], sd[rows], nearest[rows] = part.read(signal[rows])
+    return value, sd, nearest
 
 
 def places_about(place: Array) -> Array:
