@@ -12,6 +12,7 @@ from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
+from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, cut
 from surrogate.recordings.signals import Signals, learn_signals
 from surrogate.recordings.templates import Templates
@@ -72,18 +73,23 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
                  seed).reader
 
 
-def learn(presses: Presses, place: Array, known: tuple[Signals, Array], seed: int) -> Learnt:
-    """Learn places (n, 2), mm, from presses in time order and from what is known of their signals; NothingToRead where
-    held-out presses are read no better than by the mean place."""
+def learn(presses: Presses, place: Array, known: tuple[Signals, Array], seed: int,
+          expectation: Expectation | None = None) -> Learnt:
+    """Learn places (n, 2), mm, from presses in time order, from what is known of their signals and what a model of the
+    sensor expects of them; NothingToRead where held-out presses are read no better than by the mean place."""
     (signals, signal), drift = known, known[0].drift
     blocks = time_blocks(len(place))
+    columns = np.append(np.arange(signals.channels), signals.late)
+    priors = (templates.nothing, *([expectation.taking(columns).learn] if expectation else []))
     projected, direction = min(
         ((count, templates.fit(without(drift, signal, count), place, blocks, compress=False)) for count in PROJECTED
          if count <= len(drift.root) // 2 or not count),
         key=lambda one: distance(one[1].place, place))
     kept = without(drift, signal, projected)
+    if expectation:
+        direction = templates.fit(kept, place, blocks, compress=False, priors=priors)
     ridge = kernel_ridge.fit(kept, place)
-    compressed = templates.fit(kept, place, blocks, compress=True)
+    compressed = templates.fit(kept, place, blocks, compress=True, priors=priors)
     features, waves = learn_features(kept), draw_waves(place, seed)
     inputs = features.of(kept)
     ensemble, of_networks = networks.fit(inputs, place, blocks, seed)
@@ -97,8 +103,8 @@ def learn(presses: Presses, place: Array, known: tuple[Signals, Array], seed: in
     spread = _spread(of_each, each, value, direction.sd, compressed.sd)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, "the place", "mm")
-    old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False) if len(drift.root)
-           else direction)
+    old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False, priors=priors)
+           if len(drift.root) else direction)
     of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
     reader = TouchReader(signals, projected, ridge, direction.templates, compressed.templates, features, waves,
                          ensemble, on_templates, correction, old.templates, weights,

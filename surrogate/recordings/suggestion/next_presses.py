@@ -1,0 +1,57 @@
+"""Where to press next, so that few presses teach most: the places whose presses lower the variance of the map from
+place to pattern, averaged over the skin, most; greedily, each given those before it (Cohn, Neural networks 9, 1996).
+
+The map is a process of Matern-5/2 kernel; its variance depends on where presses are, not on what they read, so that
+places can be suggested before the first press. A press at c lowers the variance at p by k(p, c)^2 / (k(c, c) + noise).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surrogate.recordings.body_middle import body_middle
+from surrogate.recordings.pattern_process import matern
+from touchcal.arrays import Array
+
+LENGTH = 0.45  # of the kernel, over the radius of the body
+NOISE = 0.01  # variance of the noise of a press over that of the map
+SHARE = 0.9  # of the radius: presses further out touch the rim
+ACROSS = 45  # places across the disc that are compared
+
+
+@dataclass(frozen=True, eq=False)
+class NextPresses:
+    """Places to press, the best first."""
+
+    place: Array  # (n, 2) mm
+    gain: Array  # (n,) part of the variance left by all presses before it that a press takes away, over the skin
+
+
+def next_presses(radius: float, pressed: Array, count: int) -> NextPresses:
+    """The `count` places of a disc of this radius, mm, to press after places pressed (n, 2), mm, of which there may be
+    none. The disc lies about the origin, or about the middle of the pressed places where some lie outside that.
+
+    ValueError where count is below 1 or above the places that are compared.
+    """
+    place = _disc(body_middle(pressed, radius), SHARE * radius)
+    if not 1 <= count <= len(place):
+        raise ValueError(f"{count} places to press next; ask for 1 to {len(place)}.")
+    length = LENGTH * radius
+    left = matern(place, place, length)
+    if len(pressed):
+        known = matern(pressed, pressed, length) + NOISE * np.eye(len(pressed))
+        shared = matern(place, pressed, length)
+        left = left - shared @ np.linalg.solve(known, shared.T)
+    chosen, gain = np.empty(count, np.intp), np.empty(count)
+    for number in range(count):
+        lowered = np.mean(left**2, axis=0) / (np.diag(left) + NOISE)
+        best = int(lowered.argmax())
+        chosen[number], gain[number] = best, lowered[best] / np.diag(left).mean()
+        left = left - np.outer(left[:, best], left[:, best]) / (left[best, best] + NOISE)
+    return NextPresses(place[chosen], gain)
+
+
+def _disc(middle: Array, radius: float) -> Array:
+    axis = np.linspace(-radius, radius, ACROSS)
+    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    return middle + grid[np.linalg.norm(grid, axis=1) <= radius * (1 + 1e-9)]
