@@ -8,11 +8,15 @@ radius are refined by least squares, the last two with a prior about what the se
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from eitsim.sensors.sensor_file import Sensor
 from surrogate.recordings.body_middle import body_middle
+from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
+from surrogate.recordings.physics.simulated_patterns import read_simulated
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Complex, Index
 
@@ -89,6 +93,13 @@ class Expectation:
         found = least_squares(lambda by: np.append(missed(moved(by)), np.sqrt(PRIOR) * by[:3]), np.zeros(4),
                               max_nfev=MOST_EVALUATIONS)
         return moved(found.x)
+
+
+def expectation_of(sensor: Sensor, simulated: Path | None = None) -> Expectation:
+    """What the sensitivity of a uniform disc expects of a sensor's readings, or where a folder is given the touches
+    that `eitsim sweep` simulated into it; errors as read_simulated."""
+    return Expectation(read_simulated(simulated, sensor) if simulated else DiscSensitivity(sensor.protocol),
+                       sensor.body.radius_m * 1e3)
 
 
 def _centred(rows: Array) -> Array:

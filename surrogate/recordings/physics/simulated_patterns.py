@@ -56,7 +56,8 @@ def _check_protocol(folder: Path, ring: Ring, sensor: Sensor) -> None:
     readings = asked.weights.reshape(-1, count)
     fix = "Sweep a design whose [electrodes] and [drive] are those of the sensor file."
     if len(ring.angle_rad) != count:
-        raise InputFileError(folder, f"it simulates {len(ring.angle_rad)} electrodes, and the sensor has {count}. {fix}")
+        raise InputFileError(folder, f"it simulates {len(ring.angle_rad)} electrodes, and the sensor has {count}. "
+                                     f"{fix}")
     if len(ring.read) != len(readings):
         raise InputFileError(folder, f"it simulates {len(ring.read)} readings a frame, and the sensor's drive makes "
                                      f"{len(readings)}. {fix}")

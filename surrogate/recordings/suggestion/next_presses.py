@@ -8,11 +8,13 @@ places can be suggested before the first press. A press at c lowers the variance
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from surrogate.recordings.body_middle import body_middle
 from surrogate.recordings.pattern_process import matern
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
+SUGGESTED = "suggested.csv"  # file of a model's folder that holds the table
 LENGTH = 0.45  # of the kernel, over the radius of the body
 NOISE = 0.01  # variance of the noise of a press over that of the map
 SHARE = 0.9  # of the radius: presses further out touch the rim
@@ -23,8 +25,13 @@ ACROSS = 45  # places across the disc that are compared
 class NextPresses:
     """Places to press, the best first."""
 
+    middle: Array  # (2,) of the body, mm
     place: Array  # (n, 2) mm
-    gain: Array  # (n,) part of the variance left by all presses before it that a press takes away, over the skin
+    gain: Array  # (n,) part of the variance before any press, over the skin, that a press takes away
+
+    def table(self) -> pd.DataFrame:
+        """A row a place: x_mm, y_mm, expected_gain."""
+        return pd.DataFrame({"x_mm": self.place[:, 0], "y_mm": self.place[:, 1], "expected_gain": self.gain})
 
 
 def next_presses(radius: float, pressed: Array, count: int) -> NextPresses:
@@ -33,7 +40,8 @@ def next_presses(radius: float, pressed: Array, count: int) -> NextPresses:
 
     ValueError where count is below 1 or above the places that are compared.
     """
-    place = _disc(body_middle(pressed, radius), SHARE * radius)
+    middle = body_middle(pressed, radius)
+    place = _disc(middle, SHARE * radius)
     if not 1 <= count <= len(place):
         raise ValueError(f"{count} places to press next; ask for 1 to {len(place)}.")
     length = LENGTH * radius
@@ -42,13 +50,20 @@ def next_presses(radius: float, pressed: Array, count: int) -> NextPresses:
         known = matern(pressed, pressed, length) + NOISE * np.eye(len(pressed))
         shared = matern(place, pressed, length)
         left = left - shared @ np.linalg.solve(known, shared.T)
-    chosen, gain = np.empty(count, np.intp), np.empty(count)
+    chosen, gain = greedy(left, np.full(len(place), 1 / len(place)), count)
+    return NextPresses(middle, place[chosen], gain)
+
+
+def greedy(covariance: Array, weight: Array, count: int) -> tuple[Index, Array]:
+    """Numbers of the places whose presses lower the weighted sum of variances most, each given those before it, and by
+    how much; covariance (g, g) of the map at the places, weight (g,)."""
+    left, chosen, gain = covariance.copy(), np.empty(count, np.intp), np.empty(count)
     for number in range(count):
-        lowered = np.mean(left**2, axis=0) / (np.diag(left) + NOISE)
+        lowered = weight @ left**2 / (np.diag(left) + NOISE)
         best = int(lowered.argmax())
-        chosen[number], gain[number] = best, lowered[best] / np.diag(left).mean()
-        left = left - np.outer(left[:, best], left[:, best]) / (left[best, best] + NOISE)
-    return NextPresses(place[chosen], gain)
+        chosen[number], gain[number] = best, lowered[best]
+        left -= np.outer(left[:, best], left[:, best]) / (left[best, best] + NOISE)
+    return chosen, gain
 
 
 def _disc(middle: Array, radius: float) -> Array:
