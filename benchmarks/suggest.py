@@ -5,11 +5,11 @@ are not there. Adds to results/suggest.csv the rows that it lacks, one as each i
 
 The last fifth of the presses in time tests. A suggested place is "pressed" by taking the nearest recorded press of the
 rest that is not taken yet; places are in coordinates about the middle of their range, which a user knows. Ways:
-random; suggested, as the command does; nearest (the mean squared distance to the nearest press is made least, greedily);
-gradient (as suggested, the variance weighted by the squared place error that it makes, by the sensitivity of a uniform
-disc); error (likewise, by held-out errors of the first presses). `first`: how many of the presses are taken at random
-before any is suggested; with none the design is turned by a random angle in each repeat. `reader`: the templates of
-direction alone, or all families. error_mm is the mean over `repeats`, se_mm its standard error.
+random; suggested, as the command does; nearest (the mean squared distance to the nearest press is made least,
+greedily); gradient (as suggested, the variance weighted by the squared place error that it makes, by the sensitivity of
+a uniform disc); error (likewise, by held-out errors of the first presses). `first`: how many of the presses are taken
+at random before any is suggested; with none the design is turned by a random angle in each repeat. `reader`: the
+templates of direction alone, or all families. error_mm is the mean over `repeats`, se_mm its standard error.
 """
 
 from __future__ import annotations

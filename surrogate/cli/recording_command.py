@@ -97,8 +97,8 @@ def _print_suggested(ahead: NextPresses | None) -> None:
         table.add_row(str(number), f"{x:.1f}", f"{y:.1f}", f"{100 * gain:.1f}")
     Console().print(table)
     x, y = ahead.middle
-    print(f"places to press next, the best first, within {100 * SHARE:.0f} % of the radius about ({x:.4g}, {y:.4g}) mm; "
-          f"gain: the part of the map's variance that a press takes away after those before it. Also in {SUGGESTED}")
+    print(f"places to press next, the best first, within {100 * SHARE:.0f} % of the radius about ({x:.4g}, {y:.4g}) "
+          f"mm, also in {SUGGESTED}; gain: the part of the map's variance that a press takes away after those before")
 
 
 def predict_recording(model_folder: Path, recording: Path) -> pd.DataFrame:
