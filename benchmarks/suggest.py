@@ -31,7 +31,7 @@ from surrogate.recordings.labels import PLACE, Labels, places_of
 from surrogate.recordings.pattern_process import matern
 from surrogate.recordings.physics.expectation import Pose, expectation_of
 from surrogate.recordings.presses import Presses, taken
-from surrogate.recordings.suggestion.next_presses import LENGTH, NOISE, greedy, next_presses
+from surrogate.recordings.suggestion.next_presses import ACROSS, LENGTH, NOISE, SHARE, greedy, next_presses
 from surrogate.recordings.trained.reader_scores import split_rows
 from surrogate.statistics.gaussian_process import squared_distance
 from touchcal.arrays import Array, Index
@@ -39,7 +39,7 @@ from touchcal.arrays import Array, Index
 NAME = "suggest"
 CHOSEN_ON, CHECKED_ON = quick((("hydrogel", "skin_plain"), ("skin_radial", "skin_carbon")), (("hydrogel",), ()))
 KEYS = ("skin", "reader", "way", "first", "presses")
-REPEATS = {"templates": quick(20, 2), "all": quick(10, 1)}
+REPEATS = {"templates": quick(20, 2), "all": quick(4, 1)}
 CLOSE = 0.2  # of the radius: length over which held-out errors are averaged
 
 
@@ -71,7 +71,7 @@ class Skin:
 def cases() -> Iterator[Case]:
     """The rows of the table in the order in which they are measured."""
     asked = (("random", 0, 20), ("random", 0, 30), ("suggested", 0, 20))
-    for skin, one in product(CHOSEN_ON, asked):
+    for skin, one in product((*CHOSEN_ON, *CHECKED_ON), asked):
         yield Case(skin, "templates", *one)
     for skin, one in product(CHOSEN_ON, asked):
         yield Case(skin, "all", *one)
@@ -79,8 +79,6 @@ def cases() -> Iterator[Case]:
         for way, first in (("suggested", 5), ("suggested", 10), ("nearest", 0), ("nearest", 10), ("gradient", 0),
                            ("gradient", 10), ("error", 10)):
             yield Case(skin, "templates", way, first, 20)
-    for skin, one in product(CHECKED_ON, asked):
-        yield Case(skin, "templates", *one)
 
 
 def skin_of(name: str) -> Skin:
@@ -122,9 +120,9 @@ def places_asked(skin: Skin, case: Case, rows: Index) -> Array:
 
 def candidates(radius: float) -> Array:
     """(g, 2) all places that `next_presses` compares, mm."""
-    axis = np.linspace(-0.9 * radius, 0.9 * radius, 45)
+    axis = np.linspace(-SHARE * radius, SHARE * radius, ACROSS)
     grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    return grid[np.linalg.norm(grid, axis=1) <= 0.9 * radius]
+    return grid[np.linalg.norm(grid, axis=1) <= SHARE * radius]
 
 
 def nearest(grid: Array, pressed: Array, count: int) -> Array:

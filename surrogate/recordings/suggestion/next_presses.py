@@ -15,9 +15,9 @@ from surrogate.recordings.pattern_process import matern
 from touchcal.arrays import Array, Index
 
 SUGGESTED = "suggested.csv"  # file of a model's folder that holds the table
-LENGTH = 0.45  # of the kernel, over the radius of the body
+LENGTH = 0.9  # of the kernel, over the radius of the body
 NOISE = 0.01  # variance of the noise of a press over that of the map
-SHARE = 0.9  # of the radius: presses further out touch the rim
+SHARE = 0.95  # of the radius: places further out are at the rim
 ACROSS = 45  # places across the disc that are compared
 
 
